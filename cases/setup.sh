@@ -1,0 +1,55 @@
+#!/bin/sh
+# Sets up what wakeflow needs on Debian 12: packages by apt, Python packages in .venv. Does only what is missing.
+#   sh cases/setup.sh          to run scenes
+#   sh cases/setup.sh test     to run the tests as well
+set -eu
+root=$(cd "$(dirname "$0")/.." && pwd)
+extra=${1:-}
+venv=$root/.venv
+
+# OpenFOAM; what Gmsh's wheel links to; what VTK needs to draw without a screen.
+packages="openfoam python3 python3-venv ca-certificates
+  libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1
+  libegl1 libgl1-mesa-dri"
+
+say() { echo "setup: $*" >&2; }
+fail() { say "$*"; exit 3; }
+
+missing=
+for package in $packages; do
+  dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing="$missing $package"
+done
+if [ -n "$missing" ]; then
+  command -v apt-get >/dev/null || fail "needs Debian's apt-get, or these installed by other means:$missing"
+  [ "$(id -u)" = 0 ] || fail "not root: run once as root: apt-get update && apt-get install -y --no-install-recommends$missing"
+  say "installing$missing"
+  log=$(mktemp)
+  export DEBIAN_FRONTEND=noninteractive
+  { apt-get update && apt-get install -y --no-install-recommends $missing; } >"$log" 2>&1 || {
+    tail -n 3 "$log" >&2
+    fail "apt-get failed (is there a network?); whole log: $log"
+  }
+  rm -f "$log"
+fi
+
+python=${PYTHON:-/usr/bin/python3}
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+  fail "$python is older than 3.11; name a newer one: PYTHON=/path/to/python3 sh cases/setup.sh"
+[ -x "$venv/bin/python" ] && "$venv/bin/python" -c '' 2>/dev/null || { rm -rf "$venv"; "$python" -m venv "$venv"; }
+
+# Installed again only when pyproject.toml, the place of this folder or the wish for the test tools has changed.
+want="$(sha256sum <"$root/pyproject.toml") $root"
+have=$(cat "$venv/.wakeflow" 2>/dev/null || true)
+case "$have" in
+  "test $want") ;;
+  "run $want") [ "$extra" = test ] || exit 0; have= ;;
+  *) have= ;;
+esac
+if [ -z "$have" ]; then
+  target=$root; level=run
+  [ "$extra" = test ] && { target="$root[test]"; level=test; }
+  say "installing Python packages into .venv (a few minutes the first time)"
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-warn-script-location -e "$target" ||
+    fail "pip failed (is there a network?); try again: sh cases/setup.sh $extra"
+  echo "$level $want" >"$venv/.wakeflow"
+fi

@@ -1,0 +1,1 @@
+"""wakeflow predicts where each fraction of granules lands behind a body in a vertical airflow."""

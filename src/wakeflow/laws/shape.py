@@ -1,0 +1,60 @@
+"""Shapes of bodies: registered functions from a few numbers to a closed outline.
+
+An outline is a (k, 2) array of corners in metres, counter-clockwise, y up, origin at the body's centre. The slope
+angle is measured from the horizontal, as in the impact law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import SceneError
+from ..registry import Registry
+
+__all__ = ["shapes"]
+
+Outline = NDArray[np.float64]
+shapes: Registry[Callable[..., Outline]] = Registry("shape")
+
+
+def _height(half_width: float, slope_angle: float | None, height: float | None) -> float:
+    """Height (m) of a slope over ``half_width``, from its angle (rad) or as given: exactly one of the two."""
+    if (slope_angle is None) == (height is None):
+        raise SceneError("give either slope_angle or height, not both and not neither")
+    if height is not None:
+        return height
+    assert slope_angle is not None
+    return half_width * float(np.tan(slope_angle))
+
+
+@shapes.register("rhombus")
+def rhombus(*, width: float, slope_angle: float | None = None, height: float | None = None) -> Outline:
+    """Rhombus standing on a corner; ``width``, ``height`` are its diagonals. Origin where they cross."""
+    half = width / 2
+    rise = height / 2 if height is not None and slope_angle is None else _height(half, slope_angle, height)
+    return np.array([(half, 0.0), (0.0, rise), (-half, 0.0), (0.0, -rise)])
+
+
+@shapes.register("prism")
+def prism(*, width: float, slope_angle: float | None = None, height: float | None = None, apex: str = "up") -> Outline:
+    """Isosceles triangle with a horizontal base of ``width``, apex up or down. Origin at the centroid."""
+    half = width / 2
+    rise = _height(half, slope_angle, height)
+    up = np.array([(-half, -rise / 3), (half, -rise / 3), (0.0, 2 * rise / 3)])
+    return up if apex == "up" else -up
+
+
+@shapes.register("polygon")
+def polygon(*, points: ArrayLike) -> Outline:
+    """Any simple polygon, corners (k, 2) in metres in the body's own frame, either direction of travel."""
+    outline = np.asarray(points, dtype=float)
+    if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
+        raise SceneError("points must be at least three [x, y] pairs")
+    x, y = outline.T
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    if area == 0.0:
+        raise SceneError("points enclose no area")
+    return outline if area > 0 else np.ascontiguousarray(outline[::-1])

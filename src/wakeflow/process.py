@@ -1,0 +1,214 @@
+"""The only starter of outside programs.
+
+Every child runs in a process group of its own, writes to a log file, and dies with the thread that started it:
+``setpriv --pdeathsig`` covers a parent that is killed, the ``finally`` below covers everything else.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from . import errors
+from .errors import ProgramError, WakeflowError
+
+__all__ = ["Finished", "call_in_child", "capture", "run", "tail"]
+
+POLL = 0.05  # s between looks at the log
+GRACE = 3.0  # s between asking a group to end and killing it
+
+
+@dataclass(frozen=True)
+class Finished:
+    """How a program ended: its exit code, wall seconds and log."""
+
+    returncode: int
+    seconds: float
+    log: Path
+
+
+def tail(log: Path, lines: int = 12) -> str:
+    """The last lines of a log, empty when there is none."""
+    try:
+        with log.open("rb") as stream:
+            stream.seek(0, os.SEEK_END)
+            stream.seek(max(0, stream.tell() - 400 * lines))
+            text = stream.read().decode(errors="replace")
+    except FileNotFoundError:
+        return ""
+    return "\n".join(text.splitlines()[-lines:])
+
+
+def run(
+    command: Sequence[str],
+    *,
+    cwd: Path,
+    log: Path,
+    env: Mapping[str, str] | None = None,
+    on_line: Callable[[str], None] | None = None,
+    timeout: float | None = None,
+    append: bool = False,
+    error: type[ProgramError] = ProgramError,
+    hint: str = "",
+) -> Finished:
+    """Run ``command`` to its end; its output goes to ``log``, each finished line of it to ``on_line``.
+
+    Raises ``error`` (a ProgramError) when the program is missing or ends with another code than 0, and when
+    ``timeout`` (s) passes. ``hint`` is appended to the message when the program is missing.
+    """
+    words = [str(word) for word in command]
+    if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
+        raise error(f"program {words[0]!r} is not installed{'; ' + hint if hint else ''}", command=" ".join(words))
+    guard = ["setpriv", "--pdeathsig", "TERM", "--"] if shutil.which("setpriv") else []
+    log.parent.mkdir(parents=True, exist_ok=True)
+    started = time.monotonic()
+    with log.open("ab" if append else "wb") as sink, log.open("rb") as source:
+        source.seek(0, os.SEEK_END)
+        child = subprocess.Popen(
+            guard + words,
+            cwd=cwd,
+            env=None if env is None else dict(env),
+            stdin=subprocess.DEVNULL,
+            stdout=sink,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        try:
+            _follow(child, source, on_line, None if timeout is None else started + timeout)
+        except subprocess.TimeoutExpired:
+            raise error(
+                f"{words[0]} did not end within {timeout:.0f} s; log: {log}",
+                command=" ".join(words),
+                log=log,
+                tail=tail(log),
+            ) from None
+        finally:
+            _end_group(child)
+    if child.returncode != 0:
+        raise error(
+            f"{words[0]} failed with exit code {child.returncode}; log: {log}",
+            command=" ".join(words),
+            log=log,
+            tail=tail(log),
+        )
+    return Finished(child.returncode, time.monotonic() - started, log)
+
+
+def _follow(
+    child: subprocess.Popen[bytes], source: IO[bytes], on_line: Callable[[str], None] | None, deadline: float | None
+) -> None:
+    """Hand every finished line of the log to ``on_line`` until the child has ended."""
+    rest = b""
+    while True:
+        ended = child.poll() is not None  # asked before reading, so that nothing written at the end is missed
+        if on_line is not None:
+            *lines, rest = (rest + source.read()).split(b"\n")
+            for line in lines:
+                on_line(line.decode(errors="replace"))
+        if ended:
+            return
+        if deadline is not None and time.monotonic() > deadline:
+            raise subprocess.TimeoutExpired(child.args, 0.0)
+        try:
+            child.wait(POLL)
+        except subprocess.TimeoutExpired:
+            continue
+
+
+def _end_group(child: subprocess.Popen[bytes]) -> None:
+    """End whatever is left of the child's process group: first asked, then killed."""
+    for number, patience in ((signal.SIGTERM, GRACE), (signal.SIGKILL, None)):
+        try:
+            os.killpg(child.pid, number)
+        except ProcessLookupError:
+            break
+        try:
+            child.wait(patience)
+        except subprocess.TimeoutExpired:
+            continue
+        if not _group_lives(child.pid):
+            break
+    child.wait()
+
+
+def _group_lives(group: int) -> bool:
+    deadline = time.monotonic() + GRACE
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return False
+        time.sleep(POLL)
+    return True
+
+
+def capture(command: Sequence[str], *, env: Mapping[str, str] | None = None, timeout: float = 20.0) -> tuple[int, str]:
+    """Exit code and output of a short probe; -1 and the reason when it cannot be started or does not end."""
+    try:
+        done = subprocess.run(
+            list(command),
+            env=env,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+    except (OSError, subprocess.TimeoutExpired) as problem:
+        return -1, str(problem)
+    return done.returncode, done.stdout + done.stderr
+
+
+def call_in_child(
+    target: str,
+    argument: Any,
+    *,
+    log: Path,
+    timeout: float | None = None,
+    error: type[ProgramError] = ProgramError,
+) -> Any:
+    """Call ``module:function`` with one JSON-able ``argument`` in a Python process of its own; return its result.
+
+    For libraries that are global, not thread-safe or may crash the interpreter (Gmsh, VTK without GL). A WakeflowError raised
+    in the child is raised again here; anything else, a crash included, becomes ``error``. A fresh interpreter
+    instead of ``multiprocessing``: the caller's script needs no ``__main__`` guard.
+    """
+    with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
+        ask, answer = Path(folder, "ask.json"), Path(folder, "answer.json")
+        ask.write_text(json.dumps({"target": target, "argument": argument}))
+        command = [sys.executable, "-m", "wakeflow.process", str(ask), str(answer)]
+        try:
+            run(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)
+        except ProgramError as problem:
+            problem.command = f"python: {target}"
+            raise
+        reply = json.loads(answer.read_text())
+    if "error" in reply:
+        kind = getattr(errors, reply["error"])
+        raise kind(reply["message"], log=log) if issubclass(kind, ProgramError) else kind(reply["message"])
+    return reply["result"]
+
+
+def _child(ask: Path, answer: Path) -> None:
+    question = json.loads(ask.read_text())
+    module, _, function = question["target"].partition(":")
+    try:
+        reply = {"result": getattr(importlib.import_module(module), function)(question["argument"])}
+    except WakeflowError as problem:
+        reply = {"error": type(problem).__name__, "message": str(problem)}
+    answer.write_text(json.dumps(reply))
+
+
+if __name__ == "__main__":
+    _child(Path(sys.argv[1]), Path(sys.argv[2]))

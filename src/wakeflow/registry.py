@@ -1,0 +1,66 @@
+"""One registry for everything that comes in named kinds: drag laws, size distributions, shapes, materials.
+
+Registering is also being tested: the test suite is parametrised over the registries.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+from .errors import SceneError
+
+__all__ = ["Registry", "nearest"]
+
+Entry = TypeVar("Entry")
+
+
+def nearest(name: str, known: list[str]) -> str:
+    """A hint ``; did you mean 'x'?`` when a known name is close to ``name``, else an empty string."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+class Registry(Generic[Entry]):
+    """A named collection of ``Entry``; ``kind`` is the word for one of them in messages.
+
+    >>> laws = Registry[float]("drag law")
+    >>> laws.add("stokes", 24.0)
+    24.0
+    >>> laws["stokes"], list(laws)
+    (24.0, ['stokes'])
+    """
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self._entries: dict[str, Entry] = {}
+
+    def add(self, name: str, entry: Entry) -> Entry:
+        if name in self._entries:
+            raise ValueError(f"{self.kind} {name!r} is registered twice")
+        self._entries[name] = entry
+        return entry
+
+    def register(self, name: str) -> Callable[[Entry], Entry]:
+        """Decorator form of :meth:`add`."""
+        return lambda entry: self.add(name, entry)
+
+    def __getitem__(self, name: str) -> Entry:
+        """The entry called ``name``. Raises SceneError naming the nearest known one."""
+        try:
+            return self._entries[name]
+        except KeyError:
+            known = list(self)
+            raise SceneError(
+                f"unknown {self.kind} {name!r}{nearest(name, known)} (known: {', '.join(known)})"
+            ) from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
