@@ -109,6 +109,23 @@ class Store:
             lock.release()
         return final, False
 
+    def clean(self, *, everything: bool = False) -> tuple[int, int]:
+        """Remove unfinished stages nobody works on (all stages with ``everything``); folders removed and bytes freed."""
+        from filelock import FileLock, Timeout
+
+        removed = freed = 0
+        for folder in sorted(self.root.glob("*/*")):
+            if not folder.is_dir() or not (everything or folder.suffix == ".part"):
+                continue
+            try:
+                with FileLock(folder.with_name(f"{folder.stem}.lock"), timeout=0):
+                    freed += sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
+                    shutil.rmtree(folder)
+                    removed += 1
+            except Timeout:
+                continue
+        return removed, freed
+
     def _whole(self, folder: Path) -> bool:
         try:
             listed = json.loads((folder / MANIFEST).read_text())

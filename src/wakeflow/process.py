@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any
 
@@ -180,9 +181,9 @@ def call_in_child(
 ) -> Any:
     """Call ``module:function`` with one JSON-able ``argument`` in a Python process of its own; return its result.
 
-    For libraries that are global, not thread-safe or may crash the interpreter (Gmsh, VTK without GL). A WakeflowError raised
-    in the child is raised again here; anything else, a crash included, becomes ``error``. A fresh interpreter
-    instead of ``multiprocessing``: the caller's script needs no ``__main__`` guard.
+    For libraries that are global, not thread-safe or may crash the interpreter (Gmsh, VTK without GL). A
+    WakeflowError raised in the child is raised again here; anything else, a crash included, becomes ``error``. A fresh
+    interpreter instead of ``multiprocessing``: the caller's script needs no ``__main__`` guard.
     """
     with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
         ask, answer = Path(folder, "ask.json"), Path(folder, "answer.json")
@@ -204,7 +205,8 @@ def _child(ask: Path, answer: Path) -> None:
     question = json.loads(ask.read_text())
     module, _, function = question["target"].partition(":")
     try:
-        reply = {"result": getattr(importlib.import_module(module), function)(question["argument"])}
+        call = attrgetter(function)(importlib.import_module(module))
+        reply = {"result": call(question["argument"])}
     except WakeflowError as problem:
         reply = {"error": type(problem).__name__, "message": str(problem)}
     answer.write_text(json.dumps(reply))

@@ -160,6 +160,14 @@ class Feed(_Table):
         return self
 
     @property
+    def fall_speed(self) -> float:
+        """Fall speed (m/s) at the top of the body, by free fall without air: the paper's V0."""
+        if self.speed is not None:
+            return self.speed
+        assert self.height is not None
+        return math.sqrt(2 * GRAVITY * self.height)
+
+    @property
     def mass_flow(self) -> float:
         """kg/s of all fractions together."""
         return self.rate if self.rate is not None else self.depth * 1.0
@@ -379,6 +387,11 @@ class Scene(_Table):
     def reynolds(self) -> float | None:
         """Re = rho U D / mu on the first body's width; None in a vacuum."""
         return None if self.air is None else self.air.density * self.air.speed * self.width / self.air.viscosity
+
+    @property
+    def motion(self) -> tuple[Array, float]:
+        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest."""
+        return (np.zeros(2), 0.0) if self.vibration is None else (self.vibration.displacement, self.vibration.omega)
 
     def mass_shares(self) -> dict[str, float]:
         """Share of every fraction in the feed, by mass; they add up to 1."""

@@ -1,0 +1,276 @@
+"""The command line. Parses, shows progress, prints; everything else is a call into the package."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from .errors import ProgramError, SceneError, WakeflowError
+
+__all__ = ["main"]
+
+INTERRUPTED = 130
+
+app = App(
+    name="wakeflow",
+    help="Where each granule fraction lands behind a vibrating rhombus or prism in a vertical airflow.",
+    version_flags=["--version"],
+    result_action="return_value",
+)
+
+Rung = Literal["auto", "none", "draft", "standard", "reference"]
+Settings = Annotated[
+    list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
+]
+Forced = Annotated[
+    list[str], Parameter(name="--force", negative="", help="Switch a force: pressure-gradient=off. Repeatable.")
+]
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("wakeflow")
+
+
+app.version = _version
+
+
+def _split(text: str, option: str) -> tuple[str, str]:
+    key, sign, value = text.partition("=")
+    if not sign or not key:
+        raise SceneError(f"{option} {text!r}: write it as KEY=VALUE")
+    return key, value
+
+
+def _value(text: str) -> Any:
+    """A TOML value where it is one (numbers, lists, true, quoted strings), else the text itself."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _changes(settings: Sequence[str]) -> dict[str, Any]:
+    return {key: _value(value) for key, value in (_split(text, "--set") for text in settings)}
+
+
+def _switches(forced: Sequence[str]) -> dict[str, bool]:
+    switches = {}
+    for term, state in (_split(text, "--force") for text in forced):
+        if state not in ("on", "off"):
+            raise SceneError(f"--force {term}={state}: write on or off")
+        switches[term] = state == "on"
+    return switches
+
+
+@app.command
+def run(
+    scene: Path,
+    *,
+    out: Path | None = None,
+    until: Literal["mesh", "airflow", "tracks"] | None = None,
+    rung: Rung | None = None,
+    settings: Settings = [],  # noqa: B006
+    force: Forced = [],  # noqa: B006
+    workers: int | None = None,
+    quiet: bool = False,
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+) -> None:
+    """Compute where each fraction of a scene lands; results in runs/NAME (or --out).
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML); make one with: wakeflow new
+    out
+        Folder for the results; default runs/ and the scene's name.
+    until
+        Stop after this stage.
+    rung
+        Fidelity of the airflow instead of the scene's own.
+    workers
+        Threads of the tracker; default all cores.
+    quiet
+        Print nothing but errors.
+    as_json
+        Print result.json instead of tables.
+    """
+    from . import runs
+    from .progress import live
+    from .scene import Scene
+
+    asked = Scene.load(scene, _changes(settings))
+    with live(enabled=not (quiet or as_json)) as listener:
+        result = runs.run(
+            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=_switches(force), workers=workers,
+            listener=listener,
+        )  # fmt: skip
+    if as_json:
+        print(json.dumps(result.table, indent=2))
+    elif not quiet:
+        from .progress import show_result
+
+        show_result(result)
+
+
+@app.command
+def plan(
+    scene: Path,
+    *,
+    rung: Rung | None = None,
+    settings: Settings = [],  # noqa: B006
+    force: Forced = [],  # noqa: B006
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+) -> None:
+    """Say what a scene needs, what is left out and why, and what it will cost; starts nothing heavy.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML).
+    rung
+        Fidelity of the airflow instead of the scene's own.
+    as_json
+        Print JSON.
+    """
+    from .planning import make_plan
+    from .scene import Scene
+
+    made = make_plan(Scene.load(scene, _changes(settings)), rung=rung, force=_switches(force))
+    if as_json:
+        print(json.dumps(made.summary(), indent=2))
+    else:
+        from .progress import show_plan
+
+        show_plan(made)
+
+
+@app.command
+def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None:
+    """Write a commented scene file to start from.
+
+    Parameters
+    ----------
+    kind
+        One of: rhombus, prism, vacuum.
+    path
+        Where to write it; default KIND.toml here.
+    overwrite
+        Replace an existing file.
+    """
+    from .files import atomic_write
+    from .registry import nearest
+    from .resources import scene_templates
+
+    known = scene_templates()
+    if kind not in known:
+        raise SceneError(f"unknown scene {kind!r}{nearest(kind, list(known))} (known: {', '.join(known)})")
+    target = path or Path(f"{kind}.toml")
+    if target.exists() and not overwrite:
+        raise SceneError(f"{target} exists; choose another name or add --overwrite")
+    with atomic_write(target) as stream:
+        stream.write(known[kind].read_text(encoding="utf-8"))
+    print(f"{target} written; run it with: wakeflow run {target}")
+
+
+@app.command
+def schema() -> None:
+    """Print the JSON schema of scene files, for editors."""
+    from .scene import Scene
+
+    print(json.dumps(Scene.model_json_schema(by_alias=True), indent=2))
+
+
+@app.command
+def doctor(*, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int:
+    """Say what is installed, at which version, and the command that mends what is not.
+
+    Parameters
+    ----------
+    as_json
+        Print JSON.
+    """
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from . import doctor as examiner
+
+    findings = examiner.examine()
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in findings], indent=2))
+    else:
+        Console().print(examiner.table(findings))
+    return examiner.exit_code(findings)
+
+
+@app.command
+def report(run_folder: Path) -> None:
+    """Draw figures, tables and report.html of a finished run again.
+
+    Parameters
+    ----------
+    run_folder
+        A folder that ``wakeflow run`` wrote.
+    """
+    from . import runs
+
+    print(runs.report_again(run_folder))
+
+
+@app.command
+def clean(*, everything: bool = False) -> None:
+    """Remove unfinished stages from the cache.
+
+    Parameters
+    ----------
+    everything
+        Remove finished stages as well.
+    """
+    from .files import Store, cache_root
+
+    removed, size = Store(cache_root()).clean(everything=everything)
+    print(f"{removed} folders removed from {cache_root()}, {size / 1e6:.1f} MB freed")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; the exit code says how it ended: 0 done, 2 wrong input, 3 a program failed, 130 interrupted."""
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False)
+    except CycloptsError as problem:
+        _complain(str(problem).strip().splitlines()[-1])
+        return SceneError.exit_code
+    except WakeflowError as problem:
+        _complain(str(problem))
+        if isinstance(problem, ProgramError):
+            _details(problem)
+        return problem.exit_code
+    except KeyboardInterrupt:
+        _complain("interrupted; what is finished is kept, the same command goes on")
+        return INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader left; nothing more can be said
+        return 0
+    return code if isinstance(code, int) else 0
+
+
+def _complain(text: str) -> None:
+    print(f"wakeflow: {text}", file=sys.stderr)
+
+
+def _details(problem: ProgramError) -> None:
+    for label, text in (("command", problem.command), ("log", problem.log), ("last lines", problem.tail)):
+        if text:
+            body = str(text)
+            print(f"  {label}: {body}" if "\n" not in body else f"  {label}:\n{body}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,95 @@
+"""What a person at a terminal sees: the live line of a run and the tables at its end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .planning import Plan
+    from .runs import Result
+
+__all__ = ["live", "show_plan", "show_result"]
+
+PLAIN_EVERY = 10.0  # s between lines when the output is not a terminal
+
+
+@contextmanager
+def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
+    """A listener (stage, text) that keeps one line up to date on a terminal, or prints a line now and then elsewhere."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not enabled:
+        yield lambda stage, text: None
+    elif console.is_terminal:
+        with console.status("starting", spinner="dots") as status:
+            stages: list[str] = []
+
+            def update(stage: str, text: str) -> None:
+                if text == "done" or text.startswith("done"):
+                    console.print(f"[green]✓[/] {stage}  [dim]{text.removeprefix('done').strip()}[/]")
+                stages.append(stage)
+                status.update(f"[bold]{stage}[/]  {text}")
+
+            yield update
+    else:
+        last: dict[str, float] = {}
+
+        def plain(stage: str, text: str) -> None:
+            now = time.monotonic()
+            if text.startswith("done") or now - last.get(stage, -PLAIN_EVERY) >= PLAIN_EVERY:
+                last[stage] = now
+                console.print(f"{stage}: {text}", highlight=False, markup=False, soft_wrap=True)
+
+        yield plain
+
+
+def show_plan(plan: Plan) -> None:
+    """Print what is used, what is left out with its bound, and the cost."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    for line in plan.used:
+        console.print(f"• {line}", highlight=False)
+    table = Table("left out", "bound (body widths)", "why", title=None, pad_edge=False)
+    for row in plan.left_out:
+        table.add_row(row.name, "–" if row.bound is None else f"{row.bound:.2g}", row.why)
+    console.print(table)
+    cost = plan.estimate
+    console.print(
+        f"about {cost['seconds']:.0f} s, {cost['memory'] / 1e9:.1f} GB of memory, {cost['disk'] / 1e6:.0f} MB of disk",
+        highlight=False,
+    )
+    _warn(console, plan.warnings)
+
+
+def show_result(result: Result) -> None:
+    """Print the separation and its budget."""
+    from rich.console import Console
+
+    console = Console()
+    table = result.table
+    if "separation" in table:
+        from .report.tables import budget_table, separation_table
+
+        console.print(separation_table(table))
+        console.print(budget_table(table))
+    airflow: dict[str, Any] | None = table.get("airflow")
+    if airflow:
+        cd = airflow["cd"]
+        console.print(
+            f"airflow: {airflow['verdict']}, Cd {cd['value']:.3f} [{cd['low']:.3f}, {cd['high']:.3f}], "
+            f"base pressure coefficient {airflow['cp_base']:.2f}, pressure drop {airflow['pressure_drop']:.1f} Pa",
+            highlight=False,
+        )
+    _warn(console, table["warnings"])
+    console.print(f"results: {result.folder}", highlight=False, soft_wrap=True)
+
+
+def _warn(console: Any, warnings: list[str]) -> None:
+    for line in warnings:
+        console.print(f"[yellow]![/] {line}", highlight=False)

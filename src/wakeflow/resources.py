@@ -1,0 +1,23 @@
+"""Files that are shipped beside the code: scenes to start from and the OpenFOAM case template."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+__all__ = ["case_template", "scene_templates"]
+
+
+def _cases() -> Path:
+    """``cases`` of the repository in an editable install, the copy inside the package in a wheel."""
+    inside = Path(__file__).parent / "cases"
+    return inside if inside.is_dir() else Path(__file__).parents[2] / "cases"
+
+
+def scene_templates() -> dict[str, Path]:
+    """The shipped scenes by name."""
+    return {path.stem: path for path in sorted(_cases().glob("*.toml"))}
+
+
+def case_template() -> Path:
+    """The OpenFOAM case that every airflow starts from."""
+    return _cases() / "template"

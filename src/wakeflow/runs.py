@@ -1,0 +1,209 @@
+"""run(): the pipeline, its budget and the report of one scene, in one folder."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .budget import landing_shift, make_budget
+from .errors import SceneError
+from .files import atomic_write, content_key, write_json
+from .pipeline import Chain, Listener, Tracked, silent
+from .planning import Plan, make_plan
+from .scene import Scene
+from .separation import separate
+
+__all__ = ["Result", "report_again", "run"]
+
+SCHEMA = 1
+PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished run: its folder and what result.json holds."""
+
+    folder: Path
+    table: dict[str, Any]
+
+    @property
+    def separation(self) -> dict[str, Any]:
+        """Bins, shares, purity, recovery and throughput."""
+        return self.table["separation"]
+
+    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
+        row = self.separation["fractions"][fraction][place]
+        return row["share"], row["low"], row["high"]
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What the report draws."""
+
+    scene: Scene
+    field: Any
+    airflow: dict[str, Any] | None
+    tracks: dict[str, list[dict[str, Any]]]
+    landings: dict[str, dict[str, Any]]
+    result: dict[str, Any]
+
+
+def run(
+    scene: Scene,
+    out: Path | str = Path("runs", "scene"),
+    *,
+    until: str | None = None,
+    rung: str | None = None,
+    force: Mapping[str, bool] | None = None,
+    workers: int | None = None,
+    listener: Listener = silent,
+    redraw: bool = False,
+) -> Result:
+    """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
+
+    ``until`` stops after "mesh", "airflow" or "tracks" (no separation then); ``rung`` and ``force`` override the plan; ``workers``
+    threads track. ``listener(stage, text)`` hears of progress; ``redraw`` draws a finished report anew.
+    Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
+    """
+    from filelock import FileLock, Timeout
+
+    folder = Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise SceneError(f"--out {folder}: is a file; name a folder")
+    plan = make_plan(scene, rung=rung, force=force)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / ".lock", timeout=0):
+            options = {"until": until, "rung": rung, "force": dict(force or {})}
+            return _run(scene, plan, folder, options, Chain(scene, plan, listener, workers), redraw)
+    except Timeout:
+        raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
+
+
+def _run(
+    scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain: Chain, redraw: bool
+) -> Result:
+    target = folder / "result.json"
+    key = content_key(scene.tables(), plan.summary(), options, _versions())
+    drawn = _key_of(target) == key and not redraw
+    if not drawn:
+        target.unlink(missing_ok=True)  # an older answer must not pass for this one
+    table: dict[str, Any] = {
+        "schema": SCHEMA,
+        "key": key,
+        "scene": scene.tables(),
+        "options": options,
+        "plan": plan.summary(),
+        "airflow": None,
+    }
+    until = options["until"]
+    tracked: Tracked | None = None
+    if scene.air is not None:
+        _ = chain.mesh
+        if until != "mesh":
+            table["airflow"] = chain.airflow
+    if until not in ("mesh", "airflow"):
+        tracked = chain.tracks()
+        table["fates"] = tracked.fates
+        table["injected"] = tracked.injected
+    if tracked is not None and until is None:
+        table["separation"] = separate(scene, tracked.landings)
+        table["budget"] = make_budget(chain, tracked, table["separation"])
+    table["warnings"] = plan.warnings + (_notices(scene, tracked) if tracked else [])
+    table["seconds"] = chain.seconds
+    table["versions"] = _versions()
+    if tracked is not None:
+        _save_granules(folder / "granules.npz", scene, tracked)
+    if tracked is not None and until is None and not drawn:
+        _report(scene, chain, tracked, table, folder)
+    write_json(target, table)
+    return Result(folder, table)
+
+
+def _report(scene: Scene, chain: Chain, tracked: Tracked, table: dict[str, Any], folder: Path) -> None:
+    from .report import write_report
+
+    chain.listener("report", "drawing")
+    landings = {
+        name: {
+            "x": landing.position[:, 0],
+            "y": landing.position[:, 1],
+            "weight": np.full(len(landing.bin), 1.0 / len(landing.bin)),
+            "bin": landing.bin,
+        }
+        for name, landing in tracked.landings.items()
+    }
+    flow = None if scene.air is None else chain.field[1]
+    write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table))
+    chain.listener("report", "done")
+
+
+def report_again(folder: Path | str) -> Path:
+    """Draw the report of a finished run anew, from its result.json and the cache. Returns the path of report.html."""
+    source = Path(folder) / "result.json"
+    try:
+        table = json.loads(source.read_text())
+    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError):
+        raise SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}") from None
+    options = table["options"]
+    run(Scene.parse(table["scene"]), folder, rung=options["rung"], force=options["force"], redraw=True)
+    return Path(folder) / "report.html"
+
+
+def _key_of(path: Path) -> str | None:
+    try:
+        return json.loads(path.read_text()).get("key")
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
+
+
+def _versions() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": sys.version.split()[0]}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "missing"
+    return found
+
+
+def _notices(scene: Scene, tracked: Tracked) -> list[str]:
+    """What a user must know of how the tracks ended."""
+    lines = []
+    for name, fates in tracked.fates.items():
+        total = sum(fates.values())
+        for fate, meaning in (
+            ("airborne", "were still in the air when tracking ended"),
+            ("stopped", "hit the tracker's hard stop"),
+            ("resting", "came to rest on a body or wall"),
+        ):
+            if fates.get(fate):
+                lines.append(f"{name}: {fates[fate]} of {total} granules {meaning}; they count as elsewhere")
+    return lines
+
+
+def _save_granules(path: Path, scene: Scene, tracked: Tracked) -> None:
+    """A fixed subsample of at most numerics.keep granules a fraction; shares use all of them."""
+    rows: dict[str, list[np.ndarray]] = {}
+    mass = scene.mass_shares()
+    for index, (name, landing) in enumerate(tracked.landings.items()):
+        count = len(landing.bin)
+        kept = np.unique(np.linspace(0, count - 1, min(count, scene.numerics.keep)).astype(int))
+        columns = {
+            "fraction": np.full(len(kept), index),
+            "weight": np.full(len(kept), mass[name] / max(len(kept), 1)),
+            **{field: getattr(landing, field)[kept] for field in ("position", "bin", "diameter", "fate", "time", "impacts")},
+        }
+        for field, values in columns.items():
+            rows.setdefault(field, []).append(values)
+    with atomic_write(path, "wb") as stream:
+        np.savez(stream, names=np.array(list(tracked.landings)), **{k: np.concatenate(v) for k, v in rows.items()})

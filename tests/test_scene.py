@@ -1,0 +1,173 @@
+"""Scenes: what is accepted means what it says; what is wrong is named in one line."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wakeflow.errors import SceneError
+from wakeflow.laws.material import materials
+from wakeflow.laws.shape import shapes
+from wakeflow.laws.size import sizes
+from wakeflow.scene import Scene
+
+SHIPPED = ["rhombus", "prism", "vacuum"]
+
+
+@pytest.fixture
+def rhombus(cases: Path) -> Scene:
+    return Scene.load(cases / "rhombus.toml")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenes_survive_saving(name: str, cases: Path, tmp_path: Path) -> None:
+    scene = Scene.load(cases / f"{name}.toml")
+    scene.save(tmp_path / "copy.toml")
+    assert Scene.load(tmp_path / "copy.toml") == scene
+
+
+def test_units_are_converted_to_si(rhombus: Scene) -> None:
+    assert rhombus.width == pytest.approx(0.05)
+    assert rhombus.body["rhombus"].slope_angle == pytest.approx(math.pi / 4)
+    assert rhombus.feed.mass_flow == pytest.approx(500 / 3600)
+    assert rhombus.replace({"air.speed": "18 km/h"}).air.speed == pytest.approx(5.0)  # type: ignore[union-attr]
+    assert rhombus.reynolds == pytest.approx(1.204 * 5 * 0.05 / 1.825e-5)
+
+
+def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
+    amplitude, omega = rhombus.motion
+    assert omega == pytest.approx(2 * math.pi * 30)
+    np.testing.assert_allclose(amplitude, [0, 2.0 * 9.81 / omega**2], atol=1e-18)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"air.sped": 3}, "air.sped: unknown key; did you mean 'speed'?"),
+        ({"air.speed": "5 kg"}, "air.speed = '5 kg': needs a number in m/s or a string such as '5 m/s'"),
+        ({"air.speed": -1}, "allowed: > 0 and <= 100 m/s"),
+        ({"air.speed": math.nan}, "air.speed"),
+        ({"body.rhombus.slope_angle": 60}, "a string may carry another unit, such as '60 deg'"),
+        ({"body.rhombus.slope_angle": None}, "body.rhombus"),
+        ({"body.rhombus.height": 0.1}, "either slope_angle or height"),
+        ({"body.rhombus.shape": "rombus"}, "unknown shape 'rombus'; did you mean 'rhombus'?"),
+        ({"body.rhombus.at": [0.0]}, "body.rhombus.at"),
+        ({"body.rhombus.at": [0.14, 0.0]}, "no room beside it"),
+        ({"body.rhombus.at": [0.0, -0.44]}, "outside channel.bottom"),
+        ({"body.two": {"shape": "rhombus", "width": 0.01, "height": 0.01}}, "this version computes one"),
+        ({"channel": 3}, "channel = 3"),
+        ({"channel.top": -0.6}, "channel.bottom"),
+        ({"fraction.dust.material": "wheet"}, "unknown material 'wheet'; did you mean 'wheat'?"),
+        ({"fraction.dust.size.distribution": "norml"}, "unknown size distribution 'norml'"),
+        ({"fraction.dust.size.mean": 1e-3}, "unexpected keyword argument 'mean'"),
+        ({"fraction.dust.size": "3 kg"}, "fraction.dust.size.diameter = '3 kg'"),
+        ({"fraction.dust.mass_share": 0.5}, "add up to 1.48"),
+        ({"fraction.wheat.target": "outer"}, "no such bin"),
+        ({"fraction.x": {"size": 1e-3, "mass_share": 0.1}}, "give also: density, restitution, friction"),
+        ({"fraction.wheat.restitution": 1.2}, "<= 1"),
+        ({"bin.middle.to": 0.05}, "overlap"),
+        ({"bin.elsewhere": {"from": 0.0, "to": 0.01}}, "reserved"),
+        ({"bin.middle.from": 0.1}, "must be below"),
+        ({"feed.count": "many"}, "feed.count = 'many'"),
+        ({"feed.speed": 1.0}, "either height or speed"),
+        ({"feed.width": 0.5}, "wider than the channel"),
+        ({"feed.mode": "thrown"}, "'auto', 'injected' or 'resolved'"),
+        ({"vibration.amplitude": 0.001}, "either amplitude or gamma"),
+        ({"feed.height.x": 1}, "feed.height is a value, not a table"),
+    ],
+)
+def test_a_mistake_is_one_line_that_names_the_field(rhombus: Scene, change: dict, message: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        rhombus.replace(change)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_and_broken_toml(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="wakeflow new"):
+        Scene.load(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("[air\nspeed=")
+    with pytest.raises(SceneError, match="not valid TOML"):
+        Scene.load(tmp_path / "bad.toml")
+
+
+def test_schema_names_units_and_ranges() -> None:
+    text = json.dumps(Scene.model_json_schema(by_alias=True))
+    assert '"unit": "m/s"' in text
+    assert '"exclusiveMinimum": 0' in text
+
+
+def test_own_terminal_velocity_and_material_each_bring_their_diameter(rhombus: Scene) -> None:
+    wheat = rhombus.fraction["wheat"]
+    assert wheat.properties.terminal_velocity == materials["wheat"].terminal_velocity
+    assert wheat.calibration_diameter == materials["wheat"].diameter
+    own = rhombus.replace({"fraction.wheat.terminal_velocity": 8.0, "fraction.wheat.size": "3 mm"}).fraction["wheat"]
+    assert own.calibration_diameter == pytest.approx(3e-3)
+    sphere = rhombus.replace({"fraction.wheat.sphericity": 0.8}).fraction["wheat"]
+    assert sphere.properties.terminal_velocity is None
+
+
+SIZE_PARAMETERS = {
+    "single": {"diameter": 1e-3},
+    "uniform": {"low": 1e-3, "high": 2e-3},
+    "normal": {"mean": 1e-3, "std": 2e-4},
+    "lognormal": {"median": 1e-3, "geometric_std": 1.5},
+}
+
+
+@pytest.mark.parametrize("name", list(sizes))
+def test_size_quantiles_increase_and_stay_positive(name: str) -> None:
+    p = np.linspace(0.001, 0.999, 999)
+    diameters = sizes[name](p, **SIZE_PARAMETERS[name])
+    assert np.all(diameters > 0)
+    assert np.all(np.diff(diameters) >= 0)
+
+
+def test_size_moments_are_the_ones_asked_for() -> None:
+    p = (np.arange(200_000) + 0.5) / 200_000
+    normal = sizes["normal"](p, mean=1e-3, std=2e-4)
+    assert normal.mean() == pytest.approx(1e-3, rel=1e-4)
+    assert normal.std() == pytest.approx(2e-4, rel=1e-3)
+    log = np.log(sizes["lognormal"](p, median=1e-3, geometric_std=1.5))
+    assert np.exp(log.mean()) == pytest.approx(1e-3, rel=1e-6)
+    assert np.exp(log.std()) == pytest.approx(1.5, rel=1e-3)
+    with pytest.raises(SceneError, match="below zero"):
+        sizes["normal"](p, mean=1e-3, std=1e-3)
+
+
+SHAPE_PARAMETERS = {
+    "rhombus": {"width": 2.0, "slope_angle": math.radians(60)},
+    "prism": {"width": 2.0, "slope_angle": math.radians(60)},
+    "polygon": {"points": [[0, 0], [0, 1], [1, 0]]},
+}
+
+
+@pytest.mark.parametrize("name", list(shapes))
+def test_outlines_run_counter_clockwise(name: str) -> None:
+    from wakeflow.geometry import area
+
+    assert area(shapes[name](**SHAPE_PARAMETERS[name])) > 0
+
+
+def test_slope_angle_is_from_the_horizontal() -> None:
+    from wakeflow.geometry import normals
+
+    for outline in (shapes["rhombus"](**SHAPE_PARAMETERS["rhombus"]), shapes["prism"](**SHAPE_PARAMETERS["prism"])):
+        upward = normals(outline)[normals(outline)[:, 1] > 1e-9]
+        np.testing.assert_allclose(np.arctan2(np.abs(upward[:, 0]), upward[:, 1]), math.radians(60))
+    down = shapes["prism"](**SHAPE_PARAMETERS["prism"], apex="down")
+    assert np.ptp(down[:, 0]) == 2.0
+    assert down[:, 1].min() == pytest.approx(-2 / 3 * math.tan(math.radians(60)))
+
+
+@pytest.mark.parametrize("name", list(materials))
+def test_materials_state_source_and_confidence(name: str) -> None:
+    material = materials[name]
+    assert material.confidence in ("measured", "typical", "low")
+    assert len(material.source) > 20
+    assert 0 <= material.restitution <= 1
+    assert material.friction >= 0
