@@ -19,9 +19,14 @@ from wakeflow.process import call_in_child, run, tail
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
     target.write_text("old")
-    with pytest.raises(RuntimeError), atomic_write(target) as stream:
-        stream.write("half")
-        raise RuntimeError
+
+    def fail() -> None:
+        with atomic_write(target) as stream:
+            stream.write("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -99,7 +104,7 @@ def test_failure_carries_command_log_and_last_lines(tmp_path: Path) -> None:
 
 
 def test_missing_program_is_named_with_the_cure(tmp_path: Path) -> None:
-    with pytest.raises(ProgramError, match="'no-such-program' is not installed; sh cases/setup.sh"):
+    with pytest.raises(ProgramError, match=r"'no-such-program' is not installed; sh cases/setup\.sh"):
         run(["no-such-program"], cwd=tmp_path, log=tmp_path / "log", hint="sh cases/setup.sh")
 
 
@@ -114,7 +119,8 @@ def test_timeout_ends_the_whole_group(tmp_path: Path) -> None:
 def test_children_die_with_their_parent(tmp_path: Path, number: int) -> None:
     code = (
         "import sys; from pathlib import Path; from wakeflow.process import run\n"
-        f"run(['sh', '-c', 'echo $$ > pid; exec sleep 60'], cwd=Path({str(tmp_path)!r}), log=Path({str(tmp_path / 'log')!r}))"
+        f"here = Path({str(tmp_path)!r})\n"
+        "run(['sh', '-c', 'echo $$ > pid; exec sleep 60'], cwd=here, log=here / 'log')"
     )
     parent = subprocess.Popen([sys.executable, "-c", code])
     pid_file = tmp_path / "pid"

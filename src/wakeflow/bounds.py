@@ -1,7 +1,7 @@
 """A-priori bounds on what the terms that are not computed could move.
 
-With acceleration a over the flight time T of a granule with relaxation time tau,  shift <= min(a T^2 / 2, a tau T):  free
-flight, and drag that lets nothing move faster than a tau.
+With acceleration a over the flight time T of a granule with relaxation time tau,  shift <= min(a T^2 / 2, a tau T):
+free flight, and drag that lets nothing move faster than a tau.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from .registry import Registry
+from .scene import GRAVITY
 
 __all__ = ["Flight", "neglected"]
 
-GRAVITY = 9.81  # m/s2
 BOLTZMANN = 1.380649e-23  # J/K
 TEMPERATURE = 293.15  # K
 
@@ -39,6 +39,11 @@ class Flight:
     def shift(self, acceleration: float) -> float:
         """Landing shift (body widths) of a steady acceleration (m/s2) that acts over the whole flight."""
         return min(0.5 * acceleration * self.time**2, acceleration * self.tau * self.time) / self.width
+
+    def kick(self, acceleration: float) -> float:
+        """Landing shift (body widths) of an acceleration (m/s2) that acts while the granule passes three body widths."""
+        passage = 3.0 * self.width / max(self.arrival, self.air_speed)
+        return acceleration * passage * min(self.tau, self.time) / self.width
 
     @property
     def flow_acceleration(self) -> float:
@@ -65,7 +70,8 @@ def _neglect(name: str, why: str) -> Callable[[Bound], Bound]:
 
 @_neglect("added-mass", "half the displaced air's mass times the difference of accelerations")
 def _added_mass(f: Flight) -> float:
-    return f.shift(0.5 * f.air_density / f.density * (f.flow_acceleration + GRAVITY))
+    half = 0.5 * f.air_density / f.density
+    return f.kick(half * f.flow_acceleration) + f.shift(half * GRAVITY)
 
 
 @_neglect(
@@ -75,25 +81,23 @@ def _basset(f: Flight) -> float:
     return f.shift(2.4 * math.sqrt(f.air_density / f.density) * f.drag_acceleration)
 
 
-@_neglect(
-    "saffman-lift", "Saffman (1965), 1.615 d^2 sqrt(mu rho G) u_rel, in a shear layer of G = 20 U/D, one width long"
-)
+@_neglect("saffman-lift", "Saffman (1965), 1.615 d^2 sqrt(mu rho G) u_rel, in a shear layer of G = 20 U/D")
 def _saffman(f: Flight) -> float:
     shear = 20.0 * f.air_speed / f.width
     slip = min(f.slip, f.tau * (f.flow_acceleration + GRAVITY))
     force = 1.615 * f.diameter**2 * math.sqrt(f.viscosity * f.air_density * shear) * slip
-    kick = force / (f.density * math.pi / 6 * f.diameter**3) * f.width / max(f.arrival, f.air_speed)
-    return kick * min(f.tau, f.time) / f.width
+    return f.kick(force / (f.density * math.pi / 6 * f.diameter**3))
 
 
 @_neglect(
-    "magnus-lift",
-    "Rubinow & Keller (1961) with the spin of a sphere that rolled off the slope, 5/7 V / r; too large at finite Re",
+    "magnus-lift", "Rubinow & Keller (1961), lift coefficient at most 0.6, spin of a sphere rolling off the slope"
 )
 def _magnus(f: Flight) -> float:
     spin = 5.0 / 7.0 * f.arrival / (0.5 * f.diameter)
     slip = min(f.slip, f.tau * (f.flow_acceleration + GRAVITY))
-    return f.shift(0.75 * f.air_density / f.density * spin * slip)
+    creeping = 0.75 * f.air_density / f.density * spin * slip
+    finite = 0.6 * 0.75 * f.air_density / f.density * slip**2 / f.diameter
+    return f.shift(min(creeping, finite))
 
 
 @_neglect(

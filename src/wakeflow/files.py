@@ -25,7 +25,7 @@ def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     try:
-        with os.fdopen(handle, mode, **({} if "b" in mode else {"encoding": "utf-8"})) as stream:
+        with os.fdopen(handle, mode, encoding=None if "b" in mode else "utf-8") as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
@@ -72,8 +72,8 @@ class Store:
     """Finished stages on disk, ``root/stage/key/``.
 
     A stage works in ``key.part`` under a lock, so that an interrupted one finds its own unfinished files again; when
-    it is done its files are listed with their checksums and the folder takes its final name. A folder whose files do not
-    match that list is never used: it goes back to being unfinished.
+    it is done its files are listed with their checksums and the folder takes its final name. A folder whose files do
+    not match that list is never used: it goes back to being unfinished.
     """
 
     root: Path
@@ -110,7 +110,7 @@ class Store:
         return final, False
 
     def clean(self, *, everything: bool = False) -> tuple[int, int]:
-        """Remove unfinished stages nobody works on (all stages with ``everything``); folders removed and bytes freed."""
+        """Remove unfinished stages nobody works on (with ``everything`` all stages); folders and bytes freed."""
         from filelock import FileLock, Timeout
 
         removed = freed = 0

@@ -31,11 +31,11 @@ CLEARANCE = 1e-3  # of the body's width: how far above a contact a resolved gran
 
 @dataclass(frozen=True)
 class Feedstock:
-    """One fraction's granules as they enter the field, which replicate each belongs to, and how many met the body first."""
+    """One fraction's granules as they enter the field; which replicate each belongs to; which have met the body."""
 
     granules: Granules
     replicate: NDArray[np.int64]
-    injected: int
+    injected: NDArray[np.bool_]
 
 
 def _samples(name: str, count: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
@@ -81,14 +81,13 @@ def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Arra
     return height, normal
 
 
-def arrival(scene: Scene, grains: Granules, drop: Array, forces: tuple[str, ...], speed: float = 0.0) -> Array:
+def arrival(scene: Scene, plan: Plan, how: FractionPlan, grains: Granules, drop: Array, speed: float) -> Array:
     """Downward speed (n,) m/s of granules after falling ``drop`` (n,) m from ``speed`` in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
     uniform flow.
     """
     reach = float(drop.max()) + 1.0
-    until = 1e3
     if scene.air is None:
         column = None
     else:
@@ -109,7 +108,7 @@ def arrival(scene: Scene, grains: Granules, drop: Array, forces: tuple[str, ...]
     )
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
     tracks = track(
-        column, still, until=until, tolerance=1e-6, length=scene.width, forces=forces, lines=(level,),
+        column, still, until=1e3, tolerance=1e-6, length=scene.width, forces=plan.forces, drag=how.drag, lines=(level,),
         gravity=(0.0, -GRAVITY),
     )  # fmt: skip
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
@@ -120,10 +119,10 @@ def first_contact(
 ) -> tuple[Array, Array]:
     """When granules first meet a slope that moves by ``amplitude`` (2,) sin(omega t), and the wall's velocity then.
 
-    ``fall_speed`` (n,) straight down, ``normal`` (n, 2), ``passing`` (n,): the time each would touch the slope at rest. The
-    granule touches at the first root of  V_n (t - passing) + a_n sin(omega t), V_n its approach speed, a_n the
-    amplitude along the normal. While omega a_n < V_n there is one root, and a stream uniform in ``passing``
-    meets the phases with density 1 + V_eta / V_0; above that earlier crests cast shadows, and the first root is searched.
+    ``fall_speed`` (n,) straight down, ``normal`` (n, 2), ``passing`` (n,): the time each would touch the slope at rest.
+    It touches at the first root of  V_n (t - passing) + a_n sin(omega t), V_n its approach speed, a_n the
+    amplitude along the normal. While omega a_n < V_n there is one root, and a stream uniform in ``passing`` meets the
+    phases with density 1 + V_eta / V_0; above that earlier crests cast shadows, and the first root is searched.
     """
     approach = fall_speed * normal[:, 1]
     across = normal @ amplitude
@@ -193,30 +192,31 @@ def feedstock(scene: Scene, plan: Plan, name: str, field_period: float | None) -
     diameter = fraction.diameters(points[:, 1])
     grains = _granules(fraction, how, diameter)
     level, speed = _start(scene, float(outline[:, 1].max()), 0.5 * float(diameter.max()))
-    position, velocity = _released(scene, plan, grains, x, level, speed)
+    position, velocity = _released(scene, plan, how, grains, x, level, speed)
     time = _times(scene, points[:, 2:], field_period)
-    injected = 0
+    injected = np.zeros(len(x), dtype=bool)
     if how.mode == "injected":
         height, normal = contact_points(outline, x, diameter / 2)
         meets = np.isfinite(height)
-        fall = arrival(scene, grains, level - np.where(meets, height, level - 1.0), plan.forces, how.drag, speed)
-        i = np.flatnonzero(meets & np.isfinite(fall))
-        injected = len(i)
+        fall = arrival(scene, plan, how, grains, level - np.where(meets, height, level - 1.0), speed)
+        injected = meets & np.isfinite(fall)
+        i = np.flatnonzero(injected)
         amplitude, omega = scene.motion
         passing = time[i].copy()
         time[i], wall = first_contact(fall[i], normal[i], passing, amplitude, omega)
         position[i] = np.stack([x[i], height[i] - fall[i] * (time[i] - passing)], axis=1)
-        falling = np.stack([np.zeros(injected), -fall[i]], axis=1)
+        falling = np.stack([np.zeros(len(i)), -fall[i]], axis=1)
         velocity[i] = bounce(falling, normal[i], wall, grains.restitution[i], grains.friction[i])
     return Feedstock(grains.replace(position=position, velocity=velocity, time=time), replicate, injected)
 
 
-def _released(scene: Scene, plan: Plan, grains: Granules, x: Array, level: float, speed: float) -> tuple[Array, Array]:
+def _released(
+    scene: Scene, plan: Plan, how: FractionPlan, grains: Granules, x: Array, level: float, speed: float
+) -> tuple[Array, Array]:
     """Where granules that the tracker takes from the start begin: at ``level``, or at the channel's top below it."""
     top = scene.channel.top - 1e-6 * scene.width
     velocity = np.tile([0.0, -speed], (len(x), 1))
     if level > top:
-        how = plan.fractions
-        fall = arrival(scene, grains, np.full(len(x), level - top), plan.forces, next(iter(how.values())).drag, speed)
+        fall = arrival(scene, plan, how, grains, np.full(len(x), level - top), speed)
         velocity[:, 1] = -np.nan_to_num(fall, nan=0.0)
     return np.stack([x, np.full(len(x), min(level, top))], axis=1), velocity

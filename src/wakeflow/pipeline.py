@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
 from .planning import Plan
-from .resources import case_template
 from .scene import GRAVITY, Scene
 from .separation import Landings
 
@@ -119,7 +118,7 @@ class Chain:
             self.listener("tracks", f"{name}: injecting")
             feed = feedstock(self.scene, self.plan, name, period)
             tracks = self._fly(flow, name, feed.granules, tolerance)
-            injected[name] = feed.injected
+            injected[name] = int(feed.injected.sum())
             fates[name] = {fate.name.lower(): int(np.sum(tracks.fate == fate)) for fate in Fate}
             landing = {
                 "position": tracks.position,
@@ -128,7 +127,7 @@ class Chain:
                 "diameter": feed.granules.diameter,
                 "fate": tracks.fate,
                 "time": tracks.time - feed.granules.time,
-                "impacts": tracks.impacts + (np.arange(len(feed.replicate)) < 0),
+                "impacts": tracks.impacts + feed.injected,  # the tracker did not see the first impact of these
             }
             with atomic_write(folder / f"{name}.npz", "wb") as stream:
                 np.savez(stream, **landing)
@@ -203,7 +202,7 @@ def _publish(file: Path, folder: Path, key: str) -> None:
 
 
 def solids(scene: Scene) -> list[Body]:
-    """What granules bounce off: the bodies, moving if the scene vibrates, and the channel's walls where no bin stands."""
+    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands."""
     from .tracking import Body, Motion
 
     amplitude, omega = scene.motion
@@ -241,7 +240,8 @@ def _save_drawn(path: Path, paths: list[tuple[Array, Array, Array]]) -> None:
 
 def _load_tracked(folder: Path, names: list[str]) -> Tracked:
     counts = json.loads((folder / "counts.json").read_text())
-    landings, drawn = {}, {}
+    landings: dict[str, Landings] = {}
+    drawn: dict[str, list[dict[str, Array]]] = {}
     for name in names:
         with np.load(folder / f"{name}.npz") as data:
             landings[name] = Landings(**{key: data[key] for key in data.files})

@@ -15,8 +15,8 @@ import numpy as np
 from .bounds import Flight, neglected
 from .errors import SceneError
 from .geometry import is_symmetric
-from .laws.drag import drag_laws
-from .scene import Fraction, Scene
+from .laws.drag import drag_factor_for_terminal_velocity, drag_laws, relaxation_time, terminal_velocity
+from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
 
 __all__ = ["FractionPlan", "Plan", "make_plan"]
 
@@ -130,18 +130,26 @@ def _fraction_plan(scene: Scene, fraction: Fraction) -> FractionPlan:
     entry, phi = drag_laws[law], fraction.sphericity or 1.0
     scale = 1.0
     if granule.terminal_velocity is not None:
-        scale = _calibration(law, fraction.calibration_diameter, granule.density, granule.terminal_velocity)
+        scale = float(
+            drag_factor_for_terminal_velocity(
+                fraction.calibration_diameter, granule.density, granule.terminal_velocity, *STANDARD_AIR, GRAVITY, law
+            )
+        )
     wanted = scene.feed.mode
     if scene.air is None:
         mode = "injected" if wanted == "auto" else wanted
         return FractionPlan(mode, law, scale, None, math.inf, math.inf)
     air = scene.air
-    settling = _settling(law, scale, granule.diameter, granule.density, phi, air.density, air.viscosity)
+    settling = float(
+        terminal_velocity(
+            granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=scale
+        )
+    )
     along = air.speed if air.direction == "down" else -air.speed
     fall = scene.feed.fall_speed
     reynolds = air.density * abs(fall - along) * granule.diameter / air.viscosity
-    tau = granule.density * granule.diameter**2 / (18 * air.viscosity * scale)
-    tau /= float(np.asarray(entry.factor(np.array([reynolds]), phi))[0])
+    factor = scale * float(entry.factor(np.array([reynolds]), phi)[0])
+    tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
     stokes = tau * fall / (0.5 * scene.width)
     mode = wanted if wanted != "auto" else ("injected" if stokes > INJECTED_ABOVE else "resolved")
     return FractionPlan(mode, law, scale, settling, tau, stokes)
@@ -187,10 +195,8 @@ def _used(
     elif rung == "standard":
         lines.insert(0, f"airflow: time-resolved, {turbulence} (Re {scene.reynolds:.3g})")
     for name, how in fractions.items():
-        if how.mode == "injected":
-            impact = "injected by eq. (1)-(2)"
-        else:
-            impact = "released above the body, impacts resolved"
+        resolved = "released above the body, impacts resolved"
+        impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
         stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g})"
         drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
         lines.append(f"{name}: {impact}{stokes}{drag}")
@@ -207,7 +213,7 @@ def _left_out(scene: Scene, forces: tuple[str, ...], flights: dict[str, Flight])
     for name in neglected:
         bound, why = neglected[name]
         worst = max(flights, key=lambda fraction: bound(flights[fraction]))
-        rows.append(LeftOut(name, bound(flights[worst]), f"not in this version; largest for {worst}: {why}"))
+        rows.append(LeftOut(name, bound(flights[worst]), f"{why}; largest for {worst}; not in this version"))
     rows += [LeftOut(term, None, "switched off by --force") for term in SWITCHES if term not in forces]
     if scene.vibration is not None:
         peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
@@ -255,9 +261,9 @@ def _warnings(scene: Scene, plan: Plan, flights: dict[str, Flight]) -> list[str]
         how = plan.fractions[name]
         if how.mode == "injected" and how.stokes < INJECTED_ABOVE:
             lines.append(f"{name}: injected at an approach Stokes number of {how.stokes:.2g}; the air turns many aside")
-    for row in plan.left_out:
-        if row.bound is not None and row.bound > 0.1:
-            lines.append(f"{row.name} is left out and could move granules by up to {row.bound:.2g} body widths")
+    large = [f"{row.name} {row.bound:.2g}" for row in plan.left_out if row.bound is not None and row.bound > 0.1]
+    if large:
+        lines.append("left out, and could move granules by up to so many body widths: " + ", ".join(large))
     if plan.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
         lines.append(
             "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"

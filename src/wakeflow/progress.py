@@ -18,7 +18,7 @@ PLAIN_EVERY = 10.0  # s between lines when the output is not a terminal
 
 @contextmanager
 def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
-    """A listener (stage, text) that keeps one line up to date on a terminal, or prints a line now and then elsewhere."""
+    """A listener (stage, text): one line kept up to date on a terminal, a line now and then elsewhere."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -26,12 +26,10 @@ def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
         yield lambda stage, text: None
     elif console.is_terminal:
         with console.status("starting", spinner="dots") as status:
-            stages: list[str] = []
 
             def update(stage: str, text: str) -> None:
-                if text == "done" or text.startswith("done"):
+                if text.startswith("done"):
                     console.print(f"[green]✓[/] {stage}  [dim]{text.removeprefix('done').strip()}[/]")
-                stages.append(stage)
                 status.update(f"[bold]{stage}[/]  {text}")
 
             yield update
@@ -51,13 +49,14 @@ def show_plan(plan: Plan) -> None:
     """Print what is used, what is left out with its bound, and the cost."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     console = Console()
     for line in plan.used:
-        console.print(f"• {line}", highlight=False)
+        console.print(f"• {line}", highlight=False, markup=False)
     table = Table("left out", "bound (body widths)", "why", title=None, pad_edge=False)
     for row in plan.left_out:
-        table.add_row(row.name, "–" if row.bound is None else f"{row.bound:.2g}", row.why)
+        table.add_row(row.name, "–" if row.bound is None else f"{row.bound:.2g}", Text(row.why))
     console.print(table)
     cost = plan.estimate
     console.print(
@@ -92,4 +91,4 @@ def show_result(result: Result) -> None:
 
 def _warn(console: Any, warnings: list[str]) -> None:
     for line in warnings:
-        console.print(f"[yellow]![/] {line}", highlight=False)
+        console.print(f"! {line}", highlight=False, markup=False, style="yellow")

@@ -1,0 +1,71 @@
+"""The command line: exit codes, one-line errors, options."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from wakeflow.cli import main
+
+
+def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(cases / "rhombus.toml"), "--json"]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    assert plan["rung"] == "draft"
+    assert plan["fractions"]["wheat"]["mode"] == "injected"
+    assert plan["fractions"]["dust"]["mode"] == "resolved"
+    names = {row["name"] for row in plan["left_out"]}
+    assert {"added-mass", "basset-history", "saffman-lift", "brownian-motion", "turbulent-dispersion"} <= names
+    assert all(row["why"] for row in plan["left_out"])
+
+
+def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(cases / "vacuum.toml"), "--set", "feed.count=32"]) == 0
+    out = capsys.readouterr().out
+    assert "no [air] table" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "nowhere.toml"], "no scene file 'nowhere.toml'"),
+        (["run", "{cases}/vacuum.toml", "--rung", "draft"], "needs an [air] table"),
+        (["run", "{cases}/rhombus.toml", "--rung", "none"], "remove the [air] table"),
+        (["run", "{cases}/rhombus.toml", "--rung", "reference"], "not in this version"),
+        (["run", "{cases}/rhombus.toml", "--rung", "best"], "Choose from"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed"], "KEY=VALUE"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed=-3"], "air.speed = -3"),
+        (["run", "{cases}/rhombus.toml", "--force", "gravitation=off"], "unknown term"),
+        (["run", "{cases}/rhombus.toml", "--force", "basset-history=on"], "cannot compute it"),
+        (["run", "{cases}/rhombus.toml", "--force", "buoyancy=maybe"], "write on or off"),
+        (["run", "{cases}/vacuum.toml", "--out", "{cases}/vacuum.toml"], "is a file"),
+        (["run"], "scene"),
+        (["fly"], 'Unknown command "fly"'),
+        (["new", "rombus"], "did you mean 'rhombus'?"),
+        (["report", "nowhere"], "holds no finished run"),
+    ],
+)
+def test_wrong_input_is_one_line_and_code_2(
+    arguments: list[str], message: str, cases: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([a.replace("{cases}", str(cases)) for a in arguments]) == 2
+    error = capsys.readouterr().err
+    assert message.lower() in error.lower()
+    assert len(error.strip().splitlines()) == 1
+
+
+def test_new_writes_a_scene_that_loads_and_keeps_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "rhombus"]) == 0
+    assert main(["plan", "rhombus.toml"]) == 0
+    assert main(["new", "rhombus"]) == 2
+    assert "exists" in capsys.readouterr().err
+
+
+def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "Scene"

@@ -1,0 +1,139 @@
+"""Feed, vibration phase and impact: granules enter the field where, when and as fast as the model says."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wakeflow import impact
+from wakeflow.injection import REPLICATES, contact_points, feedstock, first_contact
+from wakeflow.laws.shape import shapes
+from wakeflow.planning import make_plan
+from wakeflow.scene import Scene
+
+
+def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
+    start, end = outline, np.roll(outline, -1, axis=0)
+    along = end - start
+    s = np.einsum("nkj,kj->nk", points[:, None] - start, along) / (along**2).sum(1)
+    foot = start + np.clip(s, 0, 1)[..., None] * along
+    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize("radius", [1e-6, 2e-3])
+def test_a_granule_touches_the_outline_at_its_radius(radius: float) -> None:
+    outline = shapes["rhombus"](width=0.05, slope_angle=math.radians(50))
+    x = np.linspace(-0.025, 0.025, 101)
+    height, normal = contact_points(outline, x, np.full(101, radius))
+    np.testing.assert_allclose(distance(outline, np.stack([x, height], axis=1)), radius, rtol=1e-9, atol=1e-16)
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0)
+    np.testing.assert_allclose(normal[50], [0.0, 1.0], atol=1e-12)  # on the corner
+    np.testing.assert_allclose(normal * [-1, 1], normal[::-1], atol=1e-12)  # mirror image
+
+
+def test_granules_beside_the_body_touch_nothing() -> None:
+    outline = shapes["rhombus"](width=0.05, slope_angle=math.radians(45))
+    height, _ = contact_points(outline, np.array([-0.027, 0.027, 0.0]), np.full(3, 1e-3))
+    assert list(np.isfinite(height)) == [False, False, True]
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.5, 0.99, 1.5, 8.0])
+def test_first_contact_is_a_contact_and_the_first(strength: float) -> None:
+    omega, fall = 100.0, 1.4
+    amplitude = np.array([0.0, strength * fall / omega])
+    passing = (np.arange(500) + 0.5) / 500 * 2 * np.pi / omega
+    normal = np.tile([math.sin(0.8), math.cos(0.8)], (500, 1))
+    t, wall = first_contact(np.full(500, fall), normal, passing, amplitude, omega)
+
+    def gap(s: np.ndarray) -> np.ndarray:
+        return -fall * normal[0, 1] * (s - passing) - normal[0, 1] * amplitude[1] * np.sin(omega * s)
+
+    np.testing.assert_allclose(gap(t), 0, atol=1e-12)
+    early = passing - amplitude[1] / fall
+    for fraction in np.linspace(0, 0.999, 400):
+        assert np.all(gap(early + fraction * (t - early)) > -1e-12)
+    np.testing.assert_allclose(wall[:, 1], amplitude[1] * omega * np.cos(omega * t))
+    assert np.all(fall + wall[:, 1] > -1e-9)  # it closes in at the first contact
+
+
+def test_a_rising_slope_meets_more_granules() -> None:
+    """The phase density is (1 + V_eta/V0)/2 pi, so that the mean body speed at impact is (a w)^2 / (2 V0)."""
+    omega, fall, peak = 100.0, 1.4, 0.7
+    n = 20_000
+    passing = (np.arange(n) + 0.5) / n * 2 * np.pi / omega
+    normal = np.tile([0.0, 1.0], (n, 1))
+    _, wall = first_contact(np.full(n, fall), normal, passing, np.array([0.0, peak / omega]), omega)
+    assert wall[:, 1].mean() == pytest.approx(peak**2 / (2 * fall), rel=1e-6)
+
+
+@pytest.fixture
+def vacuum(cases: Path) -> Scene:
+    return Scene.load(cases / "vacuum.toml").replace({"feed.count": 1024})
+
+
+def test_injected_velocities_are_the_impact_law(vacuum: Scene) -> None:
+    plan = make_plan(vacuum)
+    amplitude, omega = vacuum.motion
+    for name, (restitution, friction) in {"soft": (0.1, 0.6), "hard": (0.5, 0.3)}.items():
+        feed = feedstock(vacuum, plan, name, None)
+        assert feed.injected.all()
+        eta = amplitude[1] * omega * np.cos(omega * feed.granules.time)
+        height = feed.granules.position[:, 1]
+        top = vacuum.body["prism"].outline()[:, 1].max()
+        fall = np.sqrt(2 * 9.81 * (0.1 + top - (height - amplitude[1] * np.sin(omega * feed.granules.time))))
+        expected = impact(math.pi / 4, fall, eta, restitution, friction).velocity
+        np.testing.assert_allclose(feed.granules.velocity, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_without_vibration_the_feed_is_symmetric(vacuum: Scene) -> None:
+    tables = vacuum.tables()
+    del tables["vibration"]
+    still = Scene.parse(tables).replace({"feed.position": 0.0, "feed.width": 0.04})
+    feed = feedstock(still, make_plan(still), "hard", None)
+    velocity = feed.granules.velocity
+    assert np.all(np.sign(velocity[:, 0]) == np.sign(feed.granules.position[:, 0]))
+    speed = np.linalg.norm(velocity, axis=1)
+    right = feed.granules.position[:, 0] > 0
+    assert speed[right].mean() == pytest.approx(speed[~right].mean(), rel=1e-2)
+
+
+def test_replicates_are_equal_in_size_and_independent(vacuum: Scene) -> None:
+    feed = feedstock(vacuum, make_plan(vacuum), "hard", None)
+    assert np.all(np.bincount(feed.replicate) == 1024 // REPLICATES)
+    first = feed.granules.position[feed.replicate == 0, 0]
+    second = feed.granules.position[feed.replicate == 1, 0]
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.5
+    again = feedstock(vacuum, make_plan(vacuum), "hard", None)
+    np.testing.assert_array_equal(again.granules.velocity, feed.granules.velocity)
+    other = vacuum.replace({"feed.seed": 1})
+    assert np.any(feedstock(other, make_plan(other), "hard", None).granules.velocity != feed.granules.velocity)
+
+
+def test_each_fraction_arrives_with_its_own_speed(cases: Path) -> None:
+    """In still-ish air light granules arrive near their terminal velocity, heavy ones near free fall."""
+    scene = Scene.load(cases / "rhombus.toml").replace(
+        {"air.speed": 1e-3, "feed.height": 2.0, "feed.mode": "injected", "feed.count": 256}
+    )
+    tables = scene.tables()
+    del tables["vibration"]
+    still = Scene.parse(tables)
+    plan = make_plan(still)
+    expected = {"chaff": 1.75, "wheat": 7.8 * math.sqrt(1 - math.exp(-2 * 9.81 * 2.0 / 7.8**2))}
+    for name, speed in expected.items():
+        feed = feedstock(still, plan, name, None)
+        v = feed.granules.velocity
+        b, restitution, friction = math.pi / 4, feed.granules.restitution[0], feed.granules.friction[0]
+        flat = np.abs(feed.granules.position[:, 0]) > 3e-3  # away from the corner
+        vx = max(0.0, math.sin(b) - friction * (1 + restitution) * math.cos(b))
+        outgoing = speed * math.hypot(vx, restitution * math.cos(b))
+        assert np.median(np.linalg.norm(v[flat], axis=1)) == pytest.approx(outgoing, rel=0.03)
+
+
+def test_carried_up_granules_are_not_injected(cases: Path) -> None:
+    scene = Scene.load(cases / "prism.toml").replace({"feed.mode": "injected", "feed.count": 64})
+    feed = feedstock(scene, make_plan(scene), "chaff", None)
+    assert not feed.injected.any()
+    np.testing.assert_allclose(feed.granules.position[:, 1], feed.granules.position[0, 1])
