@@ -41,7 +41,7 @@ class Flight:
         return min(0.5 * acceleration * self.time**2, acceleration * self.tau * self.time) / self.width
 
     def kick(self, acceleration: float) -> float:
-        """Landing shift (body widths) of an acceleration (m/s2) that acts while the granule passes three body widths."""
+        """Landing shift (body widths) of an acceleration (m/s2) that acts over three body widths of the way."""
         passage = 3.0 * self.width / max(self.arrival, self.air_speed)
         return acceleration * passage * min(self.tau, self.time) / self.width
 

@@ -1,7 +1,7 @@
 """The budget: what each source of error contributes to an answer, and what knowing it cost in run time.
 
-Measured here: sampling (spread of independent replicates) and integration (a companion run at a tenth of the tolerance). The
-rest is named and unknown, and so is the total: a sum that leaves parts out is no total.
+Measured here: sampling (spread of independent replicates) and integration (a companion run at a tenth of the
+tolerance). The rest is named and unknown, and so is the total: a sum that leaves parts out is no total.
 """
 
 from __future__ import annotations

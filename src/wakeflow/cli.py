@@ -241,7 +241,7 @@ def clean(*, everything: bool = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; the exit code says how it ended: 0 done, 2 wrong input, 3 a program failed, 130 interrupted."""
+    """Run the command line; exit code 0 done, 2 wrong input, 3 a program failed, 130 interrupted."""
     try:
         code = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as problem:

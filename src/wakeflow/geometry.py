@@ -72,7 +72,7 @@ def contains(outline: Array, points: Array) -> NDArray[np.bool_]:
 
 
 def is_symmetric(outline: Array, axis: float = 0.0, tolerance: float = 1e-9) -> bool:
-    """Whether the outline is its own mirror image about the vertical line x = axis (tolerance relative to its width)."""
+    """Whether the outline is its own mirror image about x = axis (tolerance in its own widths)."""
     mirrored = outline * (-1.0, 1.0) + (2 * axis, 0.0)
     distance = np.linalg.norm(mirrored[:, None] - outline[None], axis=2).min(axis=1)
     return bool(distance.max() <= tolerance * np.ptp(outline[:, 0]))

@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
 from .planning import Plan
+from .resources import case_template
 from .scene import GRAVITY, Scene
 from .separation import Landings
 
 if TYPE_CHECKING:
     from .field import FlowField
+    from .meshing import MeshSpec
     from .tracking import Body, Granules, Tracks
 
 __all__ = ["Chain", "Listener", "Tracked", "silent"]
@@ -62,13 +64,13 @@ class Chain:
     seconds: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @cached_property
-    def mesh(self) -> tuple[str, Path]:
-        """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
-        from . import meshing
+    def mesh_spec(self) -> MeshSpec:
+        """What the plan wants meshed."""
+        from .meshing import plan_mesh
 
         channel, air = self.scene.channel, self.scene.air
         assert air is not None
-        spec = meshing.plan_mesh(
+        return plan_mesh(
             [body.outline() for body in self.scene.body.values()],
             width=channel.width,
             top=channel.top,
@@ -78,10 +80,69 @@ class Chain:
             direction=air.direction,
             rung=self.plan.rung,
         )
-        key = content_key("mesh", asdict(spec), _sources("meshing.py", "geometry.py"), _version("gmsh"))
-        folder = self._stage("mesh", key, lambda part: meshing.build_mesh(spec, part))
+
+    @cached_property
+    def mesh(self) -> tuple[str, Path]:
+        """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
+        from .meshing import build_mesh
+
+        key = content_key("mesh", asdict(self.mesh_spec), _sources("meshing.py", "geometry.py"), _version("gmsh"))
+        folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", Path("meshes"), key)
         return key, folder
+
+    @cached_property
+    def solution(self) -> tuple[str, Path]:
+        """Key and folder of the airflow: ``case`` (OpenFOAM's own files) and airflow.json."""
+        from .foam.airflow import solve_airflow, version
+        from .foam.case import FlowSpec
+
+        air, stage = self.scene.air, "airflow"
+        assert air is not None
+        assert self.plan.turbulence is not None
+        mesh_key, mesh_folder = self.mesh
+        spec = FlowSpec(
+            mesh=self.mesh_spec,
+            speed=air.speed,
+            density=air.density,
+            viscosity=air.viscosity,
+            turbulence=self.plan.turbulence,  # type: ignore[arg-type]
+            stepping="steady" if self.plan.rung == "draft" else "time-resolved",
+            intensity=air.turbulence,
+        )
+        code = content_key(_sources("foam"), digest_files([case_template()]), version())
+        key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
+
+        def work(part: Path) -> None:
+            measured = solve_airflow(
+                spec, mesh_folder / "mesh.msh", part / "case", listener=lambda now: self.listener(stage, str(now))
+            )
+            write_json(part / "airflow.json", measured)
+
+        return key, self._stage(stage, key, work)
+
+    @property
+    def airflow(self) -> dict[str, Any]:
+        """What was measured on the airflow: the ``airflow`` table of result.json."""
+        table: dict[str, Any] = json.loads((self.solution[1] / "airflow.json").read_text())
+        return {"rung": self.plan.rung, **table}
+
+    @cached_property
+    def field(self) -> tuple[str, FlowField]:
+        """Key and field on triangles that the tracker reads, of the whole channel."""
+        from .field import FlowField
+
+        key, folder = self.solution
+        key = content_key("field", key, _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field.py"))
+
+        def work(part: Path) -> None:
+            self.listener("field", "reading the airflow")
+            assert self.scene.air is not None
+            time = "latest" if self.airflow["period"] is None else "all"
+            read = FlowField.from_openfoam(folder / "case", time=time, density=self.scene.air.density)
+            (read.mirrored() if self.mesh_spec.half else read).save(part / "field.npz")
+
+        return key, FlowField.load(self._stage("field", key, work) / "field.npz")
 
     @cached_property
     def tracks_key(self) -> str:

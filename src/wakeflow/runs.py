@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .budget import landing_shift, make_budget
+from .budget import make_budget
 from .errors import SceneError
 from .files import atomic_write, content_key, write_json
 from .pipeline import Chain, Listener, Tracked, silent
@@ -68,8 +68,8 @@ def run(
 ) -> Result:
     """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
 
-    ``until`` stops after "mesh", "airflow" or "tracks" (no separation then); ``rung`` and ``force`` override the plan; ``workers``
-    threads track. ``listener(stage, text)`` hears of progress; ``redraw`` draws a finished report anew.
+    ``until`` stops after "mesh", "airflow" or "tracks" (no separation then); ``rung`` and ``force`` override the plan;
+    ``workers`` threads track. ``listener(stage, text)`` hears of progress; ``redraw`` draws a finished report anew.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
@@ -87,9 +87,7 @@ def run(
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
 
-def _run(
-    scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain: Chain, redraw: bool
-) -> Result:
+def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain: Chain, redraw: bool) -> Result:
     target = folder / "result.json"
     key = content_key(scene.tables(), plan.summary(), options, _versions())
     drawn = _key_of(target) == key and not redraw
@@ -201,7 +199,10 @@ def _save_granules(path: Path, scene: Scene, tracked: Tracked) -> None:
         columns = {
             "fraction": np.full(len(kept), index),
             "weight": np.full(len(kept), mass[name] / max(len(kept), 1)),
-            **{field: getattr(landing, field)[kept] for field in ("position", "bin", "diameter", "fate", "time", "impacts")},
+            **{
+                field: getattr(landing, field)[kept]
+                for field in ("position", "bin", "diameter", "fate", "time", "impacts")
+            },
         }
         for field, values in columns.items():
             rows.setdefault(field, []).append(values)

@@ -7,6 +7,7 @@ lies. A granule of a fraction then stands for the same mass whatever its size, w
 from __future__ import annotations
 
 from collections.abc import Callable
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ __all__ = ["sizes"]
 
 Array = NDArray[np.float64]
 sizes: Registry[Callable[..., Array]] = Registry("size distribution")
+_normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the plan asks too, and must not load scipy
 
 
 @sizes.register("single")
@@ -40,19 +42,15 @@ def normal(p: Array, *, mean: float, std: float) -> Array:
 
     Refused when more than 1 % of the mass would lie below zero: such a sample is not normal.
     """
-    from scipy.special import ndtr, ndtri
-
-    below = float(ndtr(-mean / std))
+    below = NormalDist().cdf(-mean / std)
     if below > 0.01:
         raise SceneError(f"std = {std:g} m puts {below:.0%} of the mass at diameters below zero; use lognormal")
-    return mean + std * ndtri(below + np.asarray(p) * (1.0 - below))
+    return mean + std * _normal_quantile(below + np.asarray(p) * (1.0 - below))
 
 
 @sizes.register("lognormal")
 def lognormal(p: Array, *, median: float, geometric_std: float) -> Array:
     """Lognormal with mass ``median`` (m) and geometric standard deviation (> 1)."""
-    from scipy.special import ndtri
-
     if not geometric_std > 1.0:
         raise SceneError(f"geometric_std = {geometric_std:g} must be above 1 (1.5 is a usual milling product)")
-    return median * np.exp(np.log(geometric_std) * ndtri(np.asarray(p)))
+    return median * np.exp(np.log(geometric_std) * _normal_quantile(p))

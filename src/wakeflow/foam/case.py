@@ -1,0 +1,130 @@
+"""Write an OpenFOAM case: the template as it is, and one small file of parameters."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ..errors import FoamError, SceneError
+from ..files import atomic_write
+from ..meshing import MeshSpec
+from ..resources import case_template
+
+__all__ = ["FlowSpec", "environment", "set_patch_types", "write_case", "write_parameters"]
+
+PARAMETERS = Path("system", "parameters")
+INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
+MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
+C_MU = 0.09
+
+
+@dataclass(frozen=True)
+class FlowSpec:
+    """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
+    ``intensity`` (u'/U at the inlet; not used when laminar)."""
+
+    mesh: MeshSpec
+    speed: float
+    density: float
+    viscosity: float
+    turbulence: Literal["laminar", "kOmegaSST"]
+    stepping: Literal["steady", "time-resolved"] = "steady"
+    intensity: float = 0.05
+    max_courant: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.stepping == "time-resolved" and self.mesh.half:
+            raise SceneError(
+                "a time-resolved airflow sheds vortices to both sides: it needs a mesh of the whole channel"
+            )
+
+    @property
+    def reynolds(self) -> float:
+        """On the first body's projected width and the inlet speed."""
+        return self.speed * self.mesh.projected_width * self.density / self.viscosity
+
+    @property
+    def convective_time(self) -> float:
+        """Projected width over inlet speed (s)."""
+        return self.mesh.projected_width / self.speed
+
+    @property
+    def along(self) -> float:
+        """+1 for air flowing towards +y, -1 for -y."""
+        return 1.0 if self.mesh.direction == "up" else -1.0
+
+    def parameters(self) -> dict[str, str | float | int]:
+        """Everything the template leaves open, by the names in system/parameters.
+
+        Inlet turbulence: k = 3/2 (I U)^2, omega = sqrt(k)/(C_mu^(1/4) l) with l = 0.07 of the channel's width, the usual
+        estimate for fully developed duct flow. The coefficients' area counts the meshed part of the body only, so
+        that a half domain gives the full body's coefficients.
+        """
+        k = 1.5 * (self.intensity * self.speed) ** 2
+        spec = self.mesh
+        return {
+            "stepping": self.stepping,
+            "turbulence": self.turbulence,
+            "walls": "slip" if spec.walls == "slip" else "noSlip",
+            "inletVelocity": f"(0 {self.along * self.speed:.12g} 0)",
+            "inletSpeed": self.speed,
+            "flowDirection": f"(0 {self.along:g} 0)",
+            "nu": self.viscosity / self.density,
+            "inletK": k,
+            "inletOmega": k**0.5 / (C_MU**0.25 * MIXING_LENGTH * spec.width),
+            "bodyWidth": spec.projected_width,
+            "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
+            "maxCo": self.max_courant,
+        }
+
+
+def environment() -> dict[str, str]:
+    """The environment every OpenFOAM program of Debian's package needs: nothing to source."""
+    return {**os.environ, "WM_PROJECT_DIR": "/usr/share/openfoam", "OMP_NUM_THREADS": "1", "FOAM_SIGFPE": "true"}
+
+
+def write_case(spec: FlowSpec, folder: Path) -> None:
+    """Copy the template into ``folder`` and set its parameters; an existing case keeps its mesh, times and history."""
+    shutil.copytree(case_template(), folder, dirs_exist_ok=True)
+    write_parameters(folder, spec.parameters())
+
+
+def write_parameters(folder: Path, values: Mapping[str, str | float | int]) -> None:
+    """Change values in ``system/parameters``, keeping its comments. Raises FoamError for a name it does not hold."""
+    path = folder / PARAMETERS
+    text = path.read_text()
+    for name, value in values.items():
+        words = f"{value:.12g}" if isinstance(value, float) else str(value)
+        text, count = re.subn(
+            rf"^({name}\s+)[^;]*;", lambda match, words=words: f"{match[1]}{words};", text, count=1, flags=re.M
+        )
+        if count != 1:
+            raise FoamError(f"the case template has no parameter {name!r} in {path}")
+    with atomic_write(path) as stream:
+        stream.write(text)
+
+
+def set_patch_types(folder: Path, *, walls: str) -> None:
+    """Give every patch in ``constant/polyMesh/boundary`` its type: gmshToFoam makes all of them plain patches."""
+    path = folder / "constant" / "polyMesh" / "boundary"
+
+    def kind(name: str) -> str:
+        if name in ("front", "back"):
+            return "empty"
+        if name == "axis":
+            return "symmetryPlane"
+        solid = name.startswith("body_") or (name in ("left", "right") and walls == "no-slip")
+        return "wall" if solid else "patch"
+
+    def entry(match: re.Match[str]) -> str:
+        body = re.sub(r"\n\s*physicalType[^\n]*", "", match[2])
+        return match[1] + re.sub(r"type\s+\w+;", f"type            {kind(match[1].split()[0])};", body, count=1)
+
+    text = re.sub(r"(^    \w+\n    )(\{.*?\n    \})", entry, path.read_text(), flags=re.M | re.S)
+    with atomic_write(path) as stream:
+        stream.write(text)

@@ -1,0 +1,87 @@
+"""What a time-resolved run starts from: another case's solution, and a push that sets off the shedding."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..files import atomic_write
+from .case import FlowSpec
+from .polymesh import read_polymesh
+from .read import CaseFields
+
+__all__ = ["perturb", "start_from"]
+
+Array = NDArray[np.float64]
+PUSH = 1.0  # of the inlet speed
+
+
+def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
+    """Interpolate the latest fields of case ``source`` onto the cells of ``folder``; without a source the flow starts uniform.
+
+    A half domain is mirrored about x = 0 first. Linear between cell centres, the nearest cell's value outside them.
+    """
+    if source is None:
+        return
+    fields = CaseFields(source)
+    latest = fields.folder("latest")
+    target = read_polymesh(folder).plane.centres
+    half = "axis" in fields.mesh.plane.patches
+    centres = fields.mesh.plane.centres
+    if half:
+        centres = np.vstack([centres, centres * (-1.0, 1.0)])
+    for name in ("U", "p", "k", "omega"):
+        if not fields.has(latest, name) or not (folder / "0" / name).exists():
+            continue
+        values = fields.field(latest, name)[0]
+        if half:
+            values = np.concatenate([values, values * (-1.0, 1.0) if name == "U" else values])
+        _write_internal(folder / "0" / name, _interpolate(centres, values, target))
+
+
+def perturb(spec: FlowSpec, folder: Path) -> None:
+    """Add a transverse push of U half a width behind the first body, over half a width."""
+    centres = read_polymesh(folder).plane.centres
+    velocity = _read_start(spec, folder, len(centres))
+    outline = np.array(spec.mesh.bodies[0])
+    size = spec.mesh.projected_width
+    rear = float((spec.along * outline[:, 1]).max()) + 0.5 * size
+    middle = np.array([outline[:, 0].min() + 0.5 * size, spec.along * rear])
+    velocity[:, 0] += PUSH * spec.speed * np.exp(-((centres - middle) ** 2).sum(axis=1) / (0.5 * size) ** 2)
+    _write_internal(folder / "0" / "U", velocity)
+
+
+def _read_start(spec: FlowSpec, folder: Path, count: int) -> Array:
+    text = (folder / "0" / "U").read_text()
+    match = re.search(r"internalField\s+nonuniform[^(]*\((.*?)\n\);", text, re.S)
+    if match is None:
+        return np.tile([0.0, spec.along * spec.speed], (count, 1))
+    words = match[1].replace("(", " ").replace(")", " ").split()
+    return np.array(words, dtype=float).reshape(-1, 3)[:, :2]
+
+
+def _interpolate(centres: Array, values: Array, target: Array) -> Array:
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import cKDTree
+
+    result = LinearNDInterpolator(centres, values)(target)
+    outside = np.isnan(result.reshape(len(target), -1)).any(axis=1)
+    result[outside] = values[cKDTree(centres).query(target[outside])[1]]
+    return np.asarray(result)
+
+
+def _write_internal(path: Path, values: Array) -> None:
+    """Replace a field's internalField by one value a cell."""
+    if values.ndim == 2:
+        kind, rows = "vector", "\n".join(f"({x:.10g} {y:.10g} 0)" for x, y in values)
+    else:
+        kind, rows = "scalar", "\n".join(f"{value:.10g}" for value in values)
+    entry = f"internalField   nonuniform List<{kind}>\n{len(values)}\n(\n{rows}\n);"
+    text = re.sub(
+        r"internalField\s+(uniform[^;]*|nonuniform.*?\n\));", lambda _: entry, path.read_text(), count=1, flags=re.S
+    )
+    with atomic_write(path) as stream:
+        stream.write(text)

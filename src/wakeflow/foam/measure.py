@@ -1,0 +1,324 @@
+"""What an airflow amounts to in numbers: drag, shedding, pressures, the suction zone, mass balance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .case import FlowSpec
+from .history import CD, CL, Interval, batch_interval, is_settled, read_table, upward_crossings
+from .read import CaseFields, Snapshot, loop_of, read_flow
+
+__all__ = ["AirflowResult", "Suction", "measure", "suction_zone"]
+
+Array = NDArray[np.float64]
+THRESHOLD = -0.5  # pressure coefficient below which the air counts as the suction zone
+WINDOW = 300  # last iterations of a steady run that its interval covers
+
+
+@dataclass(frozen=True)
+class Suction:
+    """The suction zone: Cp < threshold, downstream of the body's widest place, connected to the body.
+
+    ``length`` (m) along the air from the body's rear-most point, ``width`` (m) its extent across the air, ``area`` (m2), both sides
+    counted. ``cp_min`` is its lowest Cp. ``reversal_length`` (m): from the rear, how far the mean air on the body's axis runs backwards.
+    """
+
+    threshold: float
+    cp_min: float
+    length: float
+    width: float
+    area: float
+    reversal_length: float
+
+
+@dataclass(frozen=True)
+class AirflowResult:
+    """Measured airflow. Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width; with
+    several bodies Cd and Cl are of all of them together.
+
+    Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken where
+    the vertical line through the middle of the first body meets its rear and its front. ``pressure_drop`` (Pa): mean static p on the
+    inlet less that on the outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel); ``mass_error``: inflow less outflow
+    over inflow. ``strouhal`` = f D / U, None when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for
+    tracking. ``loop_mismatch``: rms velocity difference between the snapshots at the join of the
+    loop over the rms fluctuation. ``seconds`` of wall time.
+
+    Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the normal
+    Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
+    """
+
+    stepping: str
+    verdict: str
+    turbulence: str
+    cells: int
+    reynolds: float
+    cd: Interval
+    cl_rms: float
+    strouhal: float | None
+    cp_base: float
+    cp_front: float
+    pressure_drop: float
+    flow_rate: float
+    mass_error: float
+    suction: Suction
+    y_plus: tuple[float, float]
+    steps: int
+    seconds: float
+    field_time: str
+    period: float | None = None
+    loop_mismatch: float | None = None
+    residuals: dict[str, float] = field(default_factory=dict)
+    mesh: dict[str, float] = field(default_factory=dict)
+
+
+def measure(
+    spec: FlowSpec,
+    folder: Path,
+    verdict: str,
+    *,
+    seconds: float,
+    residuals: dict[str, float] | None = None,
+    mesh: dict[str, float] | None = None,
+) -> AirflowResult:
+    """Measure a solved case."""
+    fields = CaseFields(folder)
+    loop = loop_of(folder)
+    times = [fields.folder(name) for name in loop["times"]] if loop else [fields.folder("latest")]
+    shots = [fields.snapshot(time) for time in times]
+    arrays = read_flow(folder, "mean" if loop else "latest", density=1.0)
+    plane = fields.mesh.plane
+    dynamic = 0.5 * spec.speed**2
+    at_inlet = _mean_on(fields, shots, "inlet")
+    cp = (arrays["pressure"] - at_inlet) / dynamic
+    middle, front, rear = _axis_points(spec)
+    drag, lift, shedding, steps = _coefficients(spec, folder, verdict, None if loop is None else loop["begin"])
+    flow, mass_error = _mass_balance(spec, fields, shots)
+    body = fields.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
+    edges, points = plane.faces[body], arrays["points"]
+    return AirflowResult(
+        stepping=spec.stepping,
+        verdict=verdict,
+        turbulence=spec.turbulence,
+        cells=len(plane.cells),
+        reynolds=spec.reynolds,
+        cd=drag,
+        cl_rms=lift,
+        strouhal=shedding,
+        cp_base=_on_edges(points, edges, cp, np.array([middle, rear * spec.along])),
+        cp_front=_on_edges(points, edges, cp, np.array([middle, front * spec.along])),
+        pressure_drop=spec.density * (at_inlet - _mean_on(fields, shots, "outlet")),
+        flow_rate=flow,
+        mass_error=mass_error,
+        suction=suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges)),
+        y_plus=_y_plus(spec, fields, times[-1], shots[-1], body),
+        steps=steps,
+        seconds=seconds,
+        field_time="all" if loop else "latest",
+        period=loop["period"] if loop else None,
+        loop_mismatch=loop["mismatch"] if loop else None,
+        residuals=residuals or {},
+        mesh=mesh or {},
+    )
+
+
+def _mean_on(fields: CaseFields, shots: Sequence[Snapshot], patch: str) -> float:
+    """Mean kinematic static pressure on a patch, by length and over the snapshots."""
+    chosen = fields.mesh.plane.on(patch)
+    weight = fields.mesh.plane.lengths[chosen]
+    return float(np.mean([np.average(shot.pressure_faces[chosen], weights=weight) for shot in shots]))
+
+
+def _axis_points(spec: FlowSpec) -> tuple[float, float, float]:
+    """x of the first body's middle; where that vertical line meets its front and rear, along the air (m)."""
+    outline = np.array(spec.mesh.bodies[0])
+    middle = float(outline[:, 0].min() + outline[:, 0].max()) / 2
+    start, end = outline, np.roll(outline, -1, axis=0)
+    met = []
+    for (x0, y0), (x1, y1) in zip(start, end, strict=True):
+        if min(x0, x1) <= middle <= max(x0, x1):
+            met += [y0, y1] if x0 == x1 else [y0 + (middle - x0) * (y1 - y0) / (x1 - x0)]
+    along = spec.along * np.array(met)
+    return middle, float(along.min()), float(along.max())
+
+
+def _on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array) -> float:
+    """Value at ``where`` on the nearest boundary edge, linear along it."""
+    start, end = points[edges[:, 0]], points[edges[:, 1]]
+    along = end - start
+    share = np.clip(((where - start) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
+    nearest = int(np.linalg.norm(start + share[:, None] * along - where, axis=1).argmin())
+    a, b = values[edges[nearest]]
+    return float(a + share[nearest] * (b - a))
+
+
+def _coefficients(
+    spec: FlowSpec, folder: Path, verdict: str, begin: float | None
+) -> tuple[Interval, float, float | None, int]:
+    """Cd with its interval, rms of Cl, Strouhal number, number of steps or iterations."""
+    rows = read_table(folder, "forceCoefficients", (CD, CL))
+    if begin is None:
+        recent = rows[-WINDOW:]
+        middle = float(recent[:, 1].mean()) if spec.stepping == "steady" else float(rows[-1, 1])
+        spread = Interval(middle, float(min(recent[:, 1].min(), middle)), float(max(recent[:, 1].max(), middle)))
+        return spread, float(recent[:, 2].std()), None, len(rows)
+    late = _weighted_periods(rows[rows[:, 0] >= begin])
+    if len(late) < 2:
+        late = _weighted_periods(rows)
+    lengths = np.array([length for length, _, _ in late])
+    rms = float(np.sqrt(np.average([square for _, _, square in late], weights=lengths)))
+    frequency = 1 / float(lengths.mean())
+    return (
+        batch_interval([drag for _, drag, _ in late]),
+        rms,
+        frequency * spec.mesh.projected_width / spec.speed,
+        len(rows),
+    )
+
+
+def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
+    """(length, mean Cd, mean square of Cl about its mean) of every whole period; time steps differ, so by trapezoids."""
+    crossings = upward_crossings(rows[:, 0], rows[:, 2])
+    result = []
+    for a, b in zip(crossings[:-1], crossings[1:], strict=True):
+        part = rows[(rows[:, 0] >= a) & (rows[:, 0] <= b)]
+        span = part[-1, 0] - part[0, 0]
+        lift = np.trapezoid(part[:, 2], part[:, 0]) / span
+        square = np.trapezoid((part[:, 2] - lift) ** 2, part[:, 0]) / span
+        result.append((float(b - a), float(np.trapezoid(part[:, 1], part[:, 0]) / span), float(square)))
+    return result
+
+
+def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
+    """Flow rate through the whole channel (m2/s) and (inflow - outflow)/inflow, from the conserved flux where it is stored."""
+    plane = fields.mesh.plane
+    latest = fields.folder("latest")
+
+    def through(patch: str) -> float:
+        chosen = plane.on(patch)
+        if fields.has(latest, "phi"):
+            return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness
+        across = (shots[-1].velocity_faces[chosen] * plane.normals[chosen]).sum(axis=1)
+        return float((across * plane.lengths[chosen]).sum())
+
+    inflow = -through("inlet")
+    return inflow * (2 if spec.mesh.half else 1), (inflow - through("outlet")) / inflow
+
+
+def _y_plus(
+    spec: FlowSpec, fields: CaseFields, time: Path, shot: Snapshot, body: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """Least and largest y+ of the first cells on the bodies: sqrt(nu_eff |u_t| / y) y / nu."""
+    plane = fields.mesh.plane
+    nu = spec.viscosity / spec.density
+    cell, normal = plane.owner[body], plane.normals[body]
+    distance = ((plane.midpoints[body] - plane.centres[cell]) * normal).sum(axis=1)
+    velocity = shot.velocity[cell]
+    along = velocity - (velocity * normal).sum(axis=1, keepdims=True) * normal
+    effective = np.full(len(cell), nu)
+    if fields.has(time, "nut") and spec.turbulence != "laminar":
+        effective += fields.field(time, "nut")[1][body]
+    value = np.sqrt(effective * np.linalg.norm(along, axis=1) / distance) * distance / nu
+    return float(value.min()), float(value.max())
+
+
+def suction_zone(
+    spec: FlowSpec, points: Array, triangles: NDArray[np.intp], cp: Array, velocity: Array, body: NDArray[np.intp]
+) -> Suction:
+    """Extent of the suction zone from node values; triangles are cut along Cp = threshold and at the body's widest place."""
+    outline = np.array(spec.mesh.bodies[0])
+    along = spec.along * outline[:, 1]
+    left, right = outline[:, 0].min(), outline[:, 0].max()
+    size = right - left
+    widest = float(max(s for (x, _), s in zip(outline, along, strict=True) if min(x - left, right - x) < 1e-6 * size))
+    rear = float(along.max())
+    x, s = points[:, 0], spec.along * points[:, 1]
+    inside = _connected((cp < THRESHOLD) & (s >= widest - 1e-6 * size), triangles, body)
+    chosen = triangles[inside[triangles].any(axis=1)]
+    pieces = [_cut(np.column_stack([x[t], s[t], cp[t]]), widest) for t in chosen]
+    pieces = [piece for piece in pieces if len(piece) >= 3]
+    reversal = _reversal(spec, points, triangles, spec.along * velocity[:, 1], rear)
+    if not pieces:
+        return Suction(THRESHOLD, float(cp[s >= widest].min()), 0.0, 0.0, 0.0, reversal)
+    corners = np.vstack(pieces)
+    twice = 2.0 if spec.mesh.half else 1.0
+    across = 2 * corners[:, 0].max() if spec.mesh.half else np.ptp(corners[:, 0])
+    return Suction(
+        threshold=THRESHOLD,
+        cp_min=float(cp[inside].min()),
+        length=max(float(corners[:, 1].max()) - rear, 0.0),
+        width=float(across),
+        area=twice * sum(_area(piece) for piece in pieces),
+        reversal_length=reversal,
+    )
+
+
+def _connected(low: NDArray[np.bool_], triangles: NDArray[np.intp], body: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """The nodes of ``low`` that a chain of mesh edges within ``low`` joins to the body."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    pairs = pairs[low[pairs].all(axis=1)]
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(low), len(low)))
+    _, label = connected_components(graph, directed=False)
+    return low & np.isin(label, label[body[low[body]]])
+
+
+def _cut(corners: Array, widest: float) -> Array:
+    """The part of a triangle, rows (x, s, Cp), with Cp below the threshold and s beyond ``widest``."""
+    for column, sign, level in ((2, 1.0, THRESHOLD), (1, -1.0, widest)):
+        if len(corners) == 0:
+            break
+        level_distance = sign * (corners[:, column] - level)
+        kept = []
+        for i, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
+            da, db = level_distance[i], level_distance[(i + 1) % len(corners)]
+            if da <= 0:
+                kept.append(a)
+            if da * db < 0:
+                kept.append(a + da / (da - db) * (b - a))
+        corners = np.array(kept).reshape(-1, 3)
+    return corners
+
+
+def _area(corners: Array) -> float:
+    x, y = corners[:, 0] - corners[0, 0], corners[:, 1] - corners[0, 1]
+    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+
+
+def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forward: Array, rear: float) -> float:
+    """Distance (m) from the rear to where the velocity along the air on the body's axis turns forward; 0 when it never turns back."""
+    middle, _, _ = _axis_points(spec)
+    x, s = points[:, 0] - middle - 1e-7 * spec.mesh.projected_width, spec.along * points[:, 1]
+    if spec.mesh.half:
+        x = points[:, 0] - 1e-7 * spec.mesh.projected_width
+    pairs = np.unique(
+        np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1), axis=0
+    )
+    pairs = pairs[(x[pairs[:, 0]] * x[pairs[:, 1]] < 0) & (s[pairs].max(axis=1) > rear)]
+    share = x[pairs[:, 0]] / (x[pairs[:, 0]] - x[pairs[:, 1]])
+    place = s[pairs[:, 0]] + share * (s[pairs[:, 1]] - s[pairs[:, 0]])
+    speed = forward[pairs[:, 0]] + share * (forward[pairs[:, 1]] - forward[pairs[:, 0]])
+    order = np.argsort(place)
+    place, speed = place[order] - rear, speed[order]
+    backwards = np.flatnonzero(speed < -1e-6 * spec.speed)
+    if not len(backwards) or place[backwards[0]] > spec.mesh.projected_width:
+        return 0.0
+    turns = np.flatnonzero((speed[:-1] < 0) & (speed[1:] >= 0) & (place[1:] > place[backwards[0]]))
+    if not len(turns):
+        return float(place[-1])
+    i = turns[0]
+    return float(place[i] - speed[i] * (place[i + 1] - place[i]) / (speed[i + 1] - speed[i]))
+
+
+def to_table(result: AirflowResult) -> dict[str, Any]:
+    """The result as JSON-able numbers."""
+    from dataclasses import asdict
+
+    return asdict(result)

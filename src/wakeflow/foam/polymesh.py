@@ -1,0 +1,167 @@
+"""Read ``constant/polyMesh`` of a one-layer case, ascii or binary, into the plane.
+
+Own few lines instead of foamlib's: foamlib 1.7.10 and 1.9.0 misread large binary ``faces``.
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import FoamError
+from ..reconstruction import PlaneMesh
+
+__all__ = ["FoamMesh", "read_polymesh"]
+
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class FoamMesh:
+    """A one-layer OpenFOAM mesh seen as a plane mesh, cells in OpenFOAM's order.
+
+    ``types`` are the patches' types by name; ``slots`` (b,) is each boundary edge's place within its patch; ``thickness`` (m).
+    """
+
+    plane: PlaneMesh
+    types: dict[str, str]
+    slots: Index
+    thickness: float
+
+
+def read_polymesh(case: Path) -> FoamMesh:
+    """The mesh of ``case``. Raises FoamError when there is none, or it is not one layer of cells normal to z."""
+    folder = case / "constant" / "polyMesh"
+    if not any((folder / name).exists() for name in ("boundary", "boundary.gz")):
+        raise FoamError(f"{case} holds no mesh (constant/polyMesh): give the folder of an OpenFOAM case")
+    points = _points(folder)
+    ends, corners = _faces(folder)
+    owner = _labels(folder, "owner")
+    patches = _boundary(folder)
+    flat = np.concatenate(
+        [np.arange(p["start"], p["start"] + p["count"]) for p in patches.values() if p["type"] == "empty"]
+        or [np.zeros(0, int)]
+    )
+    count = int(owner.max()) + 1
+    if len(flat) != 2 * count:
+        raise FoamError(
+            f"{case} is not a two-dimensional case of one layer: {count} cells but {len(flat)} faces on patches of type "
+            "empty (there must be two a cell)"
+        )
+    height = points[:, 2]
+    middle = (height.min() + height.max()) / 2
+    above = height > middle
+    back = np.array([face for face in flat if not above[corners[ends[face] : ends[face + 1]]].any()], dtype=np.intp)
+    if len(back) != count or np.ptp(height[~above]) > 1e-6 * np.ptp(height):
+        raise FoamError(f"{case} is not a layer of cells normal to z: rotate it so that the flow lies in the x-y plane")
+    return _flatten(points, ends, corners, owner, patches, back, above)
+
+
+def _flatten(points, ends, corners, owner, patches, back, above) -> FoamMesh:  # type: ignore[no-untyped-def]
+    renumber = np.full(len(points), -1, dtype=np.intp)
+    renumber[~above] = np.arange(np.count_nonzero(~above))
+    flat = np.ascontiguousarray(points[~above, :2])
+    cells: list[Index] = [np.zeros(0, np.intp)] * len(back)
+    for face in back:
+        cells[owner[face]] = _anticlockwise(flat, renumber[corners[ends[face] : ends[face + 1]]])
+    faces, cell, patch, slots = [], [], [], []
+    names = tuple(name for name, entry in patches.items() if entry["type"] != "empty" and entry["count"])
+    for index, name in enumerate(names):
+        start = patches[name]["start"]
+        for slot in range(patches[name]["count"]):
+            nodes = corners[ends[start + slot] : ends[start + slot + 1]]
+            faces.append(renumber[nodes[~above[nodes]]])
+            cell.append(owner[start + slot])
+            patch.append(index)
+            slots.append(slot)
+    plane = PlaneMesh(
+        points=flat,
+        cells=cells,
+        centres=np.array([_centroid(flat[c]) for c in cells]),
+        faces=np.array(faces, dtype=np.intp),
+        owner=np.array(cell, dtype=np.intp),
+        patch=np.array(patch, dtype=np.intp),
+        patches=names,
+    )
+    types = {name: str(patches[name]["type"]) for name in names}
+    return FoamMesh(plane, types, np.array(slots, dtype=np.intp), float(np.ptp(points[:, 2])))
+
+
+def _anticlockwise(points, cell):  # type: ignore[no-untyped-def]
+    x, y = points[cell].T
+    return cell if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0 else cell[::-1]
+
+
+def _centroid(corner: NDArray[np.float64]) -> NDArray[np.float64]:
+    local = corner - corner[0]
+    x, y = local.T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    return np.asarray(
+        corner[0] + ((local + np.roll(local, -1, axis=0)) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
+    )
+
+
+def _open(folder: Path, name: str) -> tuple[bytes, bool, str]:
+    """Contents after the header, whether they are binary, and the numpy type of a label."""
+    path = folder / name
+    raw = path.read_bytes() if path.exists() else gzip.decompress(path.with_name(name + ".gz").read_bytes())
+    header = re.search(rb"FoamFile\s*\{(.*?)\}", raw, re.S)
+    if header is None:
+        raise FoamError(f"{path} has no FoamFile header")
+    binary = re.search(rb"format\s+binary", header[1]) is not None
+    label = "<i8" if b"label=64" in header[1] else "<i4"
+    return re.sub(rb"^(\s*//[^\n]*\n)*", b"", raw[header.end() :]), binary, label
+
+
+LIST = re.compile(rb"\s*(\d+)\s*\(")
+
+
+def _take(body: bytes, at: int, kind: str, width: int) -> tuple[NDArray[np.generic], int]:
+    """One binary list ``N(...)`` from byte ``at`` on, and where it ends."""
+    match = LIST.match(body, at)
+    if match is None:
+        raise FoamError("a polyMesh file is cut short or not in a known format")
+    count = int(match[1])
+    size = np.dtype(kind).itemsize * width * count
+    return np.frombuffer(body, kind, count * width, match.end()), match.end() + size + 1
+
+
+def _points(folder: Path) -> NDArray[np.float64]:
+    body, binary, _ = _open(folder, "points")
+    if binary:
+        return np.array(_take(body, 0, "<f8", 3)[0], dtype=float).reshape(-1, 3)
+    words = body[body.index(b"(") + 1 : body.rindex(b")")].replace(b"(", b" ").replace(b")", b" ")
+    return np.array(words.split(), dtype=float).reshape(-1, 3)
+
+
+def _labels(folder: Path, name: str) -> Index:
+    body, binary, label = _open(folder, name)
+    if binary:
+        return np.array(_take(body, 0, label, 1)[0], dtype=np.intp)
+    return np.array(body[body.index(b"(") + 1 : body.rindex(b")")].split(), dtype=np.intp)
+
+
+def _faces(folder: Path) -> tuple[Index, Index]:
+    """Offsets (f + 1,) and point numbers of all faces, one after the other."""
+    body, binary, label = _open(folder, "faces")
+    if binary:
+        offsets, at = _take(body, 0, label, 1)
+        return offsets.astype(np.intp), _take(body, at, label, 1)[0].astype(np.intp)
+    faces = re.findall(rb"(\d+)\(([^()]*)\)", body[body.index(b"(") + 1 :])
+    offsets = np.concatenate([[0], np.cumsum([int(count) for count, _ in faces])])
+    return offsets.astype(np.intp), np.array(b" ".join(nodes for _, nodes in faces).split(), dtype=np.intp)
+
+
+def _boundary(folder: Path) -> dict[str, dict]:  # type: ignore[type-arg]
+    body, _, _ = _open(folder, "boundary")
+    text = re.sub(r"//[^\n]*|/\*.*?\*/", "", body.decode(), flags=re.S)
+    patches = {}
+    for name, entry in re.findall(r"([\w.:-]+)\s*\{([^{}]*)\}", text):
+        values = dict(re.findall(r"(\w+)\s+([^;]+);", entry))
+        patches[name] = {"type": values["type"], "count": int(values["nFaces"]), "start": int(values["startFace"])}
+    return patches

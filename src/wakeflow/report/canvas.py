@@ -1,0 +1,177 @@
+"""What the pictures of a run share: colours, figures without a screen, maps on triangles, the body and the air.
+
+Drawn by matplotlib's Agg through its object interface: no screen, no OpenGL, no global state. Lengths are in mm, y up,
+as the scene has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..files import atomic_write
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.tri import Triangulation
+
+    from ..field import FlowField
+    from ..scene import Scene
+
+__all__ = [
+    "BODY",
+    "INK",
+    "MM",
+    "Grid",
+    "Window",
+    "air_arrow",
+    "canvas",
+    "first_outline",
+    "fraction_colours",
+    "frame",
+    "inside",
+    "new_figure",
+    "save",
+    "solids",
+    "text_width",
+    "triangulation",
+]
+
+Array = NDArray[np.float64]
+Window = tuple[float, float, float, float]  # left, right, low, high (m)
+
+# Okabe & Ito (2008), "Color Universal Design": told apart with any kind of colour vision; without its yellow, too pale.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+BODY, INK = "#8a8a8a", "#1a1a1a"
+MM = 1000.0
+DPI = 160
+LETTER = 0.6  # mean width of a letter over the font size
+TALLEST, WIDEST = 6.6, 5.6  # inches of a map
+TICKS = 9  # along x, where the map is as wide as it is high
+
+
+def fraction_colours(names: Sequence[str]) -> dict[str, str]:
+    """One colour a fraction, the same in every picture of a run."""
+    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
+
+
+def text_width(text: str, size: float) -> float:
+    """About how wide a text is (inches) at a font size (points)."""
+    return LETTER * size * len(text) / 72
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure (inches) with its own Agg canvas."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def canvas(window: Window) -> tuple[Figure, Axes, float]:
+    """Figure and axes for a map of a window, and its scale (inches per m)."""
+    across, up = window[1] - window[0], window[3] - window[2]
+    scale = min(TALLEST / up, WIDEST / across)
+    figure = new_figure(max(scale * across, 2.0) + 2.4, scale * up + 1.1)
+    axes = figure.add_subplot()
+    axes.set_aspect("equal")
+    return figure, axes, scale
+
+
+def frame(axes: Axes, window: Window, margin: Mapping[str, float] | None = None) -> None:
+    """Limits: the window, and room (m) beside it for the names of bins."""
+    from matplotlib.ticker import MaxNLocator
+
+    room = margin or {}
+    axes.set_xlim(MM * (window[0] - room.get("left", 0.0)), MM * (window[1] + room.get("right", 0.0)))
+    axes.set_ylim(MM * (window[2] - room.get("floor", 0.0)), MM * (window[3] + room.get("top", 0.0)))
+    axes.set_xlabel("x (mm)")
+    axes.set_ylabel("y (mm)")
+    axes.tick_params(labelsize=8)
+    count = max(2, round(TICKS * (window[1] - window[0]) / (window[3] - window[2])))
+    axes.xaxis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))
+    if margin is not None:
+        axes.spines[:].set_visible(False)
+        for ticks, set_ticks, (low, high) in (
+            (axes.get_xticks(), axes.set_xticks, window[:2]),
+            (axes.get_yticks(), axes.set_yticks, window[2:]),
+        ):
+            set_ticks([t for t in ticks if MM * low - 1e-6 <= t <= MM * high + 1e-6])
+
+
+def solids(axes: Axes, scene: Scene) -> None:
+    """The bodies, at the middle of their motion."""
+    from matplotlib.patches import Polygon
+
+    for body in scene.body.values():
+        axes.add_patch(
+            Polygon(MM * body.outline(), closed=True, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=4)
+        )
+
+
+def air_arrow(axes: Axes, scene: Scene, window: Window) -> None:
+    """Where the air goes, in the upper left corner of the window; nothing in a vacuum."""
+    if scene.air is None:
+        return
+    across, up = window[1] - window[0], window[3] - window[2]
+    x, ends = MM * (window[0] + 0.06 * across), [MM * (window[3] - part * up) for part in (0.02, 0.1)]
+    tail, head = ends if scene.air.direction == "down" else ends[::-1]
+    style = {"arrowstyle": "-|>", "color": INK, "linewidth": 2.0, "mutation_scale": 16}
+    axes.annotate("", xy=(x, head), xytext=(x, tail), zorder=10, arrowprops=style)
+    box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
+    axes.annotate(
+        f"air {scene.air.speed:g} m/s", xy=(x, sum(ends) / 2), xytext=(12, 0), textcoords="offset points", fontsize=8,
+        va="center", zorder=10, bbox=box,
+    )  # fmt: skip
+
+
+def first_outline(scene: Scene) -> Array:
+    """Corners (k, 2) of the first body, m."""
+    return next(iter(scene.body.values())).outline()
+
+
+def triangulation(field: FlowField) -> Triangulation:
+    """The field's mesh in mm."""
+    from matplotlib.tri import Triangulation
+
+    return Triangulation(MM * field.points[:, 0], MM * field.points[:, 1], field.triangles)
+
+
+def inside(points: Array, window: Window) -> NDArray[np.bool_]:
+    """Which points (n, 2) m lie in a window."""
+    x, y = points.T
+    return (x >= window[0]) & (x <= window[1]) & (y >= window[2]) & (y <= window[3])
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Nodal values on a regular grid: x (nx,) and y (ny,) in m, values (ny, nx) masked outside the mesh."""
+
+    x: Array
+    y: Array
+    values: list[Any]
+
+    @classmethod
+    def sample(cls, mesh: Triangulation, window: Window, nodal: Sequence[Array], count: int = 240) -> Grid:
+        """``count`` points along the longer side of the window; linear on each triangle of ``mesh`` (mm)."""
+        from matplotlib.tri import LinearTriInterpolator
+
+        step = max(window[1] - window[0], window[3] - window[2]) / count
+        x = np.linspace(window[0], window[1], max(8, round((window[1] - window[0]) / step)))
+        y = np.linspace(window[2], window[3], max(8, round((window[3] - window[2]) / step)))
+        at = np.meshgrid(MM * x, MM * y)
+        return cls(x, y, [LinearTriInterpolator(mesh, value)(*at) for value in nodal])
+
+
+def save(figure: Figure, path: Path | str) -> None:
+    """Write a PNG that is whole or absent, cut to what is drawn."""
+    with atomic_write(path, "wb") as stream:
+        figure.savefig(stream, format="png", bbox_inches="tight", pad_inches=0.08)

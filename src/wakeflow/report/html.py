@@ -1,0 +1,142 @@
+"""report.html: one file that opens offline, the answer first. Pictures are inlined from the run's figures folder."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..files import atomic_write
+from .tables import NONE, UNKNOWN, budget_sources, error_text, expected, percent, source_seconds, targets
+
+__all__ = ["render", "write_html"]
+
+Result = Mapping[str, Any]
+
+FIGURES = {  # file name: what it shows
+    "pressure": "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
+    "tracks": "Tracks through the channel; bins are the bars.",
+    "landing": "Where the mass of each fraction lands; percent with 95 % interval.",
+}
+AIRFLOW = (  # key, name, unit
+    ("reynolds", "Reynolds number on the body's width", ""),
+    ("cells", "mesh cells", ""),
+    ("cd", "drag coefficient of the body", ""),
+    ("cl_rms", "lift coefficient, root mean square", ""),
+    ("strouhal", "Strouhal number of the shedding", ""),
+    ("cp_base", "base pressure coefficient", ""),
+    ("pressure_drop", "pressure drop of the channel", "Pa"),
+    ("flow_rate", "air flow per metre of depth", "m²/s"),
+)
+SUCTION = (
+    ("cp_min", "suction zone: lowest pressure coefficient", ""),
+    ("length", "suction zone: length downstream of the body", "mm"),
+    ("width", "suction zone: width", "mm"),
+    ("area", "suction zone: area", "cm²"),
+    ("reversal_length", "length of the reversed flow on the axis", "mm"),
+)
+SCALE = {"mm": 1e3, "cm²": 1e4}
+HOW = {
+    "measured": "from this run",
+    "companion": "from a second, finer run",
+    "calibrated": "from earlier runs of this kind",
+    "unknown": "not known",
+}
+
+
+def write_html(folder: Path | str, result: Result) -> Path:
+    """Write ``folder/report.html`` from result.json's dict and the PNG files in ``folder/figures``."""
+    folder = Path(folder)
+    path = folder / "report.html"
+    with atomic_write(path) as stream:
+        stream.write(render(result, _pictures(folder / "figures"), title=folder.resolve().name))
+    return path
+
+
+def render(result: Result, pictures: Mapping[str, str], title: str = "result") -> str:
+    """The page as text; ``pictures``: name to base64 PNG. Raises jinja2.UndefinedError when the result lacks a key."""
+    import tomlkit
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(percent=percent, number=_number, seconds=_seconds)
+    template = environment.get_template("report.html.j2")
+    return template.render(
+        result=result,
+        title=title,
+        separation=result.get("separation"),
+        answers=list(_answers(result)),
+        targets={name: targets(result, name) for name in result["scene"]["fraction"]},
+        expected=lambda place: expected(result, place),
+        pictures=[(name, pictures[name], text) for name, text in FIGURES.items() if name in pictures],
+        airflow=_airflow_rows(result.get("airflow")),
+        budget=result.get("budget") or [],
+        sources=budget_sources(result) if result.get("budget") else [],
+        spent=source_seconds(result) if result.get("budget") else {},
+        error_text=error_text,
+        unknown=UNKNOWN,
+        dash=NONE,
+        how=HOW,
+        scene=tomlkit.dumps(_rounded(result["scene"])),
+    )
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers to 12 digits: the last bits of a unit conversion are noise to a reader."""
+    if isinstance(value, Mapping):
+        return {key: _rounded(member) for key, member in value.items()}
+    if isinstance(value, list):
+        return [_rounded(member) for member in value]
+    return float(f"{value:.12g}") if isinstance(value, float) else value
+
+
+def _pictures(folder: Path) -> dict[str, str]:
+    files = {name: folder / f"{name}.png" for name in FIGURES}
+    return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
+
+
+def _answers(result: Result) -> list[tuple[str, str, tuple[str, ...]]]:
+    """(fraction, recovery in percent, its target bins) for every fraction that has a target."""
+    recovery = (result.get("separation") or {}).get("recovery", {})
+    return [(name, percent(row), targets(result, name)) for name, row in recovery.items() if row is not None]
+
+
+def _airflow_rows(airflow: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
+    """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
+    if airflow is None:
+        return []
+    zone = airflow.get("suction") or {}
+    found = [(name, airflow.get(key), unit) for key, name, unit in AIRFLOW]
+    found += [(name, zone.get(key), unit) for key, name, unit in SUCTION]
+    return [(name, _measured(value, SCALE.get(unit, 1.0)), unit) for name, value, unit in found if value is not None]
+
+
+def _measured(value: Any, scale: float) -> str:
+    if not isinstance(value, Mapping):
+        return _number(value * scale)
+    text = _number(value["value"] * scale)
+    if value["low"] is None or value["high"] is None:
+        return text
+    return f"{text} [{_number(value['low'] * scale)}, {_number(value['high'] * scale)}]"
+
+
+def _number(value: float | None) -> str:
+    """Four significant digits, thousands in full; a dash for None."""
+    if value is None:
+        return NONE
+    if isinstance(value, int) or (value and 1e3 <= abs(value) < 1e7):
+        return f"{value:.0f}"
+    return f"{value:.4g}"
+
+
+def _seconds(value: float | None) -> str:
+    if value is None:
+        return NONE
+    return f"{value:.1f} s" if value < 120 else f"{value / 60:.1f} min"

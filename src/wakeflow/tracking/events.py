@@ -1,0 +1,111 @@
+"""Events on the dense output: where a function of position or velocity first falls below zero within a step.
+
+An event function is one of three kinds about an origin (ox, oy), in the frame of a body that may move (body -1: lab):
+PLANE  q0 + q1 (x - ox) + q2 (y - oy), ROUND  distance - q0, SPEED  q1 vx + q2 vy, SPIN  q0 times the angular speed.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .exponential import along
+from .jit import compiled
+
+__all__ = ["PLANE", "ROUND", "SPEED", "SPIN", "displacement", "first_below", "level"]
+
+PLANE, ROUND, SPEED, SPIN = 0, 1, 2, 3
+
+
+@compiled
+def displacement(bodies, body, t):  # type: ignore[no-untyped-def]
+    """Displacement, velocity and acceleration of a body at time t: harmonic, amplitude sin(omega t + phase)."""
+    ax, ay, omega = bodies[body, 4], bodies[body, 5], bodies[body, 6]
+    if omega == 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    angle = omega * t + bodies[body, 7]
+    s, c = math.sin(angle), omega * math.cos(angle)
+    w = -omega * omega * s
+    return ax * s, ay * s, ax * c, ay * c, ax * w, ay * w
+
+
+@compiled
+def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):  # type: ignore[no-untyped-def]
+    """Value and rate of an event function at time s of the step (no rate for speeds: 0)."""
+    x, y, vx, vy = along(path, s)
+    if body >= 0 and bodies[body, 6] != 0.0:
+        dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
+        x, y, vx, vy = x - dx, y - dy, vx - wx, vy - wy
+    x, y = x - ox, y - oy
+    if kind == PLANE:
+        return q0 + q1 * x + q2 * y, q1 * vx + q2 * vy
+    if kind == ROUND:
+        d = math.sqrt(x * x + y * y)
+        return d - q0, (x * vx + y * vy) / d if d > 0.0 else 0.0
+    if kind == SPEED:
+        return q1 * vx + q2 * vy, 0.0
+    return q0 * (x * vy - y * vx), 0.0
+
+
+@compiled
+def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_high, close):  # type: ignore[no-untyped-def]
+    """Where the function passes from above zero at ``low`` to below at ``high``: Newton kept in the bracket."""
+    s = low + (high - low) * f_low / (f_low - f_high)
+    for _ in range(100):
+        f, rate = level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2)
+        if abs(f) <= close:
+            return s
+        if f > 0.0:
+            low = s
+        else:
+            high = s
+        if high - low <= 4e-16 * high:
+            return high
+        s = s - f / rate if rate != 0.0 else low
+        if not (low < s < high):
+            s = 0.5 * (low + high)
+    return s
+
+
+@compiled
+def _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, r_low, high, r_high):  # type: ignore[no-untyped-def]
+    """The time between ``low`` and ``high`` where the rate changes sign, and the value there (regula falsi, damped)."""
+    scale = 1e-4 * max(abs(r_low), abs(r_high))
+    s, f = low, 0.0
+    for _ in range(40):
+        s = low + (high - low) * min(0.95, max(0.05, r_low / (r_low - r_high)))
+        f, rate = level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2)
+        if abs(rate) <= scale:
+            break
+        if (rate > 0.0) == (r_high > 0.0):
+            high, r_high = s, rate
+        else:
+            low, r_low = s, rate
+    return s, f
+
+
+@compiled
+def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, fb, rb, skin):  # type: ignore[no-untyped-def]
+    """First time in [a, b] at which the function falls below zero; -1.0 if it does not. (f, r): values and rates at both ends.
+
+    At most one turning point inside is looked for, so steps must be short enough to be nearly straight. Within ``skin``
+    of zero at ``a`` it falls at once when it goes down, and may rise and fall again when it goes up.
+    """
+    close = 1e-3 * skin
+    if fa > skin:
+        if fb < 0.0:
+            return _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, b, fb, close)
+        if ra < 0.0 and rb > 0.0:
+            m, fm = _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, ra, b, rb)
+            if fm < 0.0:
+                return _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, m, fm, close)
+        return -1.0
+    if ra < 0.0:
+        return a
+    if fb < 0.0 and fb < fa:
+        if rb >= 0.0:
+            return b
+        m, fm = _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, ra, b, rb)
+        if fm > skin:
+            return _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, m, fm, b, fb, close)
+        return min(b, 2.0 * m - a)
+    return -1.0

@@ -1,0 +1,58 @@
+"""The dense output of an exponential Runge-Kutta step, and the phi functions it is made of.
+
+Within a step  v' = -B v + N(s),  x' = v  with B frozen and N quadratic in s, which integrates to
+
+    v(s) = e^z v0 + s phi1 N0 + s^2 phi2 N1 + 2 s^3 phi3 N2
+    x(s) = x0 + s phi1 v0 + s^2 phi2 N0 + s^3 phi3 N1 + 2 s^4 phi4 N2,   z = -B s.
+
+phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann 2010, Acta
+Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .jit import compiled
+
+__all__ = ["PATH", "along", "phis"]
+
+PATH = 11  # numbers in a path
+
+
+@compiled
+def phis(z):  # type: ignore[no-untyped-def]
+    """e^z and phi_1 .. phi_4 for z <= 0, to round-off for every size of z.
+
+    The series of phi_4 with the downward recurrence near zero, where the upward one cancels; upward elsewhere.
+    """
+    if z <= -1.0:
+        e = math.exp(z)
+        p1 = (e - 1.0) / z
+        p2 = (p1 - 1.0) / z
+        p3 = (p2 - 0.5) / z
+        return e, p1, p2, p3, (p3 - 1.0 / 6.0) / z
+    if z > -0.02:
+        p4 = 1.0 + z / 9.0 * (1.0 + z / 10.0)
+    else:
+        p4 = 1.0 + z / 18.0 * (1.0 + z / 19.0)
+        for k in range(17, 8, -1):
+            p4 = 1.0 + z / k * p4
+    p4 = (1.0 + z / 5.0 * (1.0 + z / 6.0 * (1.0 + z / 7.0 * (1.0 + z / 8.0 * p4)))) / 24.0
+    p3 = 1.0 / 6.0 + z * p4
+    p2 = 0.5 + z * p3
+    p1 = 1.0 + z * p2
+    return 1.0 + z * p1, p1, p2, p3, p4
+
+
+@compiled
+def along(path, s):  # type: ignore[no-untyped-def]
+    """Position and velocity at time ``s`` after the step's start."""
+    e, p1, p2, p3, p4 = phis(-path[4] * s)
+    a, b, c = s * p1, s * s * p2, 2.0 * s * s * s * p3
+    d, f = s * s * s * p3, 2.0 * s * s * s * s * p4
+    x = path[0] + a * path[2] + b * path[5] + d * path[7] + f * path[9]
+    y = path[1] + a * path[3] + b * path[6] + d * path[8] + f * path[10]
+    vx = e * path[2] + a * path[5] + b * path[7] + c * path[9]
+    vy = e * path[3] + a * path[6] + b * path[8] + c * path[10]
+    return x, y, vx, vy

@@ -1,0 +1,49 @@
+"""Where compiled kernels are kept: numba's cache does not notice edits in other files, so its folder is named by a hash.
+
+The hash is over all sources that enter the kernel; any edit there means another folder.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from ..files import cache_root, digest_files
+
+__all__ = ["compiled", "entry"]
+
+HERE = Path(__file__).parent
+OPTIONS = {"nogil": True, "error_model": "numpy"}
+
+
+def _folder() -> Path:
+    """A writable folder for this version of the sources; a temporary one where the cache is not writable."""
+    laws = HERE.parent / "laws" / "collision.py"
+    name = digest_files([*sorted(HERE.glob("*.py")), laws])[:20]
+    folder = cache_root() / "numba" / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except OSError:
+        pass  # a read-only cache costs a compilation a process, nothing else
+    return Path(tempfile.mkdtemp(prefix="wakeflow-numba-"))
+
+
+def compiled(function: Any) -> Any:
+    """A helper of the kernel: compiled into whatever calls it."""
+    return numba.njit(**OPTIONS)(function)
+
+
+def entry(function: Any) -> Any:
+    """The kernel's entry: compiled once per machine and version of the sources, then read from the cache."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(_folder())
+    try:
+        return numba.njit(cache=True, **OPTIONS)(function)
+    finally:
+        numba.config.CACHE_DIR = before

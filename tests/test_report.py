@@ -1,0 +1,586 @@
+"""The report says what it was handed: pictures, VTK files, tables, HTML."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import itertools
+import json
+import sys
+from dataclasses import dataclass, replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wakeflow.geometry import contains
+from wakeflow.report import figures, html, landing, tables, vtk, write_report
+from wakeflow.scene import Scene
+
+INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
+AIRFLOW = {
+    "rung": "draft", "verdict": "steady", "cells": 4321, "reynolds": 16493.0,
+    "cd": {"value": 1.2345, "low": 1.21, "high": 1.26}, "cl_rms": 0.0, "strouhal": None, "cp_base": -0.62,
+    "pressure_drop": 3.14, "flow_rate": 1.5, "p_inlet": INLET,
+    "suction": {"cp_min": -1.93, "length": 0.083, "width": 0.061, "area": 0.0041, "reversal_length": 0.131},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Field:
+    """The arrays of a FlowField: enough for everything that draws or writes one."""
+
+    points: np.ndarray
+    triangles: np.ndarray
+    velocity: np.ndarray
+    pressure: np.ndarray | None
+    times: np.ndarray | None = None
+    density: float = RHO
+    k: np.ndarray | None = None
+
+    def mean(self) -> Field:
+        if self.velocity.ndim == 2:
+            return self
+        pressure = None if self.pressure is None else self.pressure.mean(axis=0)
+        return replace(self, velocity=self.velocity.mean(axis=0), pressure=pressure, times=None)
+
+
+def _field(scene: Scene, step: float = 0.01) -> Field:
+    """Uniform air round the body; Cp = 0.9 in a spot ahead of it, -1.5 in one behind it."""
+    assert scene.air is not None
+    channel, sign = scene.channel, 1.0 if scene.air.direction == "down" else -1.0
+    x = np.linspace(-channel.width / 2, channel.width / 2, round(channel.width / step) + 1)
+    y = np.linspace(channel.bottom, channel.top, round((channel.top - channel.bottom) / step) + 1)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    corner = (np.arange(len(y) - 1)[:, None] * len(x) + np.arange(len(x) - 1)).ravel()
+    quads = np.stack([corner, corner + 1, corner + 1 + len(x), corner + len(x)], axis=1)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    outline = next(iter(scene.body.values())).outline()
+    triangles = triangles[~contains(outline, points[triangles].mean(axis=1))]
+    ahead, behind = sign * 0.05, -sign * 0.07
+    spots = [np.exp(-((points[:, 0] / 0.03) ** 2) - ((points[:, 1] - at) / 0.03) ** 2) for at in (ahead, behind)]
+    dynamic = 0.5 * RHO * scene.air.speed**2
+    velocity = np.tile([0.0, -sign * scene.air.speed], (len(points), 1))
+    return Field(points, triangles, velocity, INLET + dynamic * (0.9 * spots[0] - 1.5 * spots[1]))
+
+
+def _tracks(scene: Scene) -> dict[str, list[dict[str, np.ndarray]]]:
+    tracks: dict[str, list[dict[str, np.ndarray]]] = {}
+    for i, name in enumerate(scene.fraction):
+        tracks[name] = []
+        for side in (-1, 1):
+            time = np.linspace(0.0, 0.2, 11 + i)
+            velocity = np.stack([np.full_like(time, side * (0.1 + 0.1 * i)), -9.81 * time], axis=1)
+            position = np.stack([side * 0.03 + velocity[0, 0] * time, -4.905 * time**2], axis=1)
+            tracks[name].append({"time": time, "position": position, "velocity": velocity})
+    return tracks
+
+
+def _landings(scene: Scene, seed: int = 7) -> dict[str, dict[str, np.ndarray]]:
+    """Some in every bin, some elsewhere, unequal weights; the last fraction lands nowhere."""
+    rng, found = np.random.default_rng(seed), {}
+    for i, name in enumerate(scene.fraction):
+        bins = rng.integers(-1, len(scene.bin), 500) if i < len(scene.fraction) - 1 else np.full(500, -1)
+        x, y = np.full(500, 0.0), np.full(500, scene.channel.top)
+        for j, bin_ in enumerate(scene.bin.values()):
+            here, line = bins == j, bin_.line(scene.channel)
+            part = rng.uniform(0.05, 0.95, int(here.sum()))[:, None]
+            x[here], y[here] = (line[0] + part * (line[-1] - line[0])).T
+        found[name] = {"x": x, "y": y, "weight": rng.uniform(0.5, 1.5, 500), "bin": bins}
+    return found
+
+
+def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
+    """A result whose numbers all differ, so that none can stand in for another; the last fraction lands nowhere."""
+    bins, count = [*scene.bin, "elsewhere"], len(scene.fraction)
+    fractions: dict[str, dict[str, Any]] = {}
+    for i, name in enumerate(scene.fraction):
+        raw = np.arange(1.0, len(bins) + 1) + 0.137 * i
+        shares = raw / raw.sum() if i < count - 1 else np.eye(len(bins))[-1]
+        half = 0.004 + 0.001 * i
+        fractions[name] = {
+            b: {"share": float(s), "low": max(0.0, float(s) - half), "high": min(1.0, float(s) + half)}
+            for b, s in zip(bins, shares, strict=True)
+        }
+    purity: dict[str, Any] = {
+        b: {
+            name: {"value": (i + 1.5 + 0.01 * j) / 10, "low": (i + 1.2) / 10, "high": (i + 1.8) / 10}
+            for i, name in enumerate(scene.fraction)
+        }
+        for j, b in enumerate(bins)
+    }
+    purity[bins[0]] = None  # an empty bin has no purity
+    recovery = {
+        name: {"value": 0.31 + 0.2 * i, "low": 0.3 + 0.2 * i, "high": 0.32 + 0.2 * i} if f.targets else None
+        for i, (name, f) in enumerate(scene.fraction.items())
+    }
+    parts = [
+        {"source": "sampling", "error": 0.0043, "seconds": 1.5, "how": "measured"},
+        {"source": "airflow-model", "error": None, "seconds": 0.0, "how": "unknown"},
+    ]
+    return {
+        "schema": 1,
+        "scene": scene.tables(),
+        "plan": {"used": ["steady airflow"], "left_out": [{"name": "basset-history", "bound": 3.1e-4, "why": "small"},
+                                                          {"name": "brownian", "bound": None, "why": "all < large"}]},
+        "airflow": airflow,
+        "separation": {
+            "bins": bins, "fractions": fractions, "purity": purity, "recovery": recovery,
+            "throughput": {b: 11.5 + i for i, b in enumerate(bins)}, "cut": [],
+        },
+        "fates": {name: {"binned": 480 + i, "escaped": 20 - i} for i, name in enumerate(scene.fraction)},
+        "budget": [
+            {"quantity": f"share.{name}.{bins[0]}", "parts": parts, "total": {"error": None, "seconds": 1.5}}
+            for name in scene.fraction
+        ],
+        "seconds": {"mesh": {"seconds": 1.25, "cached": True}, "tracks": {"seconds": 200.0, "cached": False}},
+        "warnings": ["the curtain is dense"],
+        "versions": {"wakeflow": "0.1.0"},
+    }  # fmt: skip
+
+
+def _outcome(scene: Scene) -> SimpleNamespace:
+    airflow = None if scene.air is None else AIRFLOW
+    return SimpleNamespace(
+        scene=scene, field=None if scene.air is None else _field(scene), airflow=airflow, tracks=_tracks(scene),
+        landings=_landings(scene), result=_result(scene, airflow),
+    )  # fmt: skip
+
+
+@pytest.fixture(params=["rhombus", "prism", "vacuum"])
+def scene(request: pytest.FixtureRequest, cases: Path) -> Scene:
+    return Scene.load(cases / f"{request.param}.toml")
+
+
+@pytest.fixture
+def rhombus(cases: Path) -> Scene:
+    return Scene.load(cases / "rhombus.toml")
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Figures as they are about to be saved."""
+    kept: list[Any] = []
+    for module in (figures, landing):
+        monkeypatch.setattr(module, "save", lambda figure, path: kept.append(figure))
+    return kept
+
+
+def _annotations(figure: Any) -> dict[str, Any]:
+    return {a.get_text(): a for axes in figure.axes for a in axes.texts if a.get_text()}
+
+
+# -- all of it ---------------------------------------------------------------------------------------------------------
+
+
+def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
+    page = write_report(tmp_path, _outcome(scene))
+    names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    always = {"figures/tracks.png", "figures/landing.png", "tracks.vtp", "separation.csv", "budget.csv", "report.html"}
+    assert names == always | ({"field.vtu", "figures/pressure.png"} if scene.air else set())
+    assert page == tmp_path / "report.html"
+    for name in names:
+        if name.endswith(".png"):
+            head = (tmp_path / name).read_bytes()[:8]
+            assert head == b"\x89PNG\r\n\x1a\n"
+
+
+def test_nothing_of_an_earlier_scene_stays(cases: Path, tmp_path: Path) -> None:
+    write_report(tmp_path, _outcome(Scene.load(cases / "rhombus.toml")))
+    (tmp_path / "result.json").write_text("{}")
+    page = write_report(tmp_path, _outcome(Scene.load(cases / "vacuum.toml")))
+    assert not (tmp_path / "field.vtu").exists()
+    assert not (tmp_path / "figures" / "pressure.png").exists()
+    assert (tmp_path / "result.json").exists()
+    assert "computed without air" in page.read_text()
+
+
+def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: Path) -> None:
+    outcome = _outcome(rhombus)
+    outcome.field = replace(outcome.field, pressure=None)
+    write_report(tmp_path, outcome)
+    assert (tmp_path / "figures" / "tracks.png").exists()
+    assert not (tmp_path / "figures" / "pressure.png").exists()
+    with pytest.raises(ValueError, match="pressure"):
+        figures.draw_pressure(tmp_path / "p.png", outcome.field, rhombus, AIRFLOW)
+
+
+# -- pictures ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rhombus", "prism"])
+def test_zones_are_named_where_they_are(name: str, cases: Path, drawn: list[Any]) -> None:
+    scene = Scene.load(cases / f"{name}.toml")
+    assert scene.air is not None
+    figures.draw_pressure("unused", _field(scene), scene, AIRFLOW)
+    told = _annotations(drawn[0])
+    down = 1.0 if scene.air.direction == "down" else -1.0
+    pressing, suction = told["pressing zone"].xy, told["suction zone"].xy
+    assert pressing == pytest.approx((0.0, down * 50.0), abs=12.0)
+    assert suction[0] == pytest.approx(0.0, abs=12.0)
+    assert -110.0 < down * suction[1] < -30.0  # mm
+    title = drawn[0].axes[0].get_title(loc="left")
+    assert all(text in title for text in ("draft", "16493", "1.234 [1.210, 1.260]"))
+
+
+def test_pressure_is_drawn_as_a_coefficient_from_the_inlet(
+    rhombus: Scene, drawn: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from matplotlib.axes import Axes
+
+    seen = []
+    monkeypatch.setattr(Axes, "tricontour", lambda self, mesh, values, **how: seen.append((values, how["levels"])))
+    figures.draw_pressure("unused", _field(rhombus), rhombus, AIRFLOW)
+    values, levels = seen[0]
+    assert levels == [-0.5]
+    assert np.max(values) == pytest.approx(0.9, abs=0.02)
+    assert np.min(values) == pytest.approx(-1.5, abs=0.03)
+    scale = drawn[0].axes[0].collections[0].norm
+    assert scale.vmin == -scale.vmax  # white is no pressure difference
+
+
+def test_the_mean_of_a_field_in_time_is_drawn(rhombus: Scene, drawn: list[Any]) -> None:
+    steady = _field(rhombus)
+    assert steady.pressure is not None
+    swing = np.array([-0.5, 0.0, 0.5])[:, None]
+    moving = replace(
+        steady,
+        velocity=np.stack([steady.velocity] * 3),
+        pressure=steady.pressure + swing * 50.0,
+        times=np.array([0.0, 0.1, 0.2]),
+    )
+    figures.draw_pressure("unused", steady, rhombus, AIRFLOW)
+    figures.draw_pressure("unused", moving, rhombus, AIRFLOW)
+    one, other = (figure.axes[0].collections[0] for figure in drawn)
+    assert np.allclose(one.levels, other.levels)
+    assert drawn[1].axes[0].get_title(loc="left").startswith("Mean")
+
+
+def test_names_in_pictures_do_not_overlap(scene: Scene, drawn: list[Any]) -> None:
+    outcome = _outcome(scene)
+    positions = {name: [t["position"] for t in part] for name, part in outcome.tracks.items()}
+    figures.draw_tracks("unused", outcome.field, scene, positions)
+    figures.draw_landing("unused", scene, outcome.landings, outcome.result["separation"])
+    if scene.air is not None:
+        figures.draw_pressure("unused", outcome.field, scene, AIRFLOW)
+    for figure in drawn:
+        figure.canvas.draw()
+        boxes = [
+            (t.get_text(), t.get_window_extent()) for axes in figure.axes for t in axes.texts if t.get_text().strip()
+        ]
+        assert {*scene.bin} <= {text for text, _ in boxes} or "suction zone" in dict(boxes)
+        for (one, box), (other, against) in itertools.combinations(boxes, 2):
+            assert not box.overlaps(against), f"{one!r} overlaps {other!r}"
+
+
+def test_every_track_and_fraction_is_drawn_in_mm(rhombus: Scene, drawn: list[Any]) -> None:
+    tracks = {name: [t["position"] for t in part] for name, part in _tracks(rhombus).items()}
+    figures.draw_tracks("unused", None, rhombus, {**tracks, "wheat": []})
+    lines = {line.get_label(): line for line in drawn[0].axes[0].lines}
+    xy = lines["chaff"].get_xydata()
+    both = np.concatenate([1000 * track for track in tracks["chaff"]])
+    assert np.allclose(xy[~np.isnan(xy[:, 0])], both)
+    assert np.isnan(xy[len(tracks["chaff"][0])]).all()  # a gap between two tracks
+    assert {t.get_text() for t in drawn[0].axes[0].get_legend().get_texts()} == {"dust", "chaff", "wheat"}
+    assert len({lines[name].get_color() for name in tracks}) == 3
+
+
+def test_histograms_hold_the_mass_of_their_bins(scene: Scene, drawn: list[Any]) -> None:
+    from matplotlib.patches import StepPatch
+
+    landings = _landings(scene)
+    figures.draw_landing("unused", scene, landings)
+    panels = np.array(drawn[0].axes).reshape(len(landings), -1)
+    for row, found in zip(panels, landings.values(), strict=True):
+        steps = [patch for axes in row for patch in axes.patches if isinstance(patch, StepPatch)]
+        data = [patch.get_data() for patch in steps]
+        mass = sum(float(np.sum(d.values * np.diff(d.edges) / 10.0)) for d in data)  # % per cm times mm
+        binned = found["bin"] >= 0
+        assert mass == pytest.approx(100.0 * found["weight"][binned].sum() / found["weight"].sum(), abs=1e-9)
+
+
+def test_shares_in_the_landing_picture_are_the_results(rhombus: Scene, drawn: list[Any]) -> None:
+    result = _result(rhombus, None)
+    figures.draw_landing("unused", rhombus, _landings(rhombus), result["separation"])
+    panels = drawn[0].axes
+    for axes, shares in zip(panels, result["separation"]["fractions"].values(), strict=True):
+        told = {t.get_text() for t in axes.texts}
+        for place, row in shares.items():
+            text = f"{100 * row['share']:.1f}\n± {50 * (row['high'] - row['low']):.1f} %"
+            assert (f"elsewhere\n{text}" if place == "elsewhere" else text) in told
+
+
+def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> None:
+    shelf = [[-0.1, -0.2], [0.0, -0.25], [0.1, -0.25]]
+    scene = rhombus.replace({"bin.shelf.points": shelf})
+    corner = np.array([[0.0, -0.25]])
+    assert landing._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
+    assert landing._arc_length(np.array(shelf), corner + [0.04, 0.0])[0] == pytest.approx(np.hypot(0.1, 0.05) + 0.04)
+    figures.draw_landing("unused", scene, _landings(scene))
+    assert {a.get_xlabel() for a in drawn[0].axes} == {"", "x on the floor (mm)", "along shelf (mm)"}
+    figures.draw_tracks("unused", None, scene, {})
+    assert "shelf" in _annotations(drawn[1])
+
+
+# -- VTK ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_steady_field_reads_back(rhombus: Scene, tmp_path: Path) -> None:
+    import pyvista
+
+    field = _field(rhombus)
+    field = replace(field, k=np.linspace(0.0, 1.0, len(field.points)))
+    path = vtk.write_field(tmp_path, field)
+    grid = pyvista.read(path)
+    assert path.name == "field.vtu"
+    assert grid.points.dtype == np.float64
+    assert np.array_equal(grid.points[:, :2], field.points)
+    assert np.array_equal(grid.cells_dict[pyvista.CellType.TRIANGLE], field.triangles)
+    assert np.array_equal(grid["velocity"][:, :2], field.velocity)
+    assert np.all(grid["velocity"][:, 2] == 0.0)
+    assert np.array_equal(grid["pressure"], field.pressure)
+    assert np.array_equal(grid["k"], field.k)
+    assert b'format="ascii"' not in path.read_bytes()
+
+
+def test_a_field_in_time_reads_back_at_every_time(rhombus: Scene, tmp_path: Path) -> None:
+    import pyvista
+
+    steady = _field(rhombus)
+    factors = np.array([0.5, 1.0, 2.0])
+    assert steady.pressure is not None
+    moving = replace(
+        steady,
+        velocity=factors[:, None, None] * steady.velocity,
+        pressure=factors[:, None] * steady.pressure,
+        times=np.array([0.25, 0.375, 0.5]),
+    )
+    vtk.write_field(tmp_path, steady)
+    path = vtk.write_field(tmp_path, moving)
+    assert not (tmp_path / "field.vtu").exists()
+    reader = pyvista.get_reader(path)
+    assert reader.time_values == [0.25, 0.375, 0.5]
+    for i, time in enumerate(reader.time_values):
+        reader.set_active_time_value(time)
+        assert np.array_equal(reader.read()[0]["velocity"][:, :2], moving.velocity[i])
+    assert vtk.write_field(tmp_path, steady).name == "field.vtu"
+    assert not path.exists()
+    assert not (tmp_path / "field").exists()
+
+
+def test_tracks_read_back_with_their_fraction(rhombus: Scene, tmp_path: Path) -> None:
+    import pyvista
+
+    tracks = _tracks(rhombus)
+    single = {"time": np.array([0.5]), "position": np.array([[0.01, 0.02]]), "velocity": np.array([[3.0, -4.0]])}
+    tracks["chaff"].insert(0, single)
+    tracks["wheat"] = []
+    data = pyvista.read(vtk.write_tracks(tmp_path, tracks))
+    assert list(data.field_data["fraction_names"]) == ["dust", "chaff", "wheat"]
+    assert data.n_verts == 1
+    assert data.n_lines == 4
+    assert list(data.cell_data["fraction"]) == [1, 0, 0, 1, 1]
+    assert data["speed"][0] == 5.0
+    wanted = [single, *tracks["dust"], *tracks["chaff"][1:]]
+    for i, track in enumerate(wanted):
+        cell = data.get_cell(i).point_ids
+        assert np.array_equal(data.points[cell][:, :2], track["position"])
+        assert np.array_equal(data["time"][cell], track["time"])
+        assert np.array_equal(data["velocity"][cell][:, :2], track["velocity"])
+
+
+def test_no_tracks_are_an_empty_file(tmp_path: Path) -> None:
+    import pyvista
+
+    data = pyvista.read(vtk.write_tracks(tmp_path, {"dust": []}))
+    assert data.n_points == 0
+
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("row", "text"),
+    [
+        ({"value": 0.621, "low": 0.613, "high": 0.629}, "62.1 ± 0.8"),
+        ({"share": 0.62144, "low": 0.62104, "high": 0.62184}, "62.14 ± 0.04"),
+        ({"value": 1.0, "low": 0.99998, "high": 1.0}, "100.000 ± 0.001"),
+        ({"value": 0.25, "low": 0.25, "high": 0.25}, "25.0 ± 0.0"),
+        ({"value": 0.5, "low": None, "high": None}, "50.0"),
+        ({"value": None, "low": None, "high": None}, "–"),
+        (None, "–"),
+    ],
+)
+def test_digits_follow_the_interval(row: dict[str, Any] | None, text: str) -> None:
+    assert tables.percent(row) == text
+
+
+def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -> None:
+    result = _result(scene, None)
+    tables.write_separation_csv(tmp_path / "s.csv", result)
+    with (tmp_path / "s.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    separation = result["separation"]
+    assert len(rows) == len(scene.fraction) * len(separation["bins"])
+    for row in rows:
+        name, place = row["fraction"], row["bin"]
+        share = separation["fractions"][name][place]
+        assert float(row["share (%)"]) == pytest.approx(100 * share["share"])
+        assert float(row["share low (%)"]) == pytest.approx(100 * share["low"])
+        assert float(row["share high (%)"]) == pytest.approx(100 * share["high"])
+        assert float(row["bin throughput (kg/h)"]) == separation["throughput"][place]
+        assert row["target"] == ("yes" if place in scene.fraction[name].targets else "no")
+        if place == separation["bins"][0]:
+            assert row["purity (%)"] == ""
+        else:
+            assert float(row["purity (%)"]) == pytest.approx(100 * separation["purity"][place][name]["value"])
+
+
+def test_the_budget_leaves_unknown_errors_empty(rhombus: Scene, tmp_path: Path) -> None:
+    tables.write_budget_csv(tmp_path / "b.csv", _result(rhombus, None))
+    with (tmp_path / "b.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [r["source"] for r in rows[:3]] == ["sampling", "airflow-model", "total"]
+    assert [r["error"] for r in rows[:3]] == ["0.0043", "", ""]
+    assert [r["run time (s)"] for r in rows[:3]] == ["1.5", "0", "1.5"]
+    assert "error" in rows[0]
+    assert "unit of error" in rows[0]
+
+
+def _printed(table: Any, width: int = 200) -> str:
+    from rich.console import Console
+
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(table)
+    return console.export_text()
+
+
+def test_terminal_tables_hold_the_numbers(scene: Scene) -> None:
+    result = _result(scene, None)
+    text = _printed(tables.separation_table(result))
+    for places in result["separation"]["fractions"].values():
+        for row in places.values():
+            assert tables.percent(row) in text
+    assert "11.5" in text
+    budget = _printed(tables.budget_table(result))
+    assert "0.43" in budget  # percentage points
+    assert "unknown" in budget
+
+
+def test_an_empty_budget_prints(rhombus: Scene) -> None:
+    assert "budget" in _printed(tables.budget_table({**_result(rhombus, None), "budget": []}))
+
+
+# -- HTML --------------------------------------------------------------------------------------------------------------
+
+
+class _Page(HTMLParser):
+    """Tables by id as lists of rows of cell texts, picture sources, and all text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tables: dict[str, list[list[str]]] = {}
+        self.sources: list[str] = []
+        self.text, self._table, self._cell = "", "", False
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        if tag == "table":
+            self._table = given["id"] or ""
+            self.tables[self._table] = []
+        elif tag == "tr":
+            self.tables[self._table].append([])
+        elif tag in ("td", "th"):
+            self.tables[self._table][-1].append("")
+            self._cell = True
+        elif tag == "br":
+            self.handle_data(" ")
+        elif tag in ("img", "link", "script"):
+            self.sources.append(given.get("src") or given.get("href") or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("td", "th"):
+            self._cell = False
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if self._cell:
+            self.tables[self._table][-1][-1] += data
+
+
+def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> None:
+    outcome = _outcome(scene)
+    page = _Page(write_report(tmp_path, outcome).read_text())
+    result = outcome.result
+    separation = result["separation"]
+    head, *rows = page.tables["separation"]
+    assert head == ["fraction", *separation["bins"], "recovery"]
+    for row, (name, places) in zip(rows, separation["fractions"].items(), strict=False):
+        shares = [tables.percent(places[b]) for b in separation["bins"]]
+        assert row == [name, *shares, tables.percent(separation["recovery"][name])]
+    assert rows[-1][1:-1] == [f"{v:.4g}" for v in separation["throughput"].values()]
+    assert rows[-2][1] == "–"
+    for name, fraction in scene.fraction.items():
+        wanted = f"{name}: {tables.percent(separation['recovery'][name])} % lands in {' or '.join(fraction.targets)}"
+        assert wanted in page.text
+    if scene.air is not None:
+        air = {row[0]: row[1:] for row in page.tables["airflow"]}
+        assert air["drag coefficient of the body"][0] == "1.234 [1.21, 1.26]"
+        assert air["suction zone: length downstream of the body"] == ["83", "mm"]
+        assert air["suction zone: area"] == ["41", "cm²"]
+        assert "Strouhal number of the shedding" not in air
+    assert page.tables["budget"][1] == [f"share.{next(iter(scene.fraction))}.{separation['bins'][0]}", "0.43",
+                                        "unknown", "unknown"]  # fmt: skip
+    assert page.tables["left-out"][1:] == [["basset-history", "0.00031", "small"], ["brownian", "–", "all < large"]]
+    assert page.tables["fates"][1] == [next(iter(scene.fraction)), "480", "20", "500"]
+    assert [row[:2] for row in page.tables["seconds"][1:]] == [["mesh", "1.2 s"], ["tracks", "3.3 min"]]
+    assert "the curtain is dense" in page.text
+    assert "nan" not in page.text.lower().split()
+
+
+def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
+    text = write_report(tmp_path, _outcome(rhombus)).read_text()
+    page = _Page(text)
+    assert len(page.sources) == 3
+    for source, name in zip(page.sources, ("pressure", "tracks", "landing"), strict=True):
+        prefix, data = source.split(",")
+        assert prefix == "data:image/png;base64"
+        assert base64.b64decode(data) == (tmp_path / "figures" / f"{name}.png").read_bytes()
+    assert "http" not in text
+
+
+def test_names_cannot_break_the_page(rhombus: Scene) -> None:
+    result = json.loads(json.dumps(_result(rhombus, None)).replace("chaff", "<script>x"))
+    text = html.render(result, {})
+    assert "<script" not in text
+    assert _Page(text).tables["separation"][2][0] == "<script>x"
+
+
+def test_a_missing_key_is_an_error_and_not_a_blank(rhombus: Scene) -> None:
+    from jinja2 import UndefinedError
+
+    result = _result(rhombus, None)
+    del result["warnings"]
+    with pytest.raises(UndefinedError, match="warnings"):
+        html.render(result, {})
+
+
+def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
+    result = {k: v for k, v in _result(rhombus, AIRFLOW).items() if k not in ("separation", "budget", "fates")}
+    page = _Page(html.render(result, {}))
+    assert set(page.tables) == {"airflow", "left-out", "seconds"}
+
+
+def test_the_report_loads_nothing_heavy() -> None:
+    from wakeflow.process import capture
+
+    code = "import sys, wakeflow.report, wakeflow.report.tables, wakeflow.report.figures, wakeflow.report.vtk;" + (
+        "print(sorted({'pyvista', 'vtk', 'matplotlib', 'jinja2', 'scipy'} & set(sys.modules)))"
+    )
+    assert capture([sys.executable, "-c", code]) == (0, "[]\n")

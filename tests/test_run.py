@@ -1,0 +1,208 @@
+"""The whole chain on real Gmsh and real OpenFOAM: mass balance, symmetry, cache, resume, failures."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from wakeflow.cli import main
+from wakeflow.scene import Scene
+
+COUNT = 2048
+
+
+@pytest.fixture(scope="session")
+def rhombus(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = Scene.load(Path(__file__).parents[1] / "cases" / "rhombus.toml", {"feed.count": COUNT})
+    return wf.run(scene, tmp_path_factory.mktemp("rhombus"))
+
+
+@pytest.fixture(scope="session")
+def prism(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = Scene.load(Path(__file__).parents[1] / "cases" / "prism.toml", {"feed.count": COUNT})
+    return wf.run(scene, tmp_path_factory.mktemp("prism"))
+
+
+@pytest.fixture(scope="session")
+def vacuum(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = Scene.load(Path(__file__).parents[1] / "cases" / "vacuum.toml", {"feed.count": COUNT})
+    return wf.run(scene, tmp_path_factory.mktemp("vacuum"))
+
+
+def check_contract(result: wf.Result) -> None:
+    table = json.loads((result.folder / "result.json").read_text())
+    assert "NaN" not in json.dumps(table)
+    for key in (
+        "schema",
+        "scene",
+        "plan",
+        "airflow",
+        "separation",
+        "fates",
+        "budget",
+        "seconds",
+        "warnings",
+        "versions",
+    ):
+        assert key in table
+    for name, fates in table["fates"].items():
+        assert sum(fates.values()) == COUNT
+        assert fates["stopped"] == 0
+        shares = table["separation"]["fractions"][name]
+        assert set(shares) == {*table["scene"]["bin"], "elsewhere"}
+        assert sum(row["share"] for row in shares.values()) == pytest.approx(1.0, abs=1e-12)
+        assert all(0 <= row["low"] <= row["share"] <= row["high"] <= 1 for row in shares.values())
+    scene = Scene.parse(table["scene"])
+    assert sum(table["separation"]["throughput"].values()) == pytest.approx(3600 * scene.feed.mass_flow)
+    for row in table["budget"]:
+        assert {part["how"] for part in row["parts"]} <= {"measured", "companion", "calibrated", "unknown"}
+        assert row["total"]["error"] is None  # parts are unknown: no sum is claimed
+    for file in ("separation.csv", "budget.csv", "granules.npz", "report.html", "tracks.vtp"):
+        assert (result.folder / file).stat().st_size > 200, file
+
+
+@pytest.mark.openfoam
+def test_rhombus_gives_a_whole_answer(rhombus: wf.Result) -> None:
+    check_contract(rhombus)
+    airflow = rhombus.table["airflow"]
+    assert airflow["rung"] == "draft"
+    assert 0.8 < airflow["cd"]["value"] < 2.5  # diamonds: 1.2 steady to 2.4 time-resolved in two dimensions
+    assert airflow["cp_base"] < -0.2
+    assert airflow["suction"]["cp_min"] < -0.5
+    assert airflow["pressure_drop"] > 0
+    assert airflow["flow_rate"] == pytest.approx(5.0 * 0.3, rel=1e-3)
+
+
+@pytest.mark.openfoam
+def test_rhombus_separates_dust_from_wheat(rhombus: wf.Result) -> None:
+    """Dust follows the air into the wake, chaff lands beside it, wheat is thrown outwards."""
+    assert rhombus.share("dust", "middle")[0] > rhombus.share("wheat", "middle")[0] + 0.1
+    spread = {}
+    with np.load(rhombus.folder / "granules.npz") as data:
+        names = list(data["names"])
+        for index, name in enumerate(names):
+            spread[name] = np.abs(data["position"][data["fraction"] == index, 0]).mean()
+    assert spread["dust"] < spread["wheat"]
+
+
+@pytest.mark.openfoam
+def test_a_symmetric_scene_separates_symmetrically(rhombus: wf.Result) -> None:
+    for name in rhombus.table["fates"]:
+        for left, right in (("inner-left", "inner-right"), ("outer-left", "outer-right")):
+            a, b = (rhombus.separation["fractions"][name][place] for place in (left, right))
+            half = 0.5 * (a["high"] - a["low"] + b["high"] - b["low"])
+            assert abs(a["share"] - b["share"]) <= 1.5 * half + 2 / COUNT
+
+
+@pytest.mark.openfoam
+def test_prism_in_upward_air_lifts_chaff_and_lets_wheat_fall(prism: wf.Result) -> None:
+    check_contract(prism)
+    assert prism.share("wheat", "through")[0] > 0.99
+    assert prism.share("chaff", "over")[0] > 0.9
+    assert prism.share("dust", "over")[0] > 0.9
+    assert prism.table["airflow"]["pressure_drop"] > 0
+
+
+def test_vacuum_touches_neither_mesh_nor_openfoam(vacuum: wf.Result) -> None:
+    check_contract(vacuum)
+    assert vacuum.table["airflow"] is None
+    assert set(vacuum.table["seconds"]) <= {"tracks", "companion"}
+
+
+def test_vacuum_flight_is_the_papers_parabola(cases: Path, tmp_path: Path) -> None:
+    """No vibration: after one impact at V0 = 1.4 m/s every granule flies  y = x vy/vx - g x^2 / 2 vx^2  to the floor."""
+    tables = Scene.load(cases / "vacuum.toml", {"feed.count": 64, "feed.width": "0.1 mm"}).tables()
+    del tables["vibration"]
+    scene = Scene.parse(tables)
+    result = wf.run(scene, tmp_path)
+    out = wf.impact(np.pi / 4, np.sqrt(2 * 9.81 * (0.1 + 0.0125)), 0.0, 0.5, 0.3)
+    vx, vy = out.velocity
+    with np.load(result.folder / "granules.npz") as data:
+        hard = data["fraction"] == list(data["names"]).index("hard")
+        x, impacts = data["position"][hard, 0], data["impacts"][hard]
+    top = scene.body["prism"].outline()[:, 1].max()
+    start = top - 0.0125 + 1e-3 * np.sqrt(2)  # the centre of a 2 mm granule on the slope
+    fall = start + 0.11
+    time_of_flight = (vy + np.sqrt(vy**2 + 2 * 9.81 * fall)) / 9.81
+    assert np.all(impacts == 1)
+    np.testing.assert_allclose(x, 0.0125 + vx * time_of_flight, atol=4e-4)
+
+
+@pytest.mark.openfoam
+def test_the_second_run_answers_from_the_cache(rhombus: wf.Result) -> None:
+    scene = Scene.parse(rhombus.table["scene"])
+    started = time.monotonic()
+    again = wf.run(scene, rhombus.folder)
+    assert time.monotonic() - started < 8.0
+    assert all(stage["cached"] for stage in again.table["seconds"].values())
+    assert again.table["separation"] == rhombus.table["separation"]
+
+
+@pytest.mark.openfoam
+def test_changing_a_target_keeps_airflow_and_tracks(rhombus: wf.Result, tmp_path: Path) -> None:
+    changed = Scene.parse(rhombus.table["scene"]).replace({"fraction.dust.target": "inner-left", "feed.rate": 0.1})
+    result = wf.run(changed, tmp_path)
+    assert all(stage["cached"] for stage in result.table["seconds"].values())
+
+
+@pytest.mark.openfoam
+def test_pressure_gradient_can_be_switched_off_and_matters_to_chaff(rhombus: wf.Result, tmp_path: Path) -> None:
+    scene = Scene.parse(rhombus.table["scene"])
+    without = wf.run(scene, tmp_path, force={"pressure-gradient": False})
+    assert "pressure-gradient" in [row["name"] for row in without.table["plan"]["left_out"]]
+    moved = {}
+    for name in ("chaff", "wheat"):
+        with np.load(rhombus.folder / "granules.npz") as a, np.load(tmp_path / "granules.npz") as b:
+            rows = a["fraction"] == list(a["names"]).index(name)
+            moved[name] = np.median(np.abs(a["position"][rows, 0] - b["position"][rows, 0])) / scene.width
+    assert moved["chaff"] > moved["wheat"]
+    assert moved["chaff"] > 1e-3
+
+
+def test_until_mesh_stops_there(cases: Path, tmp_path: Path) -> None:
+    assert main(["run", str(cases / "rhombus.toml"), "--until", "mesh", "--out", str(tmp_path), "--quiet"]) == 0
+    table = json.loads((tmp_path / "result.json").read_text())
+    assert list(table["seconds"]) == ["mesh"]
+    assert "separation" not in table
+
+
+def test_missing_openfoam_is_code_3_with_the_cure(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(["run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
+    assert "cases/setup.sh" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "result.json").exists()
+
+
+@pytest.mark.openfoam
+def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: Path) -> None:
+    """Ctrl-C during the airflow: code 130, no result, no child left; the same command finishes from where it was."""
+    command = [
+        sys.executable, "-m", "wakeflow.cli", "run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"),
+        "--set", "feed.count=64", "--until", "airflow", "--set", "air.speed=0.002", "--set", "channel.width=0.2",
+    ]  # fmt: skip
+    env = {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
+    child = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and not list((tmp_path / "cache").glob("airflow/*.part/case/log.simpleFoam")):
+        time.sleep(0.1)
+    child.send_signal(signal.SIGINT)
+    _, errors = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "interrupted" in errors
+    assert not (tmp_path / "out" / "result.json").exists()
+    running = subprocess.run(["pgrep", "-f", str(tmp_path)], capture_output=True, text=True, check=False).stdout
+    assert running.strip() == ""
+    assert subprocess.run(command, env=env, check=False).returncode == 0
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["airflow"]["verdict"] == "steady"
