@@ -106,6 +106,7 @@ def test_a_missing_program_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         ("echo 'Could not find mandatory etc entry'; exit 1", False, "Could not find mandatory etc entry"),
         ("kill -SEGV $$", False, "exit code -11"),
+        ("echo 'Using: OpenFOAM- (1912)'; echo cannot go on; exit 1", False, "cannot go on"),
     ],
 )
 def test_a_program_is_started_and_asked(

@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 Direction = Literal["down", "up"]
 
-# Cell edge over projected body width at the body, its corners, in the near wake and far away. "draft" is meant for the half
-# domain and a steady solution; "standard" for a time-resolved one, whose time step the smallest cells dictate.
+# Cell edge over projected body width at the body, its corners, in the near wake and far away. "draft" is meant for
+# the half domain and a steady solution; "standard" for a time-resolved one, whose time step the smallest cells dictate.
 RESOLUTION = {
-    "draft": {"body": 1 / 40, "corner": 1 / 80, "wake": 1 / 28, "far": 1 / 6, "growth": 0.12},
-    "standard": {"body": 1 / 32, "corner": 1 / 48, "wake": 1 / 22, "far": 1 / 5, "growth": 0.14},
+    "draft": {"body": 1 / 60, "corner": 1 / 160, "wake": 1 / 28, "far": 1 / 6, "growth": 0.12},
+    "standard": {"body": 1 / 40, "corner": 1 / 80, "wake": 1 / 26, "far": 1 / 5, "growth": 0.13},
 }
-UPSTREAM, DOWNSTREAM = 3.0, 16.0  # shortest distance from bodies to inlet and outlet, in projected widths
+UPSTREAM, DOWNSTREAM = 3.0, 8.0  # shortest distance from bodies to inlet and outlet, in projected widths
 MIN_ANGLE = 12.0  # degrees: a smaller one in a 2D cell is refused
 
 
@@ -40,9 +40,9 @@ MIN_ANGLE = 12.0  # degrees: a smaller one in a 2D cell is refused
 class MeshSpec:
     """What to mesh: bodies in a vertical channel centred on x = 0, y up, all lengths in metres.
 
-    ``bodies`` are (k, 2) outlines, counter-clockwise; ``names`` name their patches (``body_NAME``). ``half`` meshes x >= 0
-    only. Cell edges: ``h_body`` along the outlines, ``h_corner`` at their corners, ``h_wake`` downstream of each body
-    over ``wake_length``, ``h_far`` at most; between them the edge grows by ``growth`` metres a metre.
+    ``bodies`` are (k, 2) outlines, counter-clockwise; ``names`` name their patches (``body_NAME``). ``half`` meshes x
+    >= 0 only. Cell edges: ``h_body`` along the outlines, ``h_corner`` at their corners, ``h_wake`` downstream of each
+    body over ``wake_length``, ``h_far`` at most; between them the edge grows by ``growth`` metres a metre.
     """
 
     bodies: tuple[Outline, ...]
@@ -79,8 +79,9 @@ class MeshSpec:
         return ("inlet", "outlet", *sides, *(f"body_{name}" for name in self.names), "front", "back")
 
     def scaled(self, factor: float) -> MeshSpec:
-        """The same spec with every cell edge multiplied by ``factor`` (for grid studies)."""
-        sizes = {name: getattr(self, name) * factor for name in ("h_body", "h_corner", "h_wake", "h_far")}
+        """The same spec with the cell edge multiplied by ``factor`` everywhere, growth included (for grid studies)."""
+        names = ("h_body", "h_corner", "h_wake", "h_far", "growth")
+        sizes = {name: getattr(self, name) * factor for name in names}
         return replace(self, **sizes)
 
 
@@ -113,10 +114,10 @@ def plan_mesh(
 ) -> MeshSpec:
     """Choose cell sizes for a rung; ``scale`` multiplies all of them.
 
-    Sizes follow each rung's table from the narrowest body's projected width, and are reduced where an edge of an outline or a gap
-    to a wall would get fewer than 6 or 8 cells. A channel that ends too near to the bodies (3 widths upstream, 8
-    downstream) is meshed longer than it is: the inlet's uniform air and the outlet's uniform pressure must not touch
-    the wake. The half domain is chosen for a draft when all bodies are symmetric about x = 0.
+    Sizes follow each rung's table from the narrowest body's projected width, and are reduced where an edge of an
+    outline or a gap to a wall would get fewer than 6 or 8 cells. A channel that ends too near to the bodies (3 widths
+    upstream, 8 downstream) is meshed longer than it is: the inlet's uniform air and the outlet's uniform pressure
+    must not touch the wake. The half domain is chosen for a draft when all bodies are symmetric about x = 0.
     Raises SceneError for bodies that touch each other or a wall.
     """
     if rung not in RESOLUTION:
@@ -146,7 +147,7 @@ def plan_mesh(
         h_corner=min(scale * table["corner"] * size, h_body),
         h_wake=scale * min(table["wake"] * size, gap / 5),
         h_far=scale * min(table["far"] * largest, width / 10, gap / 2),
-        growth=table["growth"],
+        growth=scale * table["growth"],
         wake_length=2.5 * largest,
     )
 
@@ -217,7 +218,9 @@ def build_mesh(spec: MeshSpec, folder: Path, *, timeout: float = 300.0) -> MeshR
 
 
 def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str, int]]:
-    """The 2D mesh in a one-layer ``.msh``: points (n, 2) m, cells {"triangle": (m, 3), "quad": (m, 4)}, edges per patch."""
+    """The 2D mesh in a one-layer ``.msh``: points (n, 2) m, cells {"triangle": (m, 3), "quad": (m, 4)}, edges per
+    patch.
+    """
     import contextlib
     import io
 
@@ -284,7 +287,7 @@ def _write_vtu(points: Array, cells: dict[str, NDArray[np.intp]], path: Path) ->
     partial.replace(path)
 
 
-# ---- below: runs only in the child process -----------------------------------------------------------------------------
+# ---- below: runs only in the child process -------------------------------------------------------------------------
 
 
 def _gmsh_in_this_process(argument: dict[str, Any]) -> None:

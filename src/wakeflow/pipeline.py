@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
-from .planning import Plan
+from .planning import Plan, make_plan
 from .resources import case_template
 from .scene import GRAVITY, Scene
 from .separation import Landings
@@ -93,9 +93,9 @@ class Chain:
 
     @cached_property
     def solution(self) -> tuple[str, Path]:
-        """Key and folder of the airflow: ``case`` (OpenFOAM's own files) and airflow.json."""
-        from .foam.airflow import solve_airflow, version
-        from .foam.case import FlowSpec
+        """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from the draft's steady wake."""
+        from .foam import FlowSpec, solve_airflow
+        from .foam.version import version
 
         air, stage = self.scene.air, "airflow"
         assert air is not None
@@ -114,17 +114,26 @@ class Chain:
         key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
 
         def work(part: Path) -> None:
-            measured = solve_airflow(
-                spec, mesh_folder / "mesh.msh", part / "case", listener=lambda now: self.listener(stage, str(now))
+            start = self._draft() if self.plan.rung == "standard" else None
+            solve_airflow(
+                spec,
+                mesh_folder / "mesh.msh",
+                part / "case",
+                start=start,
+                listener=lambda now: self.listener(stage, str(now)),
             )
-            write_json(part / "airflow.json", measured)
 
         return key, self._stage(stage, key, work)
+
+    def _draft(self) -> Path:
+        """The case folder of the same scene's draft airflow."""
+        draft = replace(self, plan=make_plan(self.scene, rung="draft"), seconds={})
+        return draft.solution[1] / "case"
 
     @property
     def airflow(self) -> dict[str, Any]:
         """What was measured on the airflow: the ``airflow`` table of result.json."""
-        table: dict[str, Any] = json.loads((self.solution[1] / "airflow.json").read_text())
+        table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
         return {"rung": self.plan.rung, **table}
 
     @cached_property

@@ -29,8 +29,8 @@ FEWEST = 4  # data points in a linear fit: one more than it needs
 class PlaneMesh:
     """A two-dimensional mesh of polygons and its boundary.
 
-    ``points`` (n, 2) m; ``cells`` m anticlockwise tuples of point numbers; ``centres`` (m, 2) m; ``faces`` (b, 2) end points of
-    every boundary edge, ``owner`` (b,) its cell, ``patch`` (b,) the index of its patch in ``patches``.
+    ``points`` (n, 2) m; ``cells`` m anticlockwise tuples of point numbers; ``centres`` (m, 2) m; ``faces`` (b, 2) end
+    points of every boundary edge, ``owner`` (b,) its cell, ``patch`` (b,) the index of its patch in ``patches``.
     """
 
     points: Array
@@ -65,7 +65,9 @@ class PlaneMesh:
 
 
 def triangulate(points: Array, cells: Sequence[NDArray[np.integer[Any]]]) -> Index:
-    """Triangles (t, 3) of polygons: quadrilaterals along the diagonal that leaves the larger least angle, others as a fan."""
+    """Triangles (t, 3) of polygons: quadrilaterals along the diagonal that leaves the larger least angle, others as a
+    fan.
+    """
     pieces = []
     sizes = np.array([len(cell) for cell in cells])
     for size in np.unique(sizes):
@@ -93,8 +95,8 @@ def _least_angle(corner: Array) -> Array:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Node values on one mesh. ``wall`` and ``slip`` (b,) mark boundary edges with the air at rest relative to the wall, and edges that it
-    slides along (slip walls, symmetry)."""
+    """Node values on one mesh. ``wall`` and ``slip`` (b,) mark boundary edges with the air at rest relative to the
+    wall, and edges that it slides along (slip walls, symmetry)."""
 
     mesh: PlaneMesh
     wall: NDArray[np.bool_]
@@ -114,7 +116,8 @@ class Reconstruction:
         return csr_array((weights, (rows, columns)), shape=(len(mesh.points), len(data)))
 
     def scalar(self, cells: Array, faces: Array, known: NDArray[np.bool_], *, bounded: bool = False) -> Array:
-        """Node values (..., n) of a scalar with cell values (..., m) and boundary-edge values (..., b) used where ``known``.
+        """Node values (..., n) of a scalar with cell values (..., m) and boundary-edge values (..., b) used where
+        ``known``.
 
         ``bounded`` keeps each node within the range of its data, for quantities such as k that must stay positive.
         """
@@ -125,8 +128,8 @@ class Reconstruction:
     def vector(self, cells: Array, faces: Array, known: NDArray[np.bool_]) -> Array:
         """Node values (..., n, 2) of the velocity from cell values (..., m, 2) and boundary-edge values (..., b, 2).
 
-        On walls the nodes take the wall's own velocity exactly (the mean of the adjacent edges, weighted by inverse length); on slip
-        walls and symmetry lines the normal component is removed.
+        On walls the nodes take the wall's own velocity exactly (the mean of the adjacent edges, weighted by inverse
+        length); on slip walls and symmetry lines the normal component is removed.
         """
         operator = self.operator(known & ~self.wall)
         nodes = np.stack([_apply(operator, cells[..., i], faces[..., i]) for i in (0, 1)], axis=-1)
@@ -177,7 +180,9 @@ def _clip(operator: csr_array, cells: Array, faces: Array, nodes: Array) -> Arra
 
 
 def _stencils(mesh: PlaneMesh, known: NDArray[np.bool_]) -> csr_array:
-    """Boolean matrix (n, m + b): data points in the fit of every node; rings are added where a fit would be ill-posed."""
+    """Boolean matrix (n, m + b): data points in the fit of every node; rings are added where a fit would be
+    ill-posed.
+    """
     from scipy.sparse import csr_array, hstack
 
     sizes = np.array([len(cell) for cell in mesh.cells])
@@ -205,7 +210,9 @@ def _stencils(mesh: PlaneMesh, known: NDArray[np.bool_]) -> csr_array:
 
 
 def _padded(points: Array, data: Array, stencil: csr_array) -> tuple[Array, Array, Index, NDArray[np.bool_]]:
-    """Scaled offsets (n, s, 2) of the data from the nodes, weights (n, s), columns (n, s), and which of them are there."""
+    """Scaled offsets (n, s, 2) of the data from the nodes, weights (n, s), columns (n, s), and which of them are
+    there.
+    """
     counts = np.diff(stencil.indptr)
     slot = np.arange(len(stencil.indices)) - np.repeat(stencil.indptr[:-1], counts)
     row = np.repeat(np.arange(len(counts)), counts)

@@ -1,0 +1,24 @@
+"""The only package that knows OpenFOAM: from a mesh to a measured airflow and arrays of it.
+
+Imports happen on first use, so that reading a user's case does not load what solving needs.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_HOMES = {
+    "AirflowResult": "airflow",
+    "solve_airflow": "airflow",
+    "FlowSpec": "case",
+    "Progress": "solve",
+    "read_flow": "read",
+}
+__all__ = ["AirflowResult", "FlowSpec", "Progress", "read_flow", "solve_airflow"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)

@@ -61,8 +61,8 @@ class FlowSpec:
     def parameters(self) -> dict[str, str | float | int]:
         """Everything the template leaves open, by the names in system/parameters.
 
-        Inlet turbulence: k = 3/2 (I U)^2, omega = sqrt(k)/(C_mu^(1/4) l) with l = 0.07 of the channel's width, the usual
-        estimate for fully developed duct flow. The coefficients' area counts the meshed part of the body only, so
+        Inlet turbulence: k = 3/2 (I U)^2, omega = sqrt(k)/(C_mu^(1/4) l) with l = 0.07 of the channel's width, the
+        usual estimate for fully developed duct flow. The coefficients' area counts the meshed part of the body only, so
         that a half domain gives the full body's coefficients.
         """
         k = 1.5 * (self.intensity * self.speed) ** 2
@@ -100,9 +100,8 @@ def write_parameters(folder: Path, values: Mapping[str, str | float | int]) -> N
     text = path.read_text()
     for name, value in values.items():
         words = f"{value:.12g}" if isinstance(value, float) else str(value)
-        text, count = re.subn(
-            rf"^({name}\s+)[^;]*;", lambda match, words=words: f"{match[1]}{words};", text, count=1, flags=re.M
-        )
+        entry = re.compile(rf"^({name}\s+)[^;]*;", re.M)
+        text, count = entry.subn(rf"\g<1>{words};", text, count=1)
         if count != 1:
             raise FoamError(f"the case template has no parameter {name!r} in {path}")
     with atomic_write(path) as stream:

@@ -1,8 +1,9 @@
-"""What a running or finished case measured on the way: force coefficients against time, and what they say about shedding."""
+"""Force coefficients against time, of a running or finished case, and what they say about shedding."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,9 @@ class Interval:
 
 
 def read_table(case: Path, what: str, columns: tuple[int, ...]) -> Array:
-    """Rows (n, 1 + c) of time and ``columns`` of ``postProcessing/WHAT/*/*.dat``, each restart replacing what it computed again."""
+    """Rows (n, 1 + c) of time and ``columns`` of ``postProcessing/WHAT/*/*.dat``, each restart replacing what it
+    computed again.
+    """
     rows = np.zeros((0, 1 + len(columns)))
     folder = case / "postProcessing" / what
     starts = sorted(folder.iterdir(), key=lambda path: float(path.name)) if folder.is_dir() else []
@@ -47,7 +50,7 @@ class Tail:
     def __init__(self, case: Path) -> None:
         self.case = case
         self.rows = read_table(case, "forceCoefficients", (CD, CL)).tolist()
-        self.known = set(self._files())
+        self.known = {path: path.stat().st_mtime_ns for path in self._files()}
         self.path: Path | None = None
         self.at = 0
 
@@ -57,7 +60,8 @@ class Tail:
     def update(self) -> Array:
         """All rows (n, 3) so far."""
         if self.path is None:
-            self.path = next((path for path in self._files() if path not in self.known), None)
+            growing = (path for path in self._files() if path.stat().st_mtime_ns != self.known.get(path))
+            self.path = next(growing, None)
         if self.path is not None:
             with self.path.open("rb") as stream:
                 stream.seek(self.at)
@@ -95,7 +99,8 @@ def upward_crossings(time: Array, signal: Array) -> Array:
 
 
 def is_settled(rows: Array, cycles: int = 3) -> float | None:
-    """The shedding period (s) once the last ``cycles`` cycles of lift repeat: lengths and mean drag within 2 %, lift rms within 5 %.
+    """The shedding period (s) once the last ``cycles`` cycles of lift repeat: lengths and mean drag within 2 %, lift
+    rms within 5 %.
 
     ``rows`` (n, 3): time, Cd, Cl. None while they do not.
     """
@@ -104,7 +109,7 @@ def is_settled(rows: Array, cycles: int = 3) -> float | None:
     if len(crossings) < cycles + 1:
         return None
     lengths = np.diff(crossings)
-    parts = [rows[(rows[:, 0] >= a) & (rows[:, 0] < b)] for a, b in zip(crossings, crossings[1:], strict=False)]
+    parts = [rows[(rows[:, 0] >= a) & (rows[:, 0] < b)] for a, b in pairwise(crossings)]
     drag = np.array([part[:, 1].mean() for part in parts])
     lift = np.array([part[:, 2].std() for part in parts])
     if np.ptp(lengths) > 0.02 * lengths.mean() or np.ptp(drag) > 0.02 * abs(drag.mean()):
@@ -125,7 +130,9 @@ def batch_interval(parts: list[float] | Array) -> Interval:
 
 
 def kind_of(signal: Array, tolerance: float) -> str:
-    """steady | periodic | broadband: range within ``tolerance`` of the mean; autocorrelation above 0.5 again; neither."""
+    """steady | periodic | broadband: range within ``tolerance`` of the mean; autocorrelation above 0.5 again;
+    neither.
+    """
     mean = float(signal.mean())
     if np.ptp(signal) <= tolerance * max(abs(mean), 1e-12):
         return "steady"

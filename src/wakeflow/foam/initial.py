@@ -16,11 +16,12 @@ from .read import CaseFields
 __all__ = ["perturb", "start_from"]
 
 Array = NDArray[np.float64]
-PUSH = 1.0  # of the inlet speed
+PUSH = 1.0  # peak speed of the vortex over the inlet speed
 
 
 def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
-    """Interpolate the latest fields of case ``source`` onto the cells of ``folder``; without a source the flow starts uniform.
+    """Interpolate the latest fields of case ``source`` onto the cells of ``folder``; without a source the flow starts
+    uniform.
 
     A half domain is mirrored about x = 0 first. Linear between cell centres, the nearest cell's value outside them.
     """
@@ -43,14 +44,15 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
 
 
 def perturb(spec: FlowSpec, folder: Path) -> None:
-    """Add a transverse push of U half a width behind the first body, over half a width."""
+    """Add a vortex, free of divergence: peak speed U, radius about half a width, 0.75 widths behind the first body."""
     centres = read_polymesh(folder).plane.centres
     velocity = _read_start(spec, folder, len(centres))
     outline = np.array(spec.mesh.bodies[0])
     size = spec.mesh.projected_width
-    rear = float((spec.along * outline[:, 1]).max()) + 0.5 * size
-    middle = np.array([outline[:, 0].min() + 0.5 * size, spec.along * rear])
-    velocity[:, 0] += PUSH * spec.speed * np.exp(-((centres - middle) ** 2).sum(axis=1) / (0.5 * size) ** 2)
+    rear = float((spec.along * outline[:, 1]).max()) + 0.75 * size
+    offset = (centres - (outline[:, 0].min() + 0.5 * size, spec.along * rear)) / (0.5 * size)
+    swirl = np.exp(0.5 - (offset**2).sum(axis=1)) * np.sqrt(2.0)  # r exp(-r^2) peaks at 1/sqrt(2 e)
+    velocity += PUSH * spec.speed * swirl[:, None] * np.column_stack([-offset[:, 1], offset[:, 0]])
     _write_internal(folder / "0" / "U", velocity)
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .case import FlowSpec
-from .history import CD, CL, Interval, batch_interval, is_settled, read_table, upward_crossings
+from .history import CD, CL, Interval, batch_interval, read_table, upward_crossings
 from .read import CaseFields, Snapshot, loop_of, read_flow
 
 __all__ = ["AirflowResult", "Suction", "measure", "suction_zone"]
@@ -25,8 +25,9 @@ WINDOW = 300  # last iterations of a steady run that its interval covers
 class Suction:
     """The suction zone: Cp < threshold, downstream of the body's widest place, connected to the body.
 
-    ``length`` (m) along the air from the body's rear-most point, ``width`` (m) its extent across the air, ``area`` (m2), both sides
-    counted. ``cp_min`` is its lowest Cp. ``reversal_length`` (m): from the rear, how far the mean air on the body's axis runs backwards.
+    ``length`` (m) along the air from the body's rear-most point, ``width`` (m) its extent across the air, ``area``
+    (m2), both sides counted. ``cp_min`` is its lowest Cp. ``reversal_length`` (m): from the rear, how far the mean
+    air on the body's axis runs backwards.
     """
 
     threshold: float
@@ -39,18 +40,18 @@ class Suction:
 
 @dataclass(frozen=True)
 class AirflowResult:
-    """Measured airflow. Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width; with
-    several bodies Cd and Cl are of all of them together.
+    """Measured airflow. Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width;
+    with several bodies Cd and Cl are of all of them together.
 
-    Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken where
-    the vertical line through the middle of the first body meets its rear and its front. ``pressure_drop`` (Pa): mean static p on the
-    inlet less that on the outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel); ``mass_error``: inflow less outflow
-    over inflow. ``strouhal`` = f D / U, None when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for
-    tracking. ``loop_mismatch``: rms velocity difference between the snapshots at the join of the
-    loop over the rms fluctuation. ``seconds`` of wall time.
+    Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken
+    where the vertical line through the middle of the first body meets its rear and its front. ``pressure_drop`` (Pa):
+    mean static p on the inlet less that on the outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel);
+    ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None when steady. ``field_time`` is the
+    ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity difference between the snapshots
+    at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
 
-    Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the normal
-    Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
+    Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the
+    normal Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
     """
 
     stepping: str
@@ -163,7 +164,7 @@ def _coefficients(
     """Cd with its interval, rms of Cl, Strouhal number, number of steps or iterations."""
     rows = read_table(folder, "forceCoefficients", (CD, CL))
     if begin is None:
-        recent = rows[-WINDOW:]
+        recent = rows[-min(WINDOW, len(rows) // 4) :]
         middle = float(recent[:, 1].mean()) if spec.stepping == "steady" else float(rows[-1, 1])
         spread = Interval(middle, float(min(recent[:, 1].min(), middle)), float(max(recent[:, 1].max(), middle)))
         return spread, float(recent[:, 2].std()), None, len(rows)
@@ -182,10 +183,12 @@ def _coefficients(
 
 
 def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
-    """(length, mean Cd, mean square of Cl about its mean) of every whole period; time steps differ, so by trapezoids."""
+    """(length, mean Cd, mean square of Cl about its mean) of every whole period; time steps differ, so by
+    trapezoids.
+    """
     crossings = upward_crossings(rows[:, 0], rows[:, 2])
     result = []
-    for a, b in zip(crossings[:-1], crossings[1:], strict=True):
+    for a, b in pairwise(crossings):
         part = rows[(rows[:, 0] >= a) & (rows[:, 0] <= b)]
         span = part[-1, 0] - part[0, 0]
         lift = np.trapezoid(part[:, 2], part[:, 0]) / span
@@ -195,7 +198,9 @@ def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
-    """Flow rate through the whole channel (m2/s) and (inflow - outflow)/inflow, from the conserved flux where it is stored."""
+    """Flow rate through the whole channel (m2/s) and (inflow - outflow)/inflow, from the conserved flux where it is
+    stored.
+    """
     plane = fields.mesh.plane
     latest = fields.folder("latest")
 
@@ -230,7 +235,9 @@ def _y_plus(
 def suction_zone(
     spec: FlowSpec, points: Array, triangles: NDArray[np.intp], cp: Array, velocity: Array, body: NDArray[np.intp]
 ) -> Suction:
-    """Extent of the suction zone from node values; triangles are cut along Cp = threshold and at the body's widest place."""
+    """Extent of the suction zone from node values; triangles are cut along Cp = threshold and at the body's widest
+    place.
+    """
     outline = np.array(spec.mesh.bodies[0])
     along = spec.along * outline[:, 1]
     left, right = outline[:, 0].min(), outline[:, 0].max()
@@ -293,7 +300,9 @@ def _area(corners: Array) -> float:
 
 
 def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forward: Array, rear: float) -> float:
-    """Distance (m) from the rear to where the velocity along the air on the body's axis turns forward; 0 when it never turns back."""
+    """Distance (m) from the rear to where the velocity along the air on the body's axis turns forward; 0 when it
+    never turns back.
+    """
     middle, _, _ = _axis_points(spec)
     x, s = points[:, 0] - middle - 1e-7 * spec.mesh.projected_width, spec.along * points[:, 1]
     if spec.mesh.half:
@@ -315,10 +324,3 @@ def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forwar
         return float(place[-1])
     i = turns[0]
     return float(place[i] - speed[i] * (place[i + 1] - place[i]) / (speed[i + 1] - speed[i]))
-
-
-def to_table(result: AirflowResult) -> dict[str, Any]:
-    """The result as JSON-able numbers."""
-    from dataclasses import asdict
-
-    return asdict(result)

@@ -9,6 +9,7 @@ import gzip
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +26,22 @@ Index = NDArray[np.intp]
 class FoamMesh:
     """A one-layer OpenFOAM mesh seen as a plane mesh, cells in OpenFOAM's order.
 
-    ``types`` are the patches' types by name; ``slots`` (b,) is each boundary edge's place within its patch; ``thickness`` (m).
+    ``types`` are the patches' types by name; ``slots`` (b,) is each boundary edge's place within its patch;
+    ``thickness`` (m).
     """
 
     plane: PlaneMesh
     types: dict[str, str]
     slots: Index
     thickness: float
+
+
+class Patch(NamedTuple):
+    """One patch: its type, number of faces and first face."""
+
+    type: str
+    size: int
+    start: int
 
 
 def read_polymesh(case: Path) -> FoamMesh:
@@ -44,14 +54,13 @@ def read_polymesh(case: Path) -> FoamMesh:
     owner = _labels(folder, "owner")
     patches = _boundary(folder)
     flat = np.concatenate(
-        [np.arange(p["start"], p["start"] + p["count"]) for p in patches.values() if p["type"] == "empty"]
-        or [np.zeros(0, int)]
+        [np.arange(p.start, p.start + p.size) for p in patches.values() if p.type == "empty"] or [np.zeros(0, int)]
     )
     count = int(owner.max()) + 1
     if len(flat) != 2 * count:
         raise FoamError(
-            f"{case} is not a two-dimensional case of one layer: {count} cells but {len(flat)} faces on patches of type "
-            "empty (there must be two a cell)"
+            f"{case} is not a two-dimensional case of one layer: {count} cells but {len(flat)} faces on patches of "
+            "type empty (there must be two a cell)"
         )
     height = points[:, 2]
     middle = (height.min() + height.max()) / 2
@@ -62,7 +71,16 @@ def read_polymesh(case: Path) -> FoamMesh:
     return _flatten(points, ends, corners, owner, patches, back, above)
 
 
-def _flatten(points, ends, corners, owner, patches, back, above) -> FoamMesh:  # type: ignore[no-untyped-def]
+def _flatten(
+    points: NDArray[np.float64],
+    ends: Index,
+    corners: Index,
+    owner: Index,
+    patches: dict[str, Patch],
+    back: Index,
+    above: NDArray[np.bool_],
+) -> FoamMesh:
+    """Project onto the plane: ``back`` holds the face of each cell that lies in it, ``above`` the points outside."""
     renumber = np.full(len(points), -1, dtype=np.intp)
     renumber[~above] = np.arange(np.count_nonzero(~above))
     flat = np.ascontiguousarray(points[~above, :2])
@@ -70,10 +88,10 @@ def _flatten(points, ends, corners, owner, patches, back, above) -> FoamMesh:  #
     for face in back:
         cells[owner[face]] = _anticlockwise(flat, renumber[corners[ends[face] : ends[face + 1]]])
     faces, cell, patch, slots = [], [], [], []
-    names = tuple(name for name, entry in patches.items() if entry["type"] != "empty" and entry["count"])
+    names = tuple(name for name, entry in patches.items() if entry.type != "empty" and entry.size)
     for index, name in enumerate(names):
-        start = patches[name]["start"]
-        for slot in range(patches[name]["count"]):
+        start = patches[name].start
+        for slot in range(patches[name].size):
             nodes = corners[ends[start + slot] : ends[start + slot + 1]]
             faces.append(renumber[nodes[~above[nodes]]])
             cell.append(owner[start + slot])
@@ -88,11 +106,11 @@ def _flatten(points, ends, corners, owner, patches, back, above) -> FoamMesh:  #
         patch=np.array(patch, dtype=np.intp),
         patches=names,
     )
-    types = {name: str(patches[name]["type"]) for name in names}
+    types = {name: patches[name].type for name in names}
     return FoamMesh(plane, types, np.array(slots, dtype=np.intp), float(np.ptp(points[:, 2])))
 
 
-def _anticlockwise(points, cell):  # type: ignore[no-untyped-def]
+def _anticlockwise(points: NDArray[np.float64], cell: Index) -> Index:
     x, y = points[cell].T
     return cell if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0 else cell[::-1]
 
@@ -157,11 +175,11 @@ def _faces(folder: Path) -> tuple[Index, Index]:
     return offsets.astype(np.intp), np.array(b" ".join(nodes for _, nodes in faces).split(), dtype=np.intp)
 
 
-def _boundary(folder: Path) -> dict[str, dict]:  # type: ignore[type-arg]
+def _boundary(folder: Path) -> dict[str, Patch]:
     body, _, _ = _open(folder, "boundary")
     text = re.sub(r"//[^\n]*|/\*.*?\*/", "", body.decode(), flags=re.S)
     patches = {}
     for name, entry in re.findall(r"([\w.:-]+)\s*\{([^{}]*)\}", text):
         values = dict(re.findall(r"(\w+)\s+([^;]+);", entry))
-        patches[name] = {"type": values["type"], "count": int(values["nFaces"]), "start": int(values["startFace"])}
+        patches[name] = Patch(values["type"], int(values["nFaces"]), int(values["startFace"]))
     return patches

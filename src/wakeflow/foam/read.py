@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,7 +39,8 @@ def time_folders(case: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One time of a case: velocity (m, 2) m/s at cells and (b, 2) at boundary edges, kinematic static pressure (m2/s2), k, omega (1/s).
+    """One time of a case: velocity (m, 2) m/s at cells and (b, 2) at boundary edges, kinematic static pressure
+    (m2/s2), k, omega (1/s).
 
     ``pressure`` is OpenFOAM's p minus 2k/3, which its linear eddy-viscosity models leave in p.
     """
@@ -123,7 +125,7 @@ class CaseFields:
         from foamlib import FoamFieldFile
 
         entry = FoamFieldFile(folder / "phi").boundary_field[patch]
-        count = np.count_nonzero(self.mesh.plane.on(patch))
+        count = int(np.count_nonzero(self.mesh.plane.on(patch)))
         return np.broadcast_to(np.asarray(entry["value"], dtype=float), (count,))
 
     def snapshot(self, folder: Path, suffix: str = "") -> Snapshot:
@@ -155,14 +157,14 @@ class CaseFields:
     @cached_property
     def eddy_viscosity(self) -> bool:
         """Whether a linear eddy-viscosity model ran, as ``constant/turbulenceProperties`` says (unknown: yes)."""
+        if "turbulence" in self.parameters:
+            return self.parameters["turbulence"] != "laminar"
         path = self.case / "constant" / "turbulenceProperties"
-        return not path.exists() or "turbulence" not in self.parameters or self.parameters["turbulence"] != "laminar"
+        return not path.exists() or re.search(r"^\s*simulationType\s+laminar", path.read_text(), re.M) is None
 
     @cached_property
     def parameters(self) -> dict[str, str]:
         """The parameters of a case written from the template; empty for other cases."""
-        import re
-
         path = self.case / "system" / "parameters"
         return dict(re.findall(r"^(\w+)\s+([^;]*);", path.read_text(), re.M)) if path.exists() else {}
 
@@ -183,12 +185,12 @@ class CaseFields:
 def read_flow(case_dir: Path | str, time: str | float = "latest", density: float = 1.2) -> dict[str, Any]:
     """Keyword arguments for ``FlowField.from_arrays`` from a one-layer OpenFOAM case.
 
-    ``time``: "latest", a time (s), "mean" (OpenFOAM's UMean of the last time, else the mean over the stored times), or "all" (the
-    stored times; a loop of whole shedding periods where the case was made by the time-resolved rung). Pressure is
-    OpenFOAM's kinematic p times ``density`` (kg/m3), in Pa, less 2k/3 where a k field and a linear eddy-viscosity model are
-    present. Node values are second order up to the walls, see :mod:`wakeflow.reconstruction`; k and the dissipation rate
-    stay within the range of their cells. Raises FoamError for a case that is not one layer, decomposed only, or
-    without the asked time.
+    ``time``: "latest", a time (s), "mean" (OpenFOAM's UMean of the last time, else the mean over the stored times),
+    or "all" (the stored times; a loop of whole shedding periods where the case was made by the time-resolved rung).
+    Pressure is OpenFOAM's kinematic p times ``density`` (kg/m3), in Pa, less 2k/3 where a k field and a linear
+    eddy-viscosity model are present. Node values are second order up to the walls, see
+    :mod:`wakeflow.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises FoamError
+    for a case that is not one layer, decomposed only, or without the asked time.
     """
     fields = CaseFields(Path(case_dir))
     loop = loop_of(fields.case)
@@ -229,7 +231,8 @@ def _nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> dict[
     """Node arrays over the snapshots: velocity (t, n, 2), kinematic pressure (t, n), k, dissipation."""
     plane = fields.mesh.plane
     slip = fields.slip(folder)
-    nodes = Reconstruction(plane, fields.wall, slip)
+    wall = fields.wall & ~slip
+    nodes = Reconstruction(plane, wall, slip)
     inlet, outlet = _fixed(fields, folder, "U"), _fixed(fields, folder, "p")
 
     def stack(name: str) -> Array:
@@ -239,7 +242,7 @@ def _nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> dict[
     arrays: dict[str, Any] = {
         "points": plane.points,
         "triangles": triangulate(plane.points, plane.cells),
-        "velocity": nodes.vector(stack("velocity"), stack("velocity_faces"), inlet | fields.wall),
+        "velocity": nodes.vector(stack("velocity"), stack("velocity_faces"), inlet | wall),
         "pressure": nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet),
         "pressure_gradient": None,
         "times": None,
@@ -248,7 +251,7 @@ def _nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> dict[
         "dissipation": None,
     }
     if shots[0].k is not None:
-        arrays["k"] = nodes.scalar(stack("k"), stack("k_faces"), inlet | fields.wall, bounded=True)
+        arrays["k"] = nodes.scalar(stack("k"), stack("k_faces"), inlet | wall, bounded=True)
     if shots[0].dissipation is not None:
         faces = np.zeros((len(shots), len(plane.faces)))
         arrays["dissipation"] = nodes.scalar(stack("dissipation"), faces, none, bounded=True)

@@ -44,6 +44,7 @@ SUCTION_LEVEL = -0.5  # Cp that bounds the suction zone
 PRESSING_LEVEL = 0.3  # a pressing zone is named where Cp rises above this
 UPSTREAM, DOWNSTREAM, ASIDE = 2.2, 5.0, 3.0  # the pressure picture's window from the body's middle, in body widths
 DRAWN = 48  # tracks drawn of a fraction; more only blacken the picture
+PALER = 1.3  # stretch of the colour scale: streamlines stay visible on its darkest used colour
 BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 
 
@@ -54,21 +55,25 @@ def draw_pressure(path: Path | str, field: FlowField, scene: Scene, airflow: Map
     """Filled contours of Cp = (p - p_inlet) / (0.5 rho U^2) with streamlines round the first body; PNG.
 
     ``field``, steady or in time (its mean is drawn), must carry pressure (Pa); rho is its density, U the scene's air
-    speed, p_inlet ``airflow["p_inlet"]`` (Pa). The line Cp = -0.5 bounds the suction zone. Raises
-    ValueError without pressure or air.
+    speed, p_inlet ``airflow["p_inlet"]`` (Pa) or else the mean along the field's inlet end. The line
+    Cp = -0.5 bounds the suction zone. Raises ValueError without pressure or air.
     """
     if field.pressure is None or scene.air is None:
         raise ValueError("the pressure picture needs a field with pressure and a scene with air")
     mean = field.mean()
-    cp = (np.asarray(mean.pressure) - airflow["p_inlet"]) / (0.5 * field.density * scene.air.speed**2)
+    cp = (np.asarray(mean.pressure) - _inlet_pressure(mean, scene, airflow)) / (
+        0.5 * field.density * scene.air.speed**2
+    )
     window = _pressure_window(scene, airflow)
     figure, axes, _ = canvas(window)
     mesh = triangulation(mean)
     levels, limit = _cp_levels(cp[inside(mean.points, window)])
-    filled = axes.tricontourf(mesh, cp, levels=levels, cmap="RdBu_r", vmin=-limit, vmax=limit, extend="both")
+    filled = axes.tricontourf(
+        mesh, cp, levels=levels, cmap=_scale(levels, limit), vmin=-limit, vmax=limit, extend="both"
+    )
     axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.3, linestyles="--")
     grid = Grid.sample(mesh, window, [*mean.velocity.T, cp])
-    density = (1.5 * (window[1] - window[0]) / (window[3] - window[2]), 1.5)
+    density = (2.0 * (window[1] - window[0]) / (window[3] - window[2]), 2.0)
     axes.streamplot(
         MM * grid.x,
         MM * grid.y,
@@ -86,9 +91,24 @@ def draw_pressure(path: Path | str, field: FlowField, scene: Scene, airflow: Map
     bar = figure.colorbar(filled, cax=axes.inset_axes((1.04, 0.1, 0.035, 0.8)))
     bar.set_label(r"$C_p = (p - p_\mathrm{inlet})\;/\;\frac{1}{2}\rho U^2$")
     bar.ax.axhline(SUCTION_LEVEL, color=INK, linewidth=1.3, linestyle="--")
+    bar.set_ticks([t for t in np.arange(-3.0, 2.0, 0.5) if levels[0] <= t <= levels[-1]])
     bar.ax.tick_params(labelsize=8)
     axes.set_title(_airflow_title(airflow, in_time=np.ndim(field.velocity) == 3), fontsize=9, loc="left")
     save(figure, path)
+
+
+def _inlet_pressure(field: FlowField, scene: Scene, airflow: Mapping[str, Any]) -> float:
+    """``p_inlet`` (Pa) where it was measured, else the mean along the field's own inlet: its upper or lower end."""
+    if airflow.get("p_inlet") is not None:
+        return float(airflow["p_inlet"])
+    assert scene.air is not None
+    assert field.pressure is not None
+    y = field.points[:, 1]
+    end = y.max() if scene.air.direction == "down" else y.min()
+    there = np.flatnonzero(np.abs(y - end) <= 1e-9 * np.ptp(y))
+    there = there[np.argsort(field.points[there, 0])]
+    x, p = field.points[there, 0], field.pressure[there]
+    return float(np.trapezoid(p, x) / np.ptp(x)) if len(there) > 1 else float(p.mean())
 
 
 def _airflow_title(airflow: Mapping[str, Any], *, in_time: bool) -> str:
@@ -120,7 +140,16 @@ def _cp_levels(cp: Array) -> tuple[Array, float]:
     low, high = np.percentile(cp, [2.0, 99.8])
     low = float(np.clip(np.floor(4 * low) / 4, -3.0, -0.75))
     high = float(np.clip(np.ceil(4 * high) / 4, 0.5, 1.5))
-    return np.arange(low, high + 1e-9, 0.125), max(-low, high)
+    return np.arange(low, high + 1e-9, 0.125), PALER * max(-low, high)
+
+
+def _scale(levels: Array, limit: float) -> Any:
+    """Blue to white (0) to red up to +-limit; beyond the levels the shade one level further on."""
+    from matplotlib import colormaps
+
+    scale, step = colormaps["RdBu_r"], levels[1] - levels[0]
+    under, over = (scale(0.5 + 0.5 * cp / limit) for cp in (levels[0] - step, levels[-1] + step))
+    return scale.with_extremes(under=under, over=over)
 
 
 def _zones(axes: Axes, grid: Grid, scene: Scene, window: Window) -> None:
@@ -136,10 +165,11 @@ def _zones(axes: Axes, grid: Grid, scene: Scene, window: Window) -> None:
     if np.isfinite(pressed).any():
         i, j = np.unravel_index(np.argmax(pressed), pressed.shape)
         _callout(axes, "pressing zone", (grid.x[j], grid.y[i]), 0.7 * upstream * width, window)
-    sucked = np.argwhere(shade & (cp < SUCTION_LEVEL))
-    if not len(sucked):
-        sucked = np.argwhere(~ahead & (cp < SUCTION_LEVEL))
-    if len(sucked):
+    low = shade & (cp < SUCTION_LEVEL)
+    if not low.any():
+        low = ~ahead & (cp < SUCTION_LEVEL)
+    if low.any():  # its deeper half: in a narrow channel the zone itself may reach far downstream
+        sucked = np.argwhere(low & (cp <= 0.5 * (SUCTION_LEVEL + cp[low].min())))
         i, j = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))]
         _callout(axes, "suction zone", (grid.x[j], grid.y[i]), -0.7 * upstream * width, window)
 

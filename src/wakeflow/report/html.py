@@ -21,13 +21,17 @@ FIGURES = {  # file name: what it shows
 }
 AIRFLOW = (  # key, name, unit
     ("reynolds", "Reynolds number on the body's width", ""),
+    ("turbulence", "turbulence model", ""),
     ("cells", "mesh cells", ""),
     ("cd", "drag coefficient of the body", ""),
     ("cl_rms", "lift coefficient, root mean square", ""),
     ("strouhal", "Strouhal number of the shedding", ""),
+    ("cp_front", "pressure coefficient at the front", ""),
     ("cp_base", "base pressure coefficient", ""),
     ("pressure_drop", "pressure drop of the channel", "Pa"),
     ("flow_rate", "air flow per metre of depth", "m²/s"),
+    ("mass_error", "inflow less outflow, over inflow", ""),
+    ("y_plus", "y+ of the cells at the body", ""),
 )
 SUCTION = (
     ("cp_min", "suction zone: lowest pressure coefficient", ""),
@@ -119,6 +123,10 @@ def _airflow_rows(airflow: Mapping[str, Any] | None) -> list[tuple[str, str, str
 
 
 def _measured(value: Any, scale: float) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list | tuple):
+        return " to ".join(_number(member * scale) for member in value)
     if not isinstance(value, Mapping):
         return _number(value * scale)
     text = _number(value["value"] * scale)

@@ -69,7 +69,7 @@ def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_
 @compiled
 def _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, r_low, high, r_high):  # type: ignore[no-untyped-def]
     """The time between ``low`` and ``high`` where the rate changes sign, and the value there (regula falsi, damped)."""
-    scale = 1e-4 * max(abs(r_low), abs(r_high))
+    scale = 1e-4 * min(abs(r_low), abs(r_high))
     s, f = low, 0.0
     for _ in range(40):
         s = low + (high - low) * min(0.95, max(0.05, r_low / (r_low - r_high)))

@@ -36,7 +36,7 @@ def _folder() -> Path:
 
 def compiled(function: Any) -> Any:
     """A helper of the kernel: compiled into whatever calls it."""
-    return numba.njit(**OPTIONS)(function)
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
 
 
 def entry(function: Any) -> Any:

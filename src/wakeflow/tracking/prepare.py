@@ -1,0 +1,223 @@
+"""From fields, bodies and granules to the plain arrays of the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from ..field import FlowField
+from ..laws.drag import drag_laws, drag_table
+from .granules import Body, Granules
+from .state import CONSTANTS, FLOATS, GAP, INTS, LINE, Air, Walls
+from .state import BORN, FATE, FEATURE, FLYING, SPIN, TRI, VX, VY, T, X, Y
+
+__all__ = ["FORCES", "pack_air", "pack_granules", "pack_lines", "pack_state", "pack_tables", "pack_walls"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+FORCES = ("drag", "gravity", "buoyancy", "pressure-gradient")
+MOST_TABLES = 4096
+
+
+def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index]) -> Walls:
+    """Edges, convex corners and motions of all bodies, one after the other."""
+    edges, edge_links, vertices, vertex_links, rows, members = [], [], [], [], [], []
+    for number, body in enumerate(bodies):
+        start = body.outline[:-1] if body.open else body.outline
+        end = body.outline[1:] if body.open else np.roll(body.outline, -1, axis=0)
+        along = end - start
+        size = np.hypot(along[:, 0], along[:, 1])
+        direction = along / size[:, None]
+        first_edge, first_vertex = len(edges), len(vertices)
+        count = len(start)
+        at_start, at_end = np.full(count, -1), np.full(count, -1)
+        for i in range(len(body.outline)):
+            before, after = (i - 1, i) if body.open else ((i - 1) % count, i)
+            before, after = (before if before >= 0 else -1), (after if after < count else -1)
+            if before >= 0 and after >= 0:
+                (ax, ay), (bx, by) = direction[before], direction[after]
+                if ax * by - ay * bx < -1e-12:  # a corner that turns inwards is never touched
+                    continue
+            place = len(vertices)
+            vertices.append(body.outline[i])
+            vertex_links.append(
+                [number, before + first_edge if before >= 0 else -1, after + first_edge if after >= 0 else -1]
+            )
+            if before >= 0:
+                at_end[before] = place
+            if after >= 0:
+                at_start[after] = place
+        for i in range(count):
+            edges.append([*start[i], *end[i], direction[i, 1], -direction[i, 0], size[i]])
+            edge_links.append([number, at_start[i], at_end[i]])
+        low, high = body.outline.min(axis=0), body.outline.max(axis=0)
+        motion = body.motion
+        swing = [0.0] * 4
+        if motion is not None and motion.frequency > 0 and np.any(np.asarray(motion.amplitude, dtype=float)):
+            swing = [*map(float, motion.amplitude), 2 * np.pi * motion.frequency, motion.phase]
+        own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
+        rows.append([*low, *high, *swing, *own])
+        members.append([first_edge, len(edges), first_vertex, len(vertices), not body.open, body.capture])
+    return Walls(
+        _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3),
+        _floats(rows, 10), _ints(members, 6), *lines,
+    )  # fmt: skip
+
+
+def _floats(rows: Sequence[object], width: int) -> Array:
+    return np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(len(rows), width))
+
+
+def _ints(rows: Sequence[object], width: int) -> Index:
+    return np.ascontiguousarray(np.array(rows, dtype=np.int64).reshape(len(rows), width))
+
+
+def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
+    """Segments (K, 4) of polylines and the polyline each belongs to."""
+    segments, owner = [], []
+    for number, line in enumerate(lines):
+        points = np.asarray(line, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.all(np.isfinite(points)):
+            raise SceneError(f"line {number}: shape {points.shape}, expected at least two finite points (k, 2)")
+        for a, b in zip(points[:-1], points[1:], strict=True):
+            if np.array_equal(a, b):
+                raise SceneError(f"line {number}: two points that follow each other are equal")
+            segments.append([*a, *b])
+            owner.append(number)
+    return _floats(segments, 4), np.array(owner, dtype=np.int64)
+
+
+def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, pressure: bool) -> Air:
+    """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by it."""
+    if field is None:
+        empty = np.zeros((0, 3), dtype=np.int64)
+        return Air(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), np.zeros(0), np.zeros(1), _ints([], 4))
+    first = field.points[field.triangles[:, 0]]
+    geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
+    velocity = field.velocity if field.times is not None else field.velocity[None]
+    values = np.zeros((*velocity.shape[:2], 4))
+    values[..., :2] = velocity
+    if pressure:
+        gradient = field.pressure_gradient
+        if gradient is None:
+            raise SceneError("forces: pressure-gradient needs a field with pressure")
+        values[..., 2:] = gradient
+    neighbours = field.neighbours.copy()
+    covered = _covered(field, neighbours, bodies, reach)
+    times = np.zeros(1) if field.times is None else field.times
+    return Air(
+        np.ascontiguousarray(geometry),
+        np.array(field.triangles),
+        neighbours,
+        values,
+        np.array(times, dtype=np.float64),
+        np.array([field.period or 0.0]),
+        covered,
+    )
+
+
+def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach: float) -> Index:
+    """Covered boundary edges (C, 4) in order along the boundary; marks them in ``neighbours``."""
+    triangle, edge = np.nonzero(neighbours < 0)
+    start = field.triangles[triangle, (edge + 1) % 3]
+    end = field.triangles[triangle, (edge + 2) % 3]
+    nodes, place = np.unique(np.concatenate([start, end]), return_inverse=True)
+    near = np.zeros((len(bodies) + 1, len(nodes)), dtype=bool)
+    for number, body in enumerate(bodies):
+        near[number] = distance_to(body, field.points[nodes]) <= reach
+    both = (near[:, place[: len(start)]] & near[:, place[len(start) :]]).any(axis=0)
+    triangle, edge, start, end = triangle[both], edge[both], start[both], end[both]
+    number = np.arange(len(start))
+    neighbours[triangle, edge] = -2 - number
+    from_node = dict(zip(start.tolist(), number.tolist(), strict=True))
+    to_node = dict(zip(end.tolist(), number.tolist(), strict=True))
+    before = [to_node.get(node, -1) for node in start.tolist()]
+    after = [from_node.get(node, -1) for node in end.tolist()]
+    return _ints(list(zip(triangle.tolist(), edge.tolist(), before, after, strict=True)), 4)
+
+
+def distance_to(body: Body, points: Array) -> Array:
+    """Distance (n,) of points from a body's outline at rest."""
+    start = body.outline[:-1] if body.open else body.outline
+    end = body.outline[1:] if body.open else np.roll(body.outline, -1, axis=0)
+    least = np.full(len(points), np.inf)
+    for a, b in zip(start, end, strict=True):
+        along = b - a
+        w = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
+        least = np.minimum(least, np.linalg.norm(points - a - w[:, None] * along, axis=1))
+    return least
+
+
+def pack_granules(
+    grains: Granules, field: FlowField | None, forces: Sequence[str], gravity: Sequence[float]
+) -> Array:
+    """Constants of every granule (n, CONSTANTS), see ``state``."""
+    rows = np.zeros((len(grains), CONSTANTS))
+    g = np.asarray(gravity, dtype=float)
+    if g.shape != (2,) or not np.all(np.isfinite(g)):
+        raise SceneError(f"gravity = {gravity}, expected two finite numbers in m/s2")
+    pull = np.tile(g if "gravity" in forces else np.zeros(2), (len(grains), 1))
+    if field is not None:
+        if "drag" in forces:
+            rows[:, 0] = grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)
+        rows[:, 1] = (field.density * grains.diameter / field.viscosity) ** 2
+        if "buoyancy" in forces:
+            pull -= (field.density / grains.density)[:, None] * g
+        if "pressure-gradient" in forces:
+            rows[:, 6] = -1.0 / grains.density
+    rows[:, 2] = grains.diameter / 2
+    rows[:, 3], rows[:, 4] = grains.restitution, grains.friction
+    rows[:, 5] = 1.0 / grains.inertia
+    rows[:, 7:9] = pull
+    return rows
+
+
+def pack_tables(law: str, sphericity: Array) -> tuple[Array, Index]:
+    """Tables of the drag law (k, cells, 4), one for every sphericity that occurs, and which one each granule uses."""
+    if not drag_laws[law].uses_sphericity:
+        return drag_table(law)[None], np.zeros(len(sphericity), dtype=np.int64)
+    values, which = np.unique(sphericity, return_inverse=True)
+    if len(values) > MOST_TABLES:
+        raise SceneError(f"granule sphericity: {len(values)} different values, allowed {MOST_TABLES}; round them")
+    if not len(values):
+        values = np.ones(1)
+    return np.stack([drag_table(law, float(value)) for value in values]), which.astype(np.int64)
+
+
+def pack_state(grains: Granules, field: FlowField | None, air: Air, bodies: Sequence[Body], reach: float) -> tuple:  # type: ignore[type-arg]
+    """State arrays at birth; a granule in the room a vibrating body has left begins at the boundary edge it is next to."""
+    floats = np.zeros((len(grains), FLOATS))
+    floats[:, X], floats[:, Y] = grains.position.T
+    floats[:, VX], floats[:, VY] = grains.velocity.T
+    floats[:, SPIN], floats[:, T], floats[:, BORN] = grains.spin, grains.time, grains.time
+    ints = np.zeros((len(grains), INTS), dtype=np.int64)
+    ints[:, [FATE, LINE, FEATURE, GAP, TRI]] = -1
+    ints[:, FATE] = FLYING
+    if field is not None and len(grains):
+        ints[:, TRI] = field.locate(grains.position)
+        outside = np.flatnonzero(ints[:, TRI] < 0)
+        if len(outside) and len(air.covered):
+            ints[outside, GAP] = _nearest_covered(grains.position[outside], field, air, bodies, reach)
+    return floats, ints
+
+
+def _nearest_covered(x: Array, field: FlowField, air: Air, bodies: Sequence[Body], reach: float) -> Index:
+    """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
+    swing = max(
+        (float(np.hypot(*body.motion.amplitude)) for body in bodies if body.motion is not None), default=0.0
+    )
+    triangle, edge = air.covered[:, 0], air.covered[:, 1]
+    a = field.points[field.triangles[triangle, (edge + 1) % 3]]
+    along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a
+    found = np.full(len(x), -1, dtype=np.int64)
+    for low in range(0, len(x), 1024):
+        offset = x[low : low + 1024, None] - a
+        w = np.clip(np.einsum("nci,ci->nc", offset, along) / np.einsum("ci,ci->c", along, along), 0.0, 1.0)
+        distance = np.linalg.norm(offset - w[..., None] * along, axis=2)
+        best = distance.argmin(axis=1)
+        near = distance[np.arange(len(best)), best] <= swing + reach
+        found[low : low + 1024] = np.where(near, best, -1)
+    return found

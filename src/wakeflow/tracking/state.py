@@ -1,0 +1,75 @@
+"""What the compiled kernel is handed, and where things stand in its small state arrays.
+
+One signature only: float64 and int64 arrays, C-contiguous, so that the kernel is compiled once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Air", "Rules", "Walls"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Air(NamedTuple):
+    """The field. Without one, ``corners`` is empty."""
+
+    geometry: Array  # (M, 8) first corner, gradients of the three barycentric coordinates
+    corners: Index  # (M, 3)
+    neighbours: Index  # (M, 3): triangle across edge k; -1 open boundary; -2 - c: covered boundary edge c
+    values: Array  # (T, N, 4) velocity, pressure gradient
+    times: Array  # (T,)
+    period: Array  # (1,) s; 0: does not repeat
+    covered: Index  # (C, 4) triangle, its edge, previous and next covered edge along the boundary (-1: none)
+
+
+class Walls(NamedTuple):
+    """Bodies and lines. The outward normal is on the right of an edge, the solid on its left."""
+
+    edges: Array  # (E, 7) start, end, outward normal, length
+    edge_links: Index  # (E, 3) body, vertex at its start, vertex at its end (-1: none)
+    vertices: Array  # (V, 2) convex corners and free ends
+    vertex_links: Index  # (V, 3) body, edge that ends there, edge that starts there (-1: none)
+    bodies: Array  # (B, 10) box at rest, amplitude, angular frequency, phase, restitution, friction (-1: the granule's)
+    members: Index  # (B, 6) first and last + 1 edge, first and last + 1 vertex, closed, captures
+    lines: Array  # (K, 4)
+    line_ids: Index  # (K,)
+
+
+class Rules(NamedTuple):
+    """Scalars of one call."""
+
+    until: float
+    allowance: float  # position error allowed per metre of path
+    extent: float  # m, scale of a flight
+    length: float  # m, scale of a body
+    skin: float  # m, distances below it are contact
+    tiny: float  # m, bounces lower than this are sliding
+    rest: float  # s, a granule held this long in a repeating field rests
+    steps: int
+    drag: int  # 1: drag acts
+
+
+# Float state of a granule
+X, Y, VX, VY, SPIN, T, T_END, H_ERROR, HELD, BORN = range(10)
+FLOATS = 10
+# Integer state
+TRI, STEPS, IMPACTS, FATE, LINE, CONTACT, FEATURE, GAP, HOPS, STUCK, SNAP_A, SNAP_B, FRESH, BODY, STORED, STRIDE, SEEN = (
+    range(17)
+)
+INTS = 17
+# Constants of a granule
+STOKES, REYNOLDS2, RADIUS, RESTITUTION, FRICTION, MOBILITY, PRESSURE, GX, GY = range(9)
+CONSTANTS = 9
+AFFINE = 28  # x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the same twelve as differences in time
+# Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body
+KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP = range(12)
+CONSTRAINT = 12
+FREE, ON_EDGE, ON_VERTEX = 0, 1, 2
+FLYING = -1
+BINNED, ESCAPED, RESTING, CAPTURED, AIRBORNE, STOPPED = range(6)

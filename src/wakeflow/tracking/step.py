@@ -1,0 +1,140 @@
+"""One exponential step: third order, with an embedded second-order error estimate, and how long it may be.
+
+ETD3RK of Cox & Matthews (2002, J. Comput. Phys. 176, 430) on x' = v, v' = F(t, x, v), with the drag rate B at the step's start as
+linear part: stages at 0, 1/2 and 1, N = F + B v. Exact when N is constant, whatever B: constant forces and drag coefficient,
+and ballistic flight at B = 0. In the stiff limit the step follows x' = u + a / B to third order.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .exponential import phis
+from .jit import compiled
+from .locate import air_at, barycentric
+from .state import KIND, REYNOLDS2, STOKES, VX, VY, X, Y, T
+from .walls import constrain
+
+__all__ = ["attempt", "drag_rate", "exit_time", "free_force"]
+
+# The table of drag factors: constants of laws.drag, checked in tests
+LOG_LOW = -8.0
+LOG_HIGH = 7.0
+PER_HALF_NATURAL_LOG = 0.5 / math.log(10.0) * 96.0
+OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step
+
+
+@compiled
+def drag_rate(grain, table, slip2):  # type: ignore[no-untyped-def]
+    """B = f(Re) / tau (1/s) at a squared slip velocity, from the table of the drag law."""
+    if grain[STOKES] == 0.0:
+        return 0.0
+    re2 = grain[REYNOLDS2] * slip2
+    if re2 <= 1e-16:
+        return grain[STOKES] * table[0, 0]
+    at = PER_HALF_NATURAL_LOG * math.log(re2) - LOG_LOW * 96.0
+    cells = table.shape[0]
+    extra = 1.0
+    if at >= cells:
+        extra = math.sqrt(re2) * 1e-7
+        at = cells - 1e-9
+    i = int(at)
+    w = at - i
+    return grain[STOKES] * extra * (table[i, 0] + w * (table[i, 1] + w * (table[i, 2] + w * table[i, 3])))
+
+
+@compiled
+def free_force(affine, grain, table, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
+    """Acceleration of a granule in free flight, the drag rate, and the air's speed squared."""
+    ux, uy, ax, ay = air_at(affine, x, y, t)
+    sx, sy = ux - vx, uy - vy
+    rate = drag_rate(grain, table, sx * sx + sy * sy)
+    return rate * sx + ax, rate * sy + ay, rate, ux * ux + uy * uy
+
+
+@compiled
+def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
+    """N = F + B0 v at a stage, and the drag rate there."""
+    fx, fy, rate, _ = free_force(affine, grain, table, x, y, vx, vy, t)
+    if hold[KIND] != 0.0:
+        fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
+    return fx + rate0 * vx, fy + rate0 * vy, rate
+
+
+@compiled
+def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no-untyped-def]
+    """Fill in the path's N1, N2 for a step h from the rest of it; returns the estimated position error and the speed^2 at the end.
+
+    Error: the embedded second-order solution's position and velocity differences, the latter carried for min(1/B, horizon);
+    and what a drag rate frozen over a velocity transient that the stages step over may displace.
+    """
+    x, y, vx, vy, rate0 = path[0], path[1], path[2], path[3], path[4]
+    n0x, n0y = path[5], path[6]
+    g = 0.5 * h
+    e, p1, p2, _, _ = phis(-rate0 * g)
+    ax = e * vx + g * p1 * n0x
+    ay = e * vy + g * p1 * n0y
+    n1x, n1y, _ = _excess(
+        affine, grain, table, hold, rate0,
+        x + g * (p1 * vx + g * p2 * n0x), y + g * (p1 * vy + g * p2 * n0y), ax, ay, t + g,
+    )  # fmt: skip
+    e, p1, p2, p3, p4 = phis(-rate0 * h)
+    mx, my = 2.0 * n1x - n0x, 2.0 * n1y - n0y
+    bx = e * vx + h * p1 * mx
+    by = e * vy + h * p1 * my
+    n2x, n2y, rate2 = _excess(
+        affine, grain, table, hold, rate0,
+        x + h * (p1 * vx + h * p2 * mx), y + h * (p1 * vy + h * p2 * my), bx, by, t + h,
+    )  # fmt: skip
+    path[7] = (4.0 * n1x - 3.0 * n0x - n2x) / h
+    path[8] = (4.0 * n1y - 3.0 * n0y - n2y) / h
+    curve_x, curve_y = 2.0 * (n0x - 2.0 * n1x + n2x), 2.0 * (n0y - 2.0 * n1y + n2y)
+    path[9], path[10] = curve_x / (h * h), curve_y / (h * h)
+    size = math.sqrt(curve_x * curve_x + curve_y * curve_y)
+    carried = min(1.0 / rate0, horizon) if rate0 > 0.0 else horizon
+    error = size * (abs(h * (2.0 * p3 - 0.5 * p2)) * carried + abs(h * h * (2.0 * p4 - 0.5 * p3)))
+    vx1 = e * vx + h * (p1 * n0x + h * (p2 * path[7] + 2.0 * h * p3 * path[9]))
+    vy1 = e * vy + h * (p1 * n0y + h * (p2 * path[8] + 2.0 * h * p3 * path[10]))
+    if rate0 > 0.0 and rate2 > 0.0 and rate0 != rate2:
+        z = rate0 * h
+        passed = z / (z + 4.0)
+        change = math.sqrt((vx1 - vx) ** 2 + (vy1 - vy) ** 2)
+        error += change * abs(1.0 / rate0 - 1.0 / rate2) * passed * passed
+    return error, vx1 * vx1 + vy1 * vy1
+
+
+@compiled
+def _nearest_exit(geometry, tri, x, y, wx, wy, least):  # type: ignore[no-untyped-def]
+    """Time to leave the triangle at a constant velocity; inf when never. Coordinates below ``least`` count as it."""
+    time = math.inf
+    for k in range(3):
+        rate = geometry[tri, 2 + 2 * k] * wx + geometry[tri, 3 + 2 * k] * wy
+        if rate < 0.0:
+            time = min(time, max(barycentric(geometry, tri, k, x, y), least) / -rate)
+    return time
+
+
+@compiled
+def exit_time(geometry, tri, path, least):  # type: ignore[no-untyped-def]
+    """Estimated time to leave the triangle, a little too long: straight first, then along the mean velocity till then."""
+    x, y, vx, vy, rate = path[0], path[1], path[2], path[3], path[4]
+    fx, fy = path[5] - rate * vx, path[6] - rate * vy
+    h = _nearest_exit(geometry, tri, x, y, vx, vy, least)
+    accel = math.sqrt(fx * fx + fy * fy)
+    if accel > 0.0:  # by acceleration alone, across a triangle's size
+        det = abs(geometry[tri, 4] * geometry[tri, 7] - geometry[tri, 5] * geometry[tri, 6])
+        across = math.sqrt(2.0 / (accel * math.sqrt(det)))
+        if rate * across > 1.0:  # drag lets nothing accelerate that long
+            speed = math.sqrt(path[5] ** 2 + path[6] ** 2) / rate
+            across = max(across, 1.0 / (math.sqrt(det) * speed) if speed > 0.0 else across)
+        h = min(h, across)
+    if not math.isfinite(h):
+        return h
+    for _ in range(2):
+        _, p1, p2, _, _ = phis(-rate * h)
+        wx, wy = p1 * vx + h * p2 * path[5], p1 * vy + h * p2 * path[6]
+        onward = _nearest_exit(geometry, tri, x, y, wx, wy, least)
+        if not math.isfinite(onward):
+            return 2.0 * h
+        h = min(max(onward, 0.1 * h), 10.0 * h)
+    return OVERSHOOT * h

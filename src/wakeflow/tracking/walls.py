@@ -1,0 +1,280 @@
+"""Bodies: first contact of a granule's surface with the outline on the dense output, and the constraint while it slides.
+
+A granule of radius r touches where its centre meets the outline offset by r: edges shifted outward, circles about convex
+corners. Everything is done in the frame of the body, which may vibrate.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .events import PLANE, ROUND, displacement, first_below
+from .exponential import along
+from .jit import compiled
+from .state import (
+    ARM, CONTACT, FEATURE, KIND, MU, NX, NY, ON_EDGE, ON_VERTEX, OX, OY, SIGN, WP, WW, WX, WY,
+)  # fmt: skip
+
+__all__ = ["constrain", "crossing", "first_contact", "grasp", "inside", "overlap"]
+
+TURN = 0.4  # rad of a body's vibration looked at in one piece
+
+
+@compiled
+def _overlaps(lo, hi, a, b, margin):  # type: ignore[no-untyped-def]
+    return lo - margin <= b and hi + margin >= a
+
+
+@compiled
+def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):  # type: ignore[no-untyped-def]
+    """First contact with edge e within [sa, sb], or -1.0. q: position and velocity at both ends in the body's frame."""
+    edges = walls.edges
+    px, py, nx, ny, size = edges[e, 0], edges[e, 1], edges[e, 4], edges[e, 5], edges[e, 6]
+    fa = nx * (qa[0] - px) + ny * (qa[1] - py) - r
+    fb = nx * (qb[0] - px) + ny * (qb[1] - py) - r
+    ra, rb = nx * qa[2] + ny * qa[3], nx * qb[2] + ny * qb[3]
+    if fa < -(r + skin) or (fb > 0.0 and fa > skin and not (ra < 0.0 and rb > 0.0)):
+        return -1.0
+    if not _overlaps(hull[0], hull[1], min(px, edges[e, 2]), max(px, edges[e, 2]), 1.01 * r + skin):
+        return -1.0
+    if not _overlaps(hull[2], hull[3], min(py, edges[e, 3]), max(py, edges[e, 3]), 1.01 * r + skin):
+        return -1.0
+    body = walls.edge_links[e, 0]
+    s = first_below(path, t0, walls.bodies, body, PLANE, px, py, -r, nx, ny, sa, fa, ra, sb, fb, rb, skin)
+    if s < 0.0:
+        return -1.0
+    x, y, _, _ = along(path, s)
+    dx, dy, _, _, _, _ = displacement(walls.bodies, body, t0 + s)
+    foot = -ny * (x - dx - px) + nx * (y - dy - py)
+    return s if 0.0 <= foot <= size else -1.0
+
+
+@compiled
+def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):  # type: ignore[no-untyped-def]
+    """First contact with the circle about vertex v within [sa, sb], or -1.0."""
+    px, py = walls.vertices[v, 0], walls.vertices[v, 1]
+    margin = 1.01 * r + skin
+    if not (_overlaps(hull[0], hull[1], px, px, margin) and _overlaps(hull[2], hull[3], py, py, margin)):
+        return -1.0
+    ax, ay, bx, by = qa[0] - px, qa[1] - py, qb[0] - px, qb[1] - py
+    da, db = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
+    if da == 0.0 or db == 0.0:
+        return -1.0
+    ra, rb = (ax * qa[2] + ay * qa[3]) / da, (bx * qb[2] + by * qb[3]) / db
+    body = walls.vertex_links[v, 0]
+    return first_below(
+        path, t0, walls.bodies, body, ROUND, px, py, r, 0.0, 0.0, sa, da - r, ra, sb, db - r, rb, skin
+    )  # fmt: skip
+
+
+@compiled
+def _seen_from(path, s, t0, bodies, body):  # type: ignore[no-untyped-def]
+    x, y, vx, vy = along(path, s)
+    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
+    return x - dx, y - dy, vx - wx, vy - wy
+
+
+@compiled
+def _hull(qa, qb, span):  # type: ignore[no-untyped-def]
+    """Box of the four Bezier points of the cubic with these ends, grown by a tenth: holds the path."""
+    third = span / 3.0
+    x1, x2 = qa[0] + third * qa[2], qb[0] - third * qb[2]
+    y1, y2 = qa[1] + third * qa[3], qb[1] - third * qb[3]
+    xl, xh = min(qa[0], qb[0], x1, x2), max(qa[0], qb[0], x1, x2)
+    yl, yh = min(qa[1], qb[1], y1, y2), max(qa[1], qb[1], y1, y2)
+    gx, gy = 0.1 * (xh - xl), 0.1 * (yh - yl)
+    return xl - gx, xh + gx, yl - gy, yh + gy
+
+
+@compiled
+def first_contact(path, span, t0, r, skin, walls, ints):  # type: ignore[no-untyped-def]
+    """First contact within the step: (time, ON_EDGE or ON_VERTEX, which); time -1.0 for none.
+
+    The feature the granule slides on, and those it is joined to, are left out.
+    """
+    bodies, members = walls.bodies, walls.members
+    best, kind, which = -1.0, 0, -1
+    edge_a, edge_b, vertex_a, vertex_b = -1, -1, -1, -1
+    if ints[CONTACT] == ON_EDGE:
+        edge_a = ints[FEATURE]
+        vertex_a, vertex_b = walls.edge_links[edge_a, 1], walls.edge_links[edge_a, 2]
+    elif ints[CONTACT] == ON_VERTEX:
+        vertex_a = ints[FEATURE]
+        edge_a, edge_b = walls.vertex_links[vertex_a, 1], walls.vertex_links[vertex_a, 2]
+    start, end = along(path, 0.0), along(path, span)
+    whole = _hull(start, end, span)
+    for body in range(bodies.shape[0]):
+        ax, ay, omega = abs(bodies[body, 4]), abs(bodies[body, 5]), bodies[body, 6]
+        margin = 1.01 * r + skin
+        if not (
+            _overlaps(whole[0], whole[1], bodies[body, 0] - ax, bodies[body, 2] + ax, margin)
+            and _overlaps(whole[2], whole[3], bodies[body, 1] - ay, bodies[body, 3] + ay, margin)
+        ):
+            continue
+        pieces = 1 if omega == 0.0 else min(100000, 1 + int(omega * span / TURN))
+        qa = _seen_from(path, 0.0, t0, bodies, body)
+        for piece in range(pieces):
+            sa, sb = span * piece / pieces, span * (piece + 1) / pieces
+            if best >= 0.0 and sa > best:
+                break
+            qb = _seen_from(path, sb, t0, bodies, body)
+            hull = _hull(qa, qb, sb - sa)
+            found = -1.0
+            if _overlaps(hull[0], hull[1], bodies[body, 0], bodies[body, 2], margin) and _overlaps(
+                hull[2], hull[3], bodies[body, 1], bodies[body, 3], margin
+            ):
+                for e in range(members[body, 0], members[body, 1]):
+                    if e != edge_a and e != edge_b:
+                        s = _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull)
+                        if s >= 0.0 and (found < 0.0 or s < found):
+                            found = s
+                            if best < 0.0 or s < best:
+                                best, kind, which = s, ON_EDGE, e
+                for v in range(members[body, 2], members[body, 3]):
+                    if v != vertex_a and v != vertex_b:
+                        s = _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull)
+                        if s >= 0.0 and (found < 0.0 or s < found):
+                            found = s
+                            if best < 0.0 or s < best:
+                                best, kind, which = s, ON_VERTEX, v
+            if found >= 0.0:
+                break
+            qa = qb
+    return best, kind, which
+
+
+@compiled
+def crossing(path, span, lines, line_ids, skin):  # type: ignore[no-untyped-def]
+    """First crossing of a line by the granule's centre within the step: (time, line id); time -1.0 for none."""
+    best, which = -1.0, -1
+    if lines.shape[0] == 0:
+        return best, which
+    start, end = along(path, 0.0), along(path, span)
+    hull = _hull(start, end, span)
+    for i in range(lines.shape[0]):
+        x0, y0, x1, y1 = lines[i, 0], lines[i, 1], lines[i, 2], lines[i, 3]
+        if not (
+            _overlaps(hull[0], hull[1], min(x0, x1), max(x0, x1), skin)
+            and _overlaps(hull[2], hull[3], min(y0, y1), max(y0, y1), skin)
+        ):
+            continue
+        ex, ey = x1 - x0, y1 - y0
+        size = math.sqrt(ex * ex + ey * ey)
+        nx, ny = ey / size, -ex / size
+        fa = nx * (start[0] - x0) + ny * (start[1] - y0)
+        if fa < 0.0:
+            nx, ny, fa = -nx, -ny, -fa
+        if fa == 0.0:  # born on the line
+            continue
+        fb = nx * (end[0] - x0) + ny * (end[1] - y0)
+        ra, rb = nx * start[2] + ny * start[3], nx * end[2] + ny * end[3]
+        s = span
+        if fb != 0.0:
+            s = first_below(path, 0.0, lines, -1, PLANE, x0, y0, 0.0, nx, ny, 0.0, fa, ra, span, fb, rb, 1e-6 * skin)
+        if s < 0.0 or (best >= 0.0 and s >= best):
+            continue
+        x, y, _, _ = along(path, s)
+        foot = ((x - x0) * ex + (y - y0) * ey) / size
+        if -skin <= foot <= size + skin:
+            best, which = s, line_ids[i]
+    return best, which
+
+
+@compiled
+def inside(walls, body, x, y):  # type: ignore[no-untyped-def]
+    """Whether a point (body frame) lies inside a closed body (even-odd rule), and the edge nearest to it."""
+    bodies, edges = walls.bodies, walls.edges
+    if walls.members[body, 4] == 0 or not (
+        bodies[body, 0] < x < bodies[body, 2] and bodies[body, 1] < y < bodies[body, 3]
+    ):
+        return False, -1
+    odd, nearest, least = False, -1, math.inf
+    for e in range(walls.members[body, 0], walls.members[body, 1]):
+        x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+        if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):
+            odd = not odd
+        foot = -edges[e, 5] * (x - x0) + edges[e, 4] * (y - y0)
+        foot = min(edges[e, 6], max(0.0, foot))
+        dx, dy = x - x0 + edges[e, 5] * foot, y - y0 - edges[e, 4] * foot
+        if dx * dx + dy * dy < least:
+            least, nearest = dx * dx + dy * dy, e
+    return odd, nearest
+
+
+@compiled
+def overlap(walls, body, x, y, r):  # type: ignore[no-untyped-def]
+    """How far a granule outside the body reaches into it (body frame), on which feature: (depth, kind, which); depth <= 0: no."""
+    edges = walls.edges
+    depth, kind, which = 0.0, 0, -1
+    for e in range(walls.members[body, 0], walls.members[body, 1]):
+        nx, ny = edges[e, 4], edges[e, 5]
+        foot = -ny * (x - edges[e, 0]) + nx * (y - edges[e, 1])
+        height = nx * (x - edges[e, 0]) + ny * (y - edges[e, 1])
+        if 0.0 <= foot <= edges[e, 6] and height >= 0.0 and r - height > depth:
+            depth, kind, which = r - height, ON_EDGE, e
+    for v in range(walls.members[body, 2], walls.members[body, 3]):
+        dx, dy = x - walls.vertices[v, 0], y - walls.vertices[v, 1]
+        height = math.sqrt(dx * dx + dy * dy)
+        if r - height > depth:
+            depth, kind, which = r - height, ON_VERTEX, v
+    return depth, kind, which
+
+
+@compiled
+def grasp(hold, walls, kind, which, r, x, y, t):  # type: ignore[no-untyped-def]
+    """Fill the constraint with a feature's geometry and motion for a granule at (x, y); returns body and overlap distance.
+
+    The distance is that of the granule's surface from the feature, negative when it reaches in.
+    """
+    hold[KIND], hold[ARM] = kind, r
+    if kind == ON_EDGE:
+        body = walls.edge_links[which, 0]
+        hold[OX], hold[OY] = walls.edges[which, 0], walls.edges[which, 1]
+    else:
+        body = walls.vertex_links[which, 0]
+        hold[OX], hold[OY] = walls.vertices[which, 0], walls.vertices[which, 1]
+    for i in range(4):
+        hold[WX + i] = walls.bodies[body, 4 + i]
+    dx, dy, _, _, _, _ = displacement(walls.bodies, body, t)
+    qx, qy = x - dx - hold[OX], y - dy - hold[OY]
+    if kind == ON_EDGE:
+        hold[NX], hold[NY] = walls.edges[which, 4], walls.edges[which, 5]
+        return body, hold[NX] * qx + hold[NY] * qy - r
+    d = math.sqrt(qx * qx + qy * qy)
+    hold[NX], hold[NY] = (qx / d, qy / d) if d > 0.0 else (0.0, 1.0)
+    return body, d - r
+
+
+@compiled
+def constrain(hold, fx, fy, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
+    """Acceleration of a granule that slides on the surface under the free acceleration f, and what presses it on.
+
+    Returns (ax, ay, pressing acceleration, free tangential acceleration, sliding speed), relative to the moving wall;
+    friction mu times the pressing acceleration opposes the sliding direction.
+    """
+    omega = hold[WW]
+    px = py = wx = wy = 0.0
+    sx = sy = 0.0
+    if omega != 0.0:
+        angle = omega * t + hold[WP]
+        s, c = math.sin(angle), math.cos(angle)
+        sx, sy = hold[WX] * s, hold[WY] * s
+        wx, wy = omega * hold[WX] * c, omega * hold[WY] * c
+        px, py = -omega * omega * sx, -omega * omega * sy
+    nx, ny = hold[NX], hold[NY]
+    bend = 0.0
+    tx, ty = -ny, nx
+    if hold[KIND] == ON_VERTEX:
+        qx, qy = x - sx - hold[OX], y - sy - hold[OY]
+        d = math.sqrt(qx * qx + qy * qy)
+        nx, ny = qx / d, qy / d
+        tx, ty = -ny, nx
+        slide = tx * (vx - wx) + ty * (vy - wy)
+        bend = slide * slide / d
+    else:
+        slide = tx * (vx - wx) + ty * (vy - wy)
+    press = -(nx * (fx - px) + ny * (fy - py)) - bend
+    free = tx * (fx - px) + ty * (fy - py)
+    tangential = tx * fx + ty * fy - hold[SIGN] * hold[MU] * max(press, 0.0)
+    normal = nx * px + ny * py - bend
+    return tangential * tx + normal * nx, tangential * ty + normal * ny, press, free, slide
