@@ -29,7 +29,7 @@ from wakeflow.foam.measure import suction_zone
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.read import CaseFields, read_flow, time_folders
 from wakeflow.foam.shedding import best_loop
-from wakeflow.foam.solve import Progress, prepare, run_steady
+from wakeflow.foam.solve import Progress, Watch, prepare, run_steady
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.process import run
@@ -318,6 +318,32 @@ class TestInterruption:
         again = solve_airflow(spec, tmp_path / "mesh.msh", case, listener=lambda _: pytest.fail("it ran again"))
         assert again.cd == result.cd
 
+    def test_a_time_resolved_run_stopped_while_recording_goes_on_there(self, tmp_path: Path) -> None:
+        spec = triangle_spec(100, "standard", scale=3.0)
+        build_mesh(spec.mesh, tmp_path)
+        case = tmp_path / "case"
+
+        def stop(now: Progress) -> None:
+            if now.stage == "recording" and now.time > json.loads((case / "phase.json").read_text())["begin"] + 0.4:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            solve_airflow(spec, tmp_path / "mesh.msh", case, listener=stop)
+        assert not (case / "airflow.json").exists()
+        begin = json.loads((case / "phase.json").read_text())["begin"]
+        saved = float(time_folders(case)[-1].name)
+        assert saved > begin
+
+        seen: list[Progress] = []
+        result = solve_airflow(spec, tmp_path / "mesh.msh", case, listener=seen.append)
+        assert {now.stage for now in seen} == {"recording"}
+        assert seen[0].time > saved
+        assert (np.diff(_rows(case)[:, 0]) > 0).all()
+        assert result.verdict == "periodic"
+        assert result.strouhal == pytest.approx(0.2, rel=0.08)
+        gaps = np.diff(read_flow(case, "all")["times"])
+        np.testing.assert_allclose(gaps, gaps.mean(), rtol=1e-3)
+
     def test_a_half_written_time_is_never_taken_for_a_whole_one(self, rhombus: Solved, tmp_path: Path) -> None:
         case = copied(rhombus, tmp_path / "case")
         (case / "phase.json").unlink()
@@ -537,6 +563,15 @@ def test_the_best_loop_of_a_periodic_field_has_its_period_and_no_mismatch() -> N
     assert clock[last] - clock[first] == pytest.approx(length, abs=0.03)
     with pytest.raises(FoamError, match="shorter than a loop"):
         best_loop(clock[:20], velocity[:20], 3.0)
+
+
+def test_a_collapsing_time_step_and_a_value_that_is_not_a_number_end_the_run(tmp_path: Path) -> None:
+    watch = Watch(tmp_path, "start-up", lambda _: None, lambda _: False, expected=1.0, least_step=1e-6)
+    watch("deltaT = 2e-06")
+    with pytest.raises(FoamError, match="time step collapsed to 3e-07 s"):
+        watch("deltaT = 3e-07")
+    with pytest.raises(FoamError, match="residual of Ux is not a number"):
+        watch("smoothSolver:  Solving for Ux, Initial residual = nan, Final residual = nan, No Iterations 1")
 
 
 def test_the_suction_zone_of_a_known_field_has_its_exact_size() -> None:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..field import FlowField
 from ..registry import nearest
+from .exponential import PATH
 from .granules import Body, Granules, Motion, Tracks
 from .kernel import fly_block
 from .prepare import FORCES, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
-from .state import FATE, IMPACTS, LINE, SPIN, STEPS, STORED, VX, VY, Rules, T, X, Y
+from .state import AFFINE, CONSTRAINT, FATE, IMPACTS, LINE, SPIN, STEPS, STORED, VX, VY, Rules, T, X, Y
 
 __all__ = ["track"]
 
@@ -79,8 +80,9 @@ def track(
         part = slice(low, min(low + BLOCK, len(grains)))
         count = part.stop - low
         room = np.zeros((count, ROOM if record else 0, 5))
+        scratch = (np.zeros(PATH), np.zeros(AFFINE), np.zeros(CONSTRAINT))
         block = (floats[part], ints[part], constants[part], tables, table_of[part])
-        fly_block(0, count, *block, air, walls, rules, room)
+        fly_block(*block, air, walls, rules, room, *scratch)
         if record:
             for i in range(count):
                 recorded[low + i] = room[i, : ints[low + i, STORED]].copy()

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from .exponential import along
 from .jit import compiled
 
 __all__ = ["PLANE", "ROUND", "SPEED", "SPIN", "displacement", "first_below", "level"]
 
-PLANE, ROUND, SPEED, SPIN = 0, 1, 2, 3
+PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 
 
 @compiled

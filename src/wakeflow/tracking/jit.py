@@ -17,7 +17,8 @@ from ..files import cache_root, digest_files
 __all__ = ["compiled", "entry"]
 
 HERE = Path(__file__).parent
-OPTIONS = {"nogil": True, "error_model": "numpy"}
+# Without numba's reference counts: the kernel makes no arrays, and counting them at every call would cost most of its time.
+OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
 def _folder() -> Path:

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..laws.collision import collide
 from .events import PLANE, SPEED, SPIN, displacement, first_below
-from .exponential import PATH, along
+from .exponential import along
 from .jit import compiled, entry
 from .locate import barycentric, bracket, load, reproject, walk
 from .state import (
-    AFFINE, AIRBORNE, ARM, BINNED, BODY, BORN, CAPTURED, CONSTRAINT, CONTACT, ESCAPED, FATE, FEATURE, FLOATS, FLYING,
-    FREE, FRESH, FRICTION, GAP, H_ERROR, HELD, HOPS, IMPACTS, INTS, KIND, LINE, MOBILITY, MU, NX, NY, ON_EDGE,
+    AIRBORNE, ARM, BINNED, BODY, BORN, CAPTURED, CONTACT, ESCAPED, FATE, FEATURE, FLYING,
+    FREE, FRESH, FRICTION, GAP, H_ERROR, HELD, HOPS, IMPACTS, KIND, LINE, MOBILITY, MU, NOBODY, NX, NY, ON_EDGE,
     ON_VERTEX, OX, OY, RADIUS, RESTING, RESTITUTION, SEEN, SIGN, SPIN as TURN, STEPS, STOPPED, STORED, STRIDE, STUCK, T,
     T_END, TRI, VX, VY, WW, X, Y,
 )  # fmt: skip
@@ -45,7 +43,8 @@ def _store(state, ints, record, last):  # type: ignore[no-untyped-def]
     if ints[STORED] == room - 1 and not last:
         half = (room - 1) // 2
         for i in range(half):
-            record[i] = record[2 * i]
+            for j in range(5):
+                record[i, j] = record[2 * i, j]
         ints[STORED] = half
         ints[STRIDE] *= 2
     i = ints[STORED]
@@ -92,7 +91,7 @@ def _cross(state, ints, air, walls, rules, k):  # type: ignore[no-untyped-def]
 @compiled
 def _hop(state, ints, air, walls, rules):  # type: ignore[no-untyped-def]
     """Cross at once an edge the granule stands on and moves out through. Returns whether it did."""
-    tri, worst, edge = ints[TRI], 0.0, -1
+    tri, worst, edge = ints[TRI], 0.0, NOBODY
     for k in range(3):
         if barycentric(air.geometry, tri, k, state[X], state[Y]) <= EDGE:
             bx, by = air.geometry[tri, 2 + 2 * k], air.geometry[tri, 3 + 2 * k]
@@ -191,7 +190,7 @@ def _grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
         hold[KIND] = FREE
         return False
     if abs(slide) <= 1e-13 * (rules.length + abs(free)):
-        if abs(free) <= hold[MU] * press:
+        if abs(free) <= (hold[MU] + 1e-12) * press:
             _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
             return True
         slide = free
@@ -204,7 +203,7 @@ def _grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
 def _ends_of_slide(path, ints, hold, walls, rules, s, t0):  # type: ignore[no-untyped-def]
     """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next feature)."""
     bodies, body, skin = walls.bodies, ints[BODY], 1e-3 * rules.skin
-    event, kind, which = NOTHING, FREE, -1
+    event, kind, which = NOTHING, FREE, NOBODY
     x, y, vx, vy = along(path, 0.0)
     dx, dy, wx, wy, _, _ = displacement(bodies, body, t0)
     qx, qy, rx, ry = x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
@@ -323,9 +322,9 @@ def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):  # 
         error, fast = attempt(path, h, state[T], affine, grain, table, hold, horizon)
         allowed = rules.allowance * h * max(speed, math.sqrt(fast)) + 1e-15 * rules.extent
         if error <= allowed or (h <= shortest and math.isfinite(error)):
-            state[H_ERROR] = h * min(5.0, 0.9 * math.sqrt(allowed / error)) if error > 0.0 else math.inf
+            state[H_ERROR] = h * min(5.0, 0.9 * (allowed / error) ** (1.0 / 3.0)) if error > 0.0 else math.inf
             return h
-        h *= max(0.1, 0.9 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1
+        h *= max(0.1, 0.9 * (allowed / error) ** (1.0 / 3.0)) if math.isfinite(error) else 0.1
     return 0.0
 
 
@@ -334,7 +333,7 @@ def _leaves(path, h, ints, air):  # type: ignore[no-untyped-def]
     """When and across which edge the step leaves the triangle: (time, edge), edge -1 when it does not."""
     g, tri = air.geometry, ints[TRI]
     x, y, vx, vy = along(path, h)
-    s, edge = h, -1
+    s, edge = h, NOBODY
     for k in range(3):
         bx, by = g[tri, 2 + 2 * k], g[tri, 3 + 2 * k]
         fb, rb = barycentric(g, tri, k, x, y), bx * vx + by * vy
@@ -343,7 +342,7 @@ def _leaves(path, h, ints, air):  # type: ignore[no-untyped-def]
             continue
         fa = barycentric(g, tri, k, path[0], path[1])
         q0 = 1.0 if k == 0 else 0.0
-        found = first_below(path, 0.0, g, -1, PLANE, g[tri, 0], g[tri, 1], q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
+        found = first_below(path, 0.0, g, NOBODY, PLANE, g[tri, 0], g[tri, 1], q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
         if 0.0 <= found and (found < s or (found == s and fb <= 0.0)):
             s, edge = found, k
     return s, edge
@@ -365,10 +364,10 @@ def _lift(path, s, t0, affine, grain, table, hold):  # type: ignore[no-untyped-d
 
 
 @compiled
-def _advance(path, s, h, state, ints, rules):  # type: ignore[no-untyped-def]
+def _advance(end, s, h, state, ints, rules):  # type: ignore[no-untyped-def]
     """Move to time s of the step; clocks that were aimed at are met exactly."""
     t0 = state[T]
-    state[X], state[Y], state[VX], state[VY] = along(path, s)
+    state[X], state[Y], state[VX], state[VY] = end
     state[T] = t0 + s
     if s == h:
         if h == rules.until - t0:
@@ -422,7 +421,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     if not h > 0.0:
         ints[FATE] = STOPPED
         return
-    s, event, kind, which, line = h, NOTHING, FREE, -1, -1
+    s, event, kind, which, line = h, NOTHING, FREE, NOBODY, NOBODY
     meshed = air.corners.shape[0] > 0 and ints[GAP] < 0
     blind = ints[HOPS] >= HOP_LIMIT
     if meshed and not blind:
@@ -434,15 +433,18 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         s, slid, next_kind, next_which = _ends_of_slide(path, ints, hold, walls, rules, s, t0)
         if slid != NOTHING:
             event, kind, which = slid, next_kind, next_which
+    end = along(path, s)
     if walls.bodies.shape[0] > 0 and ints[STUCK] < HOP_LIMIT:
-        found, hit_kind, hit = first_contact(path, s, t0, grain[RADIUS], rules.skin, walls, ints)
+        found, hit_kind, hit = first_contact(path, s, end, t0, grain[RADIUS], rules.skin, walls, ints)
         if found >= 0.0:
             s, event, kind, which = found, WALL, hit_kind, hit
-    found, line = crossing(path, s, walls.lines, walls.line_ids, rules.skin)
+            end = along(path, s)
+    found, line = crossing(path, s, end, walls.lines, walls.line_ids, rules.skin)
     if found >= 0.0:
         s, event = found, CROSSED
+        end = along(path, s)
     ints[STEPS] += 1
-    _advance(path, s, h, state, ints, rules)
+    _advance(end, s, h, state, ints, rules)
     if hold[KIND] != FREE:
         _settle(state, ints, hold, walls)
     if event == CROSSED:
@@ -513,10 +515,7 @@ def _fly(state, ints, path, affine, hold, air, grain, table, walls, rules, recor
 
 
 @entry
-def fly_block(low, high, states, counts, grains, tables, table_of, air, walls, rules, records):  # type: ignore[no-untyped-def]
-    """Track granules low .. high - 1; each writes only its own rows, so blocks may run side by side in any order."""
-    path = np.zeros(PATH)
-    affine = np.zeros(AFFINE)
-    hold = np.zeros(CONSTRAINT)
-    for i in range(low, high):
+def fly_block(states, counts, grains, tables, table_of, air, walls, rules, records, path, affine, hold):  # type: ignore[no-untyped-def]
+    """Track a block of granules; blocks may run side by side, each with its own scratch: path, affine, hold."""
+    for i in range(states.shape[0]):
         _fly(states[i], counts[i], path, affine, hold, air, grains[i], tables[table_of[i]], walls, rules, records[i])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .jit import compiled
-from .state import FRESH, GAP, GX, GY, PRESSURE, SNAP_A, SNAP_B, T_END, TRI, H_ERROR, T, X, Y
+from .state import FRESH, GAP, GX, GY, NOBODY, PRESSURE, SNAP_A, SNAP_B, T_END, TRI, H_ERROR, T, X, Y
 
 __all__ = ["air_at", "barycentric", "bracket", "load", "reproject", "walk"]
 
@@ -26,18 +26,18 @@ def walk(geometry, neighbours, tri, x, y):  # type: ignore[no-untyped-def]
     Returns (triangle, 0) when found, else (last triangle, code < 0) where the straight walk meets the boundary.
     """
     for _ in range(neighbours.shape[0] + 10):
-        worst, edge = INSIDE, -1
+        worst, edge = INSIDE, NOBODY
         for k in range(3):
             value = barycentric(geometry, tri, k, x, y)
             if value < worst:
                 worst, edge = value, k
         if edge < 0:
-            return tri, 0
+            return tri, NOBODY + 1
         onward = neighbours[tri, edge]
         if onward < 0:
             return tri, onward
         tri = onward
-    return tri, 0
+    return tri, NOBODY + 1
 
 
 @compiled
@@ -159,7 +159,7 @@ def _corner(air, tri, k):  # type: ignore[no-untyped-def]
 def reproject(state, ints, air):  # type: ignore[no-untyped-def]
     """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's length."""
     x, y = state[X], state[Y]
-    gap, came = ints[GAP], -1
+    gap, came = ints[GAP], NOBODY
     for _ in range(air.covered.shape[0]):
         _, _, w = _on_edge(air, gap, x, y)
         onward = air.covered[gap, 2] if w < 0.0 else (air.covered[gap, 3] if w > 1.0 else -1)

@@ -70,6 +70,8 @@ AFFINE = 28  # x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the sa
 # Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body
 KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP = range(12)
 CONSTRAINT = 12
-FREE, ON_EDGE, ON_VERTEX = 0, 1, 2
+# numpy scalars: numba would compile every helper anew for each literal int it is called with
+FREE, ON_EDGE, ON_VERTEX = np.int64(0), np.int64(1), np.int64(2)
+NOBODY = np.int64(-1)
 FLYING = -1
 BINNED, ESCAPED, RESTING, CAPTURED, AIRBORNE, STOPPED = range(6)

@@ -1,8 +1,10 @@
-"""One exponential step: third order, with an embedded second-order error estimate, and how long it may be.
+"""One exponential step: third order, with an error estimate of the same order, and how long it may be.
 
-ETD3RK of Cox & Matthews (2002, J. Comput. Phys. 176, 430) on x' = v, v' = F(t, x, v), with the drag rate B at the step's start as
-linear part: stages at 0, 1/2 and 1, N = F + B v. Exact when N is constant, whatever B: constant forces and drag coefficient,
-and ballistic flight at B = 0. In the stiff limit the step follows x' = u + a / B to third order.
+ETD3RK of Cox & Matthews (2002, J. Comput. Phys. 176, 430) on x' = v, v' = F(t, x, v), with the drag rate B at the step's start
+as linear part: stages at 0, 1/2 and 1, N = F + B v. Its own stages are too coarse for a dense output of its order in the stiff
+limit, so N is evaluated once more along the path they give, at h/2 and h (one Picard iteration): the path through those
+is third order everywhere in the step, and by how much it moved is the error estimate. Exact when N is constant, whatever
+B: constant forces and drag coefficient, and ballistic flight at B = 0. In the stiff limit the step follows x' = u + a / B.
 """
 
 from __future__ import annotations
@@ -62,45 +64,58 @@ def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t):  # type: ignore
 
 
 @compiled
-def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no-untyped-def]
-    """Fill in the path's N1, N2 for a step h from the rest of it; returns the estimated position error and the speed^2 at the end.
+def _fit(path, h, n1x, n1y, n2x, n2y):  # type: ignore[no-untyped-def]
+    """Coefficients N1, N2 of the quadratic through N at 0, h/2 and h."""
+    path[7] = (4.0 * n1x - 3.0 * path[5] - n2x) / h
+    path[8] = (4.0 * n1y - 3.0 * path[6] - n2y) / h
+    path[9] = 2.0 * (path[5] - 2.0 * n1x + n2x) / (h * h)
+    path[10] = 2.0 * (path[6] - 2.0 * n1y + n2y) / (h * h)
 
-    Error: the embedded second-order solution's position and velocity differences, the latter carried for min(1/B, horizon);
-    and what a drag rate frozen over a velocity transient that the stages step over may displace.
+
+@compiled
+def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no-untyped-def]
+    """Fill in N1, N2 of a step h from the rest of the path; returns the estimated position error and the speed^2 at the end.
+
+    Error: by how much the correction moved the end, its velocity carried on for min(1/B, horizon); and what a drag
+    rate frozen over a velocity transient that the stages step over may displace.
     """
     x, y, vx, vy, rate0 = path[0], path[1], path[2], path[3], path[4]
     n0x, n0y = path[5], path[6]
     g = 0.5 * h
-    e, p1, p2, _, _ = phis(-rate0 * g)
-    ax = e * vx + g * p1 * n0x
-    ay = e * vy + g * p1 * n0y
-    n1x, n1y, _ = _excess(
-        affine, grain, table, hold, rate0,
-        x + g * (p1 * vx + g * p2 * n0x), y + g * (p1 * vy + g * p2 * n0y), ax, ay, t + g,
-    )  # fmt: skip
-    e, p1, p2, p3, p4 = phis(-rate0 * h)
+    e, p1, p2, p3, p4 = phis(-rate0 * g)
+    q0, q1, q2, q3, q4 = phis(-rate0 * h)
+    ax, ay = e * vx + g * p1 * n0x, e * vy + g * p1 * n0y
+    x1, y1 = x + g * (p1 * vx + g * p2 * n0x), y + g * (p1 * vy + g * p2 * n0y)
+    n1x, n1y, _ = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + g)
     mx, my = 2.0 * n1x - n0x, 2.0 * n1y - n0y
-    bx = e * vx + h * p1 * mx
-    by = e * vy + h * p1 * my
-    n2x, n2y, rate2 = _excess(
-        affine, grain, table, hold, rate0,
-        x + h * (p1 * vx + h * p2 * mx), y + h * (p1 * vy + h * p2 * my), bx, by, t + h,
-    )  # fmt: skip
-    path[7] = (4.0 * n1x - 3.0 * n0x - n2x) / h
-    path[8] = (4.0 * n1y - 3.0 * n0y - n2y) / h
-    curve_x, curve_y = 2.0 * (n0x - 2.0 * n1x + n2x), 2.0 * (n0y - 2.0 * n1y + n2y)
-    path[9], path[10] = curve_x / (h * h), curve_y / (h * h)
-    size = math.sqrt(curve_x * curve_x + curve_y * curve_y)
+    ax, ay = q0 * vx + h * q1 * mx, q0 * vy + h * q1 * my
+    x1, y1 = x + h * (q1 * vx + h * q2 * mx), y + h * (q1 * vy + h * q2 * my)
+    n2x, n2y, _ = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + h)
+    _fit(path, h, n1x, n1y, n2x, n2y)
+    b1x, b1y, b2x, b2y = path[7], path[8], path[9], path[10]
+    # the correction: N along the path found, at h/2 and h
+    ax = e * vx + g * (p1 * n0x + g * (p2 * b1x + 2.0 * g * p3 * b2x))
+    ay = e * vy + g * (p1 * n0y + g * (p2 * b1y + 2.0 * g * p3 * b2y))
+    x1 = x + g * (p1 * vx + g * (p2 * n0x + g * (p3 * b1x + 2.0 * g * p4 * b2x)))
+    y1 = y + g * (p1 * vy + g * (p2 * n0y + g * (p3 * b1y + 2.0 * g * p4 * b2y)))
+    n1x, n1y, _ = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + g)
+    ax = q0 * vx + h * (q1 * n0x + h * (q2 * b1x + 2.0 * h * q3 * b2x))
+    ay = q0 * vy + h * (q1 * n0y + h * (q2 * b1y + 2.0 * h * q3 * b2y))
+    x1 = x + h * (q1 * vx + h * (q2 * n0x + h * (q3 * b1x + 2.0 * h * q4 * b2x)))
+    y1 = y + h * (q1 * vy + h * (q2 * n0y + h * (q3 * b1y + 2.0 * h * q4 * b2y)))
+    n2x, n2y, rate2 = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + h)
+    _fit(path, h, n1x, n1y, n2x, n2y)
+    c1x, c1y = h * (path[7] - b1x), h * (path[8] - b1y)
+    c2x, c2y = 2.0 * h * h * (path[9] - b2x), 2.0 * h * h * (path[10] - b2y)
     carried = min(1.0 / rate0, horizon) if rate0 > 0.0 else horizon
-    error = size * (abs(h * (2.0 * p3 - 0.5 * p2)) * carried + abs(h * h * (2.0 * p4 - 0.5 * p3)))
-    vx1 = e * vx + h * (p1 * n0x + h * (p2 * path[7] + 2.0 * h * p3 * path[9]))
-    vy1 = e * vy + h * (p1 * n0y + h * (p2 * path[8] + 2.0 * h * p3 * path[10]))
+    error = h * h * math.sqrt((q3 * c1x + q4 * c2x) ** 2 + (q3 * c1y + q4 * c2y) ** 2)
+    error += h * carried * math.sqrt((q2 * c1x + q3 * c2x) ** 2 + (q2 * c1y + q3 * c2y) ** 2)
     if rate0 > 0.0 and rate2 > 0.0 and rate0 != rate2:
         z = rate0 * h
         passed = z / (z + 4.0)
-        change = math.sqrt((vx1 - vx) ** 2 + (vy1 - vy) ** 2)
-        error += change * abs(1.0 / rate0 - 1.0 / rate2) * passed * passed
-    return error, vx1 * vx1 + vy1 * vy1
+        change = math.sqrt((ax - vx) ** 2 + (ay - vy) ** 2)
+        error += change * abs(1.0 / rate0 - 1.0 / rate2) * passed * passed * passed
+    return error, ax * ax + ay * ay
 
 
 @compiled
@@ -131,8 +146,11 @@ def exit_time(geometry, tri, path, least):  # type: ignore[no-untyped-def]
     if not math.isfinite(h):
         return h
     for _ in range(2):
-        _, p1, p2, _, _ = phis(-rate * h)
-        wx, wy = p1 * vx + h * p2 * path[5], p1 * vy + h * p2 * path[6]
+        if rate * h < 1e-3:
+            wx, wy = vx + 0.5 * h * fx, vy + 0.5 * h * fy
+        else:
+            _, p1, p2, _, _ = phis(-rate * h)
+            wx, wy = p1 * vx + h * p2 * path[5], p1 * vy + h * p2 * path[6]
         onward = _nearest_exit(geometry, tri, x, y, wx, wy, least)
         if not math.isfinite(onward):
             return 2.0 * h

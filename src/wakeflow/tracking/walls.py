@@ -12,7 +12,7 @@ from .events import PLANE, ROUND, displacement, first_below
 from .exponential import along
 from .jit import compiled
 from .state import (
-    ARM, CONTACT, FEATURE, KIND, MU, NX, NY, ON_EDGE, ON_VERTEX, OX, OY, SIGN, WP, WW, WX, WY,
+    ARM, CONTACT, FEATURE, FREE, KIND, MU, NOBODY, NX, NY, ON_EDGE, ON_VERTEX, OX, OY, SIGN, WP, WW, WX, WY,
 )  # fmt: skip
 
 __all__ = ["constrain", "crossing", "first_contact", "grasp", "inside", "overlap"]
@@ -68,10 +68,10 @@ def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):  # type:
 
 
 @compiled
-def _seen_from(path, s, t0, bodies, body):  # type: ignore[no-untyped-def]
-    x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
-    return x - dx, y - dy, vx - wx, vy - wy
+def _seen_from(at, t, bodies, body):  # type: ignore[no-untyped-def]
+    """Position and velocity in the frame of a body."""
+    dx, dy, wx, wy, _, _ = displacement(bodies, body, t)
+    return at[0] - dx, at[1] - dy, at[2] - wx, at[3] - wy
 
 
 @compiled
@@ -87,21 +87,21 @@ def _hull(qa, qb, span):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def first_contact(path, span, t0, r, skin, walls, ints):  # type: ignore[no-untyped-def]
+def first_contact(path, span, end, t0, r, skin, walls, ints):  # type: ignore[no-untyped-def]
     """First contact within the step: (time, ON_EDGE or ON_VERTEX, which); time -1.0 for none.
 
     The feature the granule slides on, and those it is joined to, are left out.
     """
     bodies, members = walls.bodies, walls.members
-    best, kind, which = -1.0, 0, -1
-    edge_a, edge_b, vertex_a, vertex_b = -1, -1, -1, -1
+    best, kind, which = -1.0, FREE, NOBODY
+    edge_a, edge_b, vertex_a, vertex_b = NOBODY, NOBODY, NOBODY, NOBODY
     if ints[CONTACT] == ON_EDGE:
         edge_a = ints[FEATURE]
         vertex_a, vertex_b = walls.edge_links[edge_a, 1], walls.edge_links[edge_a, 2]
     elif ints[CONTACT] == ON_VERTEX:
         vertex_a = ints[FEATURE]
         edge_a, edge_b = walls.vertex_links[vertex_a, 1], walls.vertex_links[vertex_a, 2]
-    start, end = along(path, 0.0), along(path, span)
+    start = (path[0], path[1], path[2], path[3])
     whole = _hull(start, end, span)
     for body in range(bodies.shape[0]):
         ax, ay, omega = abs(bodies[body, 4]), abs(bodies[body, 5]), bodies[body, 6]
@@ -112,12 +112,12 @@ def first_contact(path, span, t0, r, skin, walls, ints):  # type: ignore[no-unty
         ):
             continue
         pieces = 1 if omega == 0.0 else min(100000, 1 + int(omega * span / TURN))
-        qa = _seen_from(path, 0.0, t0, bodies, body)
+        qa = _seen_from(start, t0, bodies, body)
         for piece in range(pieces):
             sa, sb = span * piece / pieces, span * (piece + 1) / pieces
             if best >= 0.0 and sa > best:
                 break
-            qb = _seen_from(path, sb, t0, bodies, body)
+            qb = _seen_from(end if piece == pieces - 1 else along(path, sb), t0 + sb, bodies, body)
             hull = _hull(qa, qb, sb - sa)
             found = -1.0
             if _overlaps(hull[0], hull[1], bodies[body, 0], bodies[body, 2], margin) and _overlaps(
@@ -144,12 +144,12 @@ def first_contact(path, span, t0, r, skin, walls, ints):  # type: ignore[no-unty
 
 
 @compiled
-def crossing(path, span, lines, line_ids, skin):  # type: ignore[no-untyped-def]
+def crossing(path, span, end, lines, line_ids, skin):  # type: ignore[no-untyped-def]
     """First crossing of a line by the granule's centre within the step: (time, line id); time -1.0 for none."""
-    best, which = -1.0, -1
+    best, which = -1.0, NOBODY
     if lines.shape[0] == 0:
         return best, which
-    start, end = along(path, 0.0), along(path, span)
+    start = (path[0], path[1], path[2], path[3])
     hull = _hull(start, end, span)
     for i in range(lines.shape[0]):
         x0, y0, x1, y1 = lines[i, 0], lines[i, 1], lines[i, 2], lines[i, 3]
@@ -170,7 +170,7 @@ def crossing(path, span, lines, line_ids, skin):  # type: ignore[no-untyped-def]
         ra, rb = nx * start[2] + ny * start[3], nx * end[2] + ny * end[3]
         s = span
         if fb != 0.0:
-            s = first_below(path, 0.0, lines, -1, PLANE, x0, y0, 0.0, nx, ny, 0.0, fa, ra, span, fb, rb, 1e-6 * skin)
+            s = first_below(path, 0.0, lines, NOBODY, PLANE, x0, y0, 0.0, nx, ny, 0.0, fa, ra, span, fb, rb, 1e-6 * skin)
         if s < 0.0 or (best >= 0.0 and s >= best):
             continue
         x, y, _, _ = along(path, s)
@@ -187,8 +187,8 @@ def inside(walls, body, x, y):  # type: ignore[no-untyped-def]
     if walls.members[body, 4] == 0 or not (
         bodies[body, 0] < x < bodies[body, 2] and bodies[body, 1] < y < bodies[body, 3]
     ):
-        return False, -1
-    odd, nearest, least = False, -1, math.inf
+        return False, NOBODY
+    odd, nearest, least = False, NOBODY, math.inf
     for e in range(walls.members[body, 0], walls.members[body, 1]):
         x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
         if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):
@@ -205,7 +205,7 @@ def inside(walls, body, x, y):  # type: ignore[no-untyped-def]
 def overlap(walls, body, x, y, r):  # type: ignore[no-untyped-def]
     """How far a granule outside the body reaches into it (body frame), on which feature: (depth, kind, which); depth <= 0: no."""
     edges = walls.edges
-    depth, kind, which = 0.0, 0, -1
+    depth, kind, which = 0.0, FREE, NOBODY
     for e in range(walls.members[body, 0], walls.members[body, 1]):
         nx, ny = edges[e, 4], edges[e, 5]
         foot = -ny * (x - edges[e, 0]) + nx * (y - edges[e, 1])
