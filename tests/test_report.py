@@ -306,9 +306,9 @@ def test_shares_in_the_landing_picture_are_the_results(rhombus: Scene, drawn: li
 
 
 def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> None:
-    shelf = [[-0.1, -0.2], [0.0, -0.25], [0.1, -0.25]]
+    shelf = [[-0.1, -0.1], [0.0, -0.15], [0.1, -0.15]]
     scene = rhombus.replace({"bin.shelf.points": shelf})
-    corner = np.array([[0.0, -0.25]])
+    corner = np.array([[0.0, -0.15]])
     assert landing._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
     assert landing._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
         np.hypot(0.1, 0.05) + 0.04

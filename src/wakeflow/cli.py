@@ -22,6 +22,7 @@ app = App(
     help="Where each granule fraction lands behind a vibrating rhombus or prism in a vertical airflow.",
     version_flags=["--version"],
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
 )
 
 Rung = Literal["auto", "none", "draft", "standard", "reference"]

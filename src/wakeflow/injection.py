@@ -10,6 +10,7 @@ Resolved: it is released above the body and the tracker does the impact; for gra
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,7 +123,7 @@ def first_contact(
     ``fall_speed`` (n,) straight down, ``normal`` (n, 2), ``passing`` (n,): the time each would touch the slope at rest.
     It touches at the first root of  V_n (t - passing) + a_n sin(omega t), V_n its approach speed, a_n the
     amplitude along the normal. While omega a_n < V_n there is one root, and a stream uniform in ``passing`` meets the
-    phases with density 1 + V_eta / V_0; above that earlier crests cast shadows, and the first root is searched.
+    phases with density 1 + V_eta / V_0; above that earlier crests cast shadows, and the first root is looked for.
     """
     approach = fall_speed * normal[:, 1]
     across = normal @ amplitude
@@ -130,19 +131,36 @@ def first_contact(
     def gap(t: Array) -> Array:
         return -approach * (t - passing) - across * np.sin(omega * t)
 
-    early, late = passing - np.abs(across) / approach, passing + np.abs(across) / approach
-    steps = int(np.ceil(float(np.max(late - early, initial=0.0)) * omega / (2 * np.pi) * 64)) + 1
-    low, high = early, late.copy()
-    for i in range(steps):  # at 64 looks a period no pair of roots fits between two looks unseen but a grazing one
-        t = early + (late - early) * (i + 1) / steps
-        found = (gap(t) <= 0) & (high == late)
-        high = np.where(found, t, high)
-        low = np.where((gap(t) > 0) & (high == late), t, low)
+    swing = np.abs(across)
+    low, high = passing - swing / approach, passing + swing / approach  # above the highest crest, below the lowest
+    if omega > 0:
+        low, high = _first_descent(gap, low, high, approach, across, omega)
     for _ in range(60):
         middle = 0.5 * (low + high)
         above = gap(middle) > 0
         low, high = np.where(above, middle, low), np.where(above, high, middle)
     return high, (omega * np.cos(omega * high))[:, None] * amplitude
+
+
+def _first_descent(
+    gap: Callable[[Array], Array], low: Array, high: Array, approach: Array, across: Array, omega: float
+) -> tuple[Array, Array]:
+    """The first falling stretch of the gap that ends below zero, within [low, high]; all of it where it only falls.
+
+    The gap has its minima where cos(omega t) = -V_n / (omega a_n), once a period, and a maximum before each.
+    """
+    turns = np.abs(across) * omega > approach
+    angle = np.arccos(np.clip(-approach / np.where(turns, np.abs(across) * omega, approach), -1.0, 1.0))
+    shift = np.where(across < 0, np.pi, 0.0)
+    minimum = (angle - shift + 2 * np.pi * np.ceil((omega * low - angle + shift) / (2 * np.pi))) / omega
+    searching = turns.copy()
+    while searching.any():
+        reached = searching & ((gap(minimum) <= 0) | (minimum >= high))
+        low = np.where(reached, np.maximum(low, minimum - 2 * angle / omega), low)
+        high = np.where(reached, np.minimum(high, minimum), high)
+        searching &= ~reached
+        minimum = minimum + 2 * np.pi / omega
+    return low, high
 
 
 def _start(scene: Scene, top: float, radius: float) -> tuple[float, float]:

@@ -106,7 +106,7 @@ class Chain:
             speed=air.speed,
             density=air.density,
             viscosity=air.viscosity,
-            turbulence=self.plan.turbulence,  # type: ignore[arg-type]
+            turbulence=self.plan.turbulence,
             stepping="steady" if self.plan.rung == "draft" else "time-resolved",
             intensity=air.turbulence,
         )

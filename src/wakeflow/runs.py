@@ -207,4 +207,5 @@ def _save_granules(path: Path, scene: Scene, tracked: Tracked) -> None:
         for field, values in columns.items():
             rows.setdefault(field, []).append(values)
     with atomic_write(path, "wb") as stream:
-        np.savez(stream, names=np.array(list(tracked.landings)), **{k: np.concatenate(v) for k, v in rows.items()})
+        columns = {name: np.concatenate(parts) for name, parts in rows.items()}
+        np.savez(stream, names=np.array(list(tracked.landings)), **columns)

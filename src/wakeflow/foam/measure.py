@@ -44,8 +44,8 @@ class AirflowResult:
     with several bodies Cd and Cl are of all of them together.
 
     Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken
-    where the vertical line through the middle of the first body meets its rear and its front. ``pressure_drop`` (Pa):
-    mean static p on the inlet less that on the outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel);
+    where the vertical line through the middle of the first body meets its rear and its front. ``p_inlet`` (Pa):
+    mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel);
     ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None when steady. ``field_time`` is the
     ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity difference between the snapshots
     at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
@@ -64,6 +64,7 @@ class AirflowResult:
     strouhal: float | None
     cp_base: float
     cp_front: float
+    p_inlet: float
     pressure_drop: float
     flow_rate: float
     mass_error: float
@@ -113,6 +114,7 @@ def measure(
         strouhal=shedding,
         cp_base=_on_edges(points, edges, cp, np.array([middle, rear * spec.along])),
         cp_front=_on_edges(points, edges, cp, np.array([middle, front * spec.along])),
+        p_inlet=spec.density * at_inlet,
         pressure_drop=spec.density * (at_inlet - _mean_on(fields, shots, "outlet")),
         flow_rate=flow,
         mass_error=mass_error,

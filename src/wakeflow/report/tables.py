@@ -120,25 +120,29 @@ def _cell(value: Any) -> Any:
 
 
 def separation_table(result: Result) -> Table:
-    """Fractions by bins: shares in percent with half their 95 % interval; recovery, purity, throughput."""
+    """Bins by fractions: shares in percent with half their 95 % interval; throughput, purity, recovery."""
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
 
     separation = result["separation"]
-    bins = separation["bins"]
-    table = Table(title="share of each fraction's mass, %, with 95 % interval", title_justify="left", pad_edge=False)
-    table.add_column("fraction")
-    for place in bins:
-        table.add_column(place, justify="right")
-    table.add_column("recovery", justify="right")
-    for name, places in separation["fractions"].items():
-        wanted = targets(result, name)
-        cells = [Text(percent(places[place]), style="bold green" if place in wanted else "") for place in bins]
-        table.add_row(Text(name, style="bold"), *cells, percent(separation["recovery"].get(name)))
+    fractions = separation["fractions"]
+    title = "share of each fraction's mass, %, with 95 % interval"
+    table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
+    table.add_column("bin")
+    for name in fractions:
+        table.add_column(name, justify="right")
+    table.add_column("kg/h", justify="right")
+    table.add_column("purity", justify="right")
+    for place in separation["bins"]:
+        cells = [
+            Text(percent(places[place]), style="bold green" if place in targets(result, name) else "")
+            for name, places in fractions.items()
+        ]
+        purest = "\n".join(f"{name} {percent(row)}" for name, row in expected(result, place)) or NONE
+        table.add_row(place, *cells, f"{separation['throughput'][place]:.3g}", purest)
     table.add_section()
-    purest = [expected(result, place) for place in bins]
-    table.add_row("purity", *("\n".join(f"{n}\n{percent(row)}" for n, row in found) or NONE for found in purest), "")
-    table.add_row("kg/h", *(f"{separation['throughput'][place]:.4g}" for place in bins), "")
+    table.add_row("recovery", *(percent(separation["recovery"].get(name)) for name in fractions), "", "")
     return table
 
 
@@ -152,28 +156,35 @@ def expected(result: Result, place: str) -> list[tuple[str, Mapping[str, Any]]]:
 
 
 def budget_table(result: Result) -> Table:
-    """What each source of error contributes to every quantity, and the run time that knowing it took."""
+    """The known errors of every quantity, the run time that knowing them took, and below it what is unknown."""
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
-    from rich.text import Text
 
-    sources = budget_sources(result)
-    table = Table(title="budget: error of each share, percentage points", title_justify="left", pad_edge=False)
+    known = {s: any(_error_of(entry, s) is not None for entry in result["budget"]) for s in budget_sources(result)}
+    sources = [source for source in known if known[source]]
+    unknown = [source for source in known if not known[source]]
+    title = "budget: error of each share, percentage points"
+    table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     if any(_unit(entry) != POINTS for entry in result["budget"]):
         table.title = "budget: error of each number"
     table.add_column("quantity")
-    for source in sources:
+    for source in [*sources, "total"]:
         table.add_column(source, justify="right")
-    table.add_column("total", justify="right")
     for entry in result["budget"]:
-        errors = {part["source"]: part["error"] for part in entry["parts"]}
-        cells = [error_text(entry, errors[s]) if s in errors else NONE for s in sources]
-        table.add_row(entry["quantity"], *(Text(c, style="dim" if c == UNKNOWN else "") for c in cells),
-                      error_text(entry, entry["total"]["error"]))  # fmt: skip
+        cells = [error_text(entry, _error_of(entry, source)) for source in sources]
+        table.add_row(entry["quantity"], *cells, error_text(entry, entry["total"]["error"]))
     if result["budget"]:
         table.add_section()
         cost = source_seconds(result)
-        table.add_row("run time (s)", *(_seconds(cost[s]) for s in sources), "")
+        table.add_row("run time (s)", *(_seconds(cost[source]) for source in sources), "")
+    if unknown:
+        table.caption = f"unknown, so that no total is claimed: {', '.join(unknown)}"
+        table.caption_justify = "left"
     return table
+
+
+def _error_of(entry: Mapping[str, Any], source: str) -> float | None:
+    return next((part["error"] for part in entry["parts"] if part["source"] == source), None)
 
 
 def budget_sources(result: Result) -> list[str]:

@@ -108,7 +108,12 @@ def track(
 
 
 def _rules(
-    field: FlowField | None, bodies: Sequence[Body], until: float, tolerance: float, length: float, forces: Sequence[str]
+    field: FlowField | None,
+    bodies: Sequence[Body],
+    until: float,
+    tolerance: float,
+    length: float,
+    forces: Sequence[str],
 ) -> Rules:
     extent = 10 * length if field is None else float(np.hypot(*np.ptp(field.points, axis=0)))
     periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]

@@ -6,7 +6,8 @@ Within a step  v' = -B v + N(s),  x' = v  with B frozen and N quadratic in s, wh
     x(s) = x0 + s phi1 v0 + s^2 phi2 N0 + s^3 phi3 N1 + 2 s^4 phi4 N2,   z = -B s.
 
 phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann 2010, Acta
-Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y.
+Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y, and
+the air's velocity at its start.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .jit import compiled
 
 __all__ = ["PATH", "along", "phis"]
 
-PATH = 11  # numbers in a path
+PATH = 13  # numbers in a path
 
 
 @compiled

@@ -12,14 +12,14 @@ from ..laws.collision import collide
 from .events import PLANE, SPEED, SPIN, displacement, first_below
 from .exponential import along
 from .jit import compiled, entry
-from .locate import barycentric, bracket, load, reproject, walk
+from .locate import air_at, barycentric, bracket, load, reproject, walk
 from .state import (
     AIRBORNE, ARM, BINNED, BODY, BORN, CAPTURED, CONTACT, ESCAPED, FATE, FEATURE, FLYING,
     FREE, FRESH, FRICTION, GAP, H_ERROR, HELD, HOPS, IMPACTS, KIND, LINE, MOBILITY, MU, NOBODY, NX, NY, ON_EDGE,
     ON_VERTEX, OX, OY, RADIUS, RESTING, RESTITUTION, SEEN, SIGN, SPIN as TURN, STEPS, STOPPED, STORED, STRIDE, STUCK, T,
     T_END, TRI, VX, VY, WW, X, Y,
 )  # fmt: skip
-from .step import attempt, exit_time, free_force
+from .step import attempt, drag_rate, exit_time, free_force
 from .walls import constrain, crossing, first_contact, grasp, inside, overlap
 
 __all__ = ["fly_block"]
@@ -37,10 +37,10 @@ def _store(state, ints, record, last):  # type: ignore[no-untyped-def]
     room = record.shape[0]
     if room == 0:
         return
-    if not last and ints[SEEN] % ints[STRIDE] != 0:
+    if last == 0 and ints[SEEN] % ints[STRIDE] != 0:
         ints[SEEN] += 1
         return
-    if ints[STORED] == room - 1 and not last:
+    if ints[STORED] == room - 1 and last == 0:
         half = (room - 1) // 2
         for i in range(half):
             for j in range(5):
@@ -215,7 +215,9 @@ def _ends_of_slide(path, ints, hold, walls, rules, s, t0):  # type: ignore[no-un
         tx, ty, size = -hold[NY], hold[NX], walls.edges[feature, 6]
         wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
         if wa > 0.0 and wb < 0.0:
-            s = first_below(path, t0, bodies, body, SPEED, 0.0, 0.0, 0.0, sign * tx, sign * ty, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
+            s = first_below(
+                path, t0, bodies, body, SPEED, 0.0, 0.0, 0.0, sign * tx, sign * ty, 0.0, wa, 0.0, s, wb, 0.0, 0.0
+            )
             event = HALTED
         for end in range(2):
             q0 = 0.0 if end == 0 else size
@@ -224,7 +226,9 @@ def _ends_of_slide(path, ints, hold, walls, rules, s, t0):  # type: ignore[no-un
             ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
             if fa < -rules.skin and ra >= 0.0:
                 continue
-            found = first_below(path, t0, bodies, body, PLANE, hold[OX], hold[OY], q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
+            found = first_below(
+                path, t0, bodies, body, PLANE, hold[OX], hold[OY], q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
+            )
             if 0.0 <= found <= s and (fb < 0.0 or found < s):
                 s, event = found, SLID_OFF
                 which = walls.edge_links[feature, 1 + end]
@@ -242,7 +246,9 @@ def _ends_of_slide(path, ints, hold, walls, rules, s, t0):  # type: ignore[no-un
         dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
         fa, fb = dx * qx + dy * qy, dx * ex + dy * ey
         ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
-        found = first_below(path, t0, bodies, body, PLANE, hold[OX], hold[OY], 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
+        found = first_below(
+            path, t0, bodies, body, PLANE, hold[OX], hold[OY], 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
+        )
         if 0.0 <= found <= s and (fb < 0.0 or found < s):
             s, event, kind, which = found, SLID_OFF, ON_EDGE, e
     return s, event, kind, which
@@ -406,7 +412,9 @@ def _refresh(state, ints, affine, air, grain, timed):  # type: ignore[no-untyped
 def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):  # type: ignore[no-untyped-def]
     """One step and what ends it."""
     x, y, vx, vy, t0 = state[X], state[Y], state[VX], state[VY], state[T]
-    fx, fy, rate, wind2 = free_force(affine, grain, table, x, y, vx, vy, t0)
+    ux, uy, ax, ay = air_at(affine, x, y, t0)
+    rate = drag_rate(grain, table, (ux - vx) ** 2 + (uy - vy) ** 2)
+    fx, fy, wind2 = rate * (ux - vx) + ax, rate * (uy - vy) + ay, ux * ux + uy * uy
     pull = math.sqrt(affine[8] ** 2 + affine[11] ** 2)
     speed = math.sqrt(max(vx * vx + vy * vy, wind2 if rate > 0.0 else 0.0))
     if hold[KIND] != FREE:
@@ -415,7 +423,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         if hold[KIND] != FREE:
             fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
     path[0], path[1], path[2], path[3], path[4] = x, y, vx, vy, rate
-    path[5], path[6] = fx + rate * vx, fy + rate * vy
+    path[5], path[6], path[11], path[12] = fx + rate * vx, fy + rate * vy, ux, uy
     h = _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edge)
     h = _accept(path, h, state, affine, grain, table, hold, rules, speed, pull)
     if not h > 0.0:
@@ -483,7 +491,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
             ints[GAP] = -2 - code
         elif code == -1:
             ints[FATE] = ESCAPED
-    _store(state, ints, record, False)
+    _store(state, ints, record, 0)
 
 
 @compiled
@@ -499,7 +507,7 @@ def _fly(state, ints, path, affine, hold, air, grain, table, walls, rules, recor
         affine[8], affine[11] = grain[7], grain[8]
         ints[FRESH] = 1
     _begin(state, ints, hold, air, grain, walls, rules)
-    _store(state, ints, record, False)
+    _store(state, ints, record, 0)
     while ints[FATE] == FLYING:
         if state[T] >= rules.until:
             ints[FATE] = RESTING if ints[CONTACT] != FREE and state[HELD] > 0.0 else AIRBORNE
@@ -511,7 +519,7 @@ def _fly(state, ints, path, affine, hold, air, grain, table, walls, rules, recor
                 if _hop(state, ints, air, walls, rules):
                     continue
             _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record)
-    _store(state, ints, record, True)
+    _store(state, ints, record, 1)
 
 
 @entry

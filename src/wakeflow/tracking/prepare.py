@@ -151,9 +151,7 @@ def distance_to(body: Body, points: Array) -> Array:
     return least
 
 
-def pack_granules(
-    grains: Granules, field: FlowField | None, forces: Sequence[str], gravity: Sequence[float]
-) -> Array:
+def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[str], gravity: Sequence[float]) -> Array:
     """Constants of every granule (n, CONSTANTS), see ``state``."""
     rows = np.zeros((len(grains), CONSTANTS))
     g = np.asarray(gravity, dtype=float)
@@ -206,9 +204,7 @@ def pack_state(grains: Granules, field: FlowField | None, air: Air, bodies: Sequ
 
 def _nearest_covered(x: Array, field: FlowField, air: Air, bodies: Sequence[Body], reach: float) -> Index:
     """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
-    swing = max(
-        (float(np.hypot(*body.motion.amplitude)) for body in bodies if body.motion is not None), default=0.0
-    )
+    swing = max((float(np.hypot(*body.motion.amplitude)) for body in bodies if body.motion is not None), default=0.0)
     triangle, edge = air.covered[:, 0], air.covered[:, 1]
     a = field.points[field.triangles[triangle, (edge + 1) % 3]]
     along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a

@@ -59,9 +59,25 @@ class Rules(NamedTuple):
 X, Y, VX, VY, SPIN, T, T_END, H_ERROR, HELD, BORN = range(10)
 FLOATS = 10
 # Integer state
-TRI, STEPS, IMPACTS, FATE, LINE, CONTACT, FEATURE, GAP, HOPS, STUCK, SNAP_A, SNAP_B, FRESH, BODY, STORED, STRIDE, SEEN = (
-    range(17)
-)
+(
+    TRI,
+    STEPS,
+    IMPACTS,
+    FATE,
+    LINE,
+    CONTACT,
+    FEATURE,
+    GAP,
+    HOPS,
+    STUCK,
+    SNAP_A,
+    SNAP_B,
+    FRESH,
+    BODY,
+    STORED,
+    STRIDE,
+    SEEN,
+) = range(17)
 INTS = 17
 # Constants of a granule
 STOKES, REYNOLDS2, RADIUS, RESTITUTION, FRICTION, MOBILITY, PRESSURE, GX, GY = range(9)

@@ -55,9 +55,15 @@ def free_force(affine, grain, table, x, y, vx, vy, t):  # type: ignore[no-untype
 
 
 @compiled
-def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
-    """N = F + B0 v at a stage, and the drag rate there."""
-    fx, fy, rate, _ = free_force(affine, grain, table, x, y, vx, vy, t)
+def _excess(affine, grain, table, hold, path, lag, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
+    """N = F + B0 v at a stage, and the drag rate there; the velocity follows by ``lag`` the air's change since the start."""
+    ux, uy, ax, ay = air_at(affine, x, y, t)
+    rate0 = path[4]
+    vx += lag * (ux - path[11])
+    vy += lag * (uy - path[12])
+    sx, sy = ux - vx, uy - vy
+    rate = drag_rate(grain, table, sx * sx + sy * sy)
+    fx, fy = rate * sx + ax, rate * sy + ay
     if hold[KIND] != 0.0:
         fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
     return fx + rate0 * vx, fy + rate0 * vy, rate
@@ -82,15 +88,20 @@ def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no
     x, y, vx, vy, rate0 = path[0], path[1], path[2], path[3], path[4]
     n0x, n0y = path[5], path[6]
     g = 0.5 * h
+    # The first stages' velocities lag behind the air by its change over the stage; stiff ones would take that for slip
+    stiff = rate0 * (rate0 * h) ** 2 / (1.0 + (rate0 * h) ** 2)
     e, p1, p2, p3, p4 = phis(-rate0 * g)
     q0, q1, q2, q3, q4 = phis(-rate0 * h)
     ax, ay = e * vx + g * p1 * n0x, e * vy + g * p1 * n0y
     x1, y1 = x + g * (p1 * vx + g * p2 * n0x), y + g * (p1 * vy + g * p2 * n0y)
-    n1x, n1y, _ = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + g)
+    n1x, n1y, _ = _excess(affine, grain, table, hold, path, stiff * g * p2, x1, y1, ax, ay, t + g)
     mx, my = 2.0 * n1x - n0x, 2.0 * n1y - n0y
     ax, ay = q0 * vx + h * q1 * mx, q0 * vy + h * q1 * my
+    blend = stiff / rate0 if rate0 > 0.0 else 0.0
+    ax += blend * h * q1 * (n0x - mx)
+    ay += blend * h * q1 * (n0y - my)
     x1, y1 = x + h * (q1 * vx + h * q2 * mx), y + h * (q1 * vy + h * q2 * my)
-    n2x, n2y, _ = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + h)
+    n2x, n2y, _ = _excess(affine, grain, table, hold, path, stiff * h * q2, x1, y1, ax, ay, t + h)
     _fit(path, h, n1x, n1y, n2x, n2y)
     b1x, b1y, b2x, b2y = path[7], path[8], path[9], path[10]
     # the correction: N along the path found, at h/2 and h
@@ -98,16 +109,20 @@ def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no
     ay = e * vy + g * (p1 * n0y + g * (p2 * b1y + 2.0 * g * p3 * b2y))
     x1 = x + g * (p1 * vx + g * (p2 * n0x + g * (p3 * b1x + 2.0 * g * p4 * b2x)))
     y1 = y + g * (p1 * vy + g * (p2 * n0y + g * (p3 * b1y + 2.0 * g * p4 * b2y)))
-    n1x, n1y, _ = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + g)
+    n1x, n1y, _ = _excess(affine, grain, table, hold, path, 0.0, x1, y1, ax, ay, t + g)
     ax = q0 * vx + h * (q1 * n0x + h * (q2 * b1x + 2.0 * h * q3 * b2x))
     ay = q0 * vy + h * (q1 * n0y + h * (q2 * b1y + 2.0 * h * q3 * b2y))
     x1 = x + h * (q1 * vx + h * (q2 * n0x + h * (q3 * b1x + 2.0 * h * q4 * b2x)))
     y1 = y + h * (q1 * vy + h * (q2 * n0y + h * (q3 * b1y + 2.0 * h * q4 * b2y)))
-    n2x, n2y, rate2 = _excess(affine, grain, table, hold, rate0, x1, y1, ax, ay, t + h)
+    n2x, n2y, rate2 = _excess(affine, grain, table, hold, path, 0.0, x1, y1, ax, ay, t + h)
     _fit(path, h, n1x, n1y, n2x, n2y)
     c1x, c1y = h * (path[7] - b1x), h * (path[8] - b1y)
     c2x, c2y = 2.0 * h * h * (path[9] - b2x), 2.0 * h * h * (path[10] - b2y)
+    # The corrected velocity is a power of h better than the first one in the stiff limit, as it follows the air's gradient
+    z2 = (rate0 * h) ** 2
+    bend = h * math.sqrt(affine[3] ** 2 + affine[4] ** 2 + affine[6] ** 2 + affine[7] ** 2)
     carried = min(1.0 / rate0, horizon) if rate0 > 0.0 else horizon
+    carried *= (1.0 + z2 * min(1.0, bend)) / (1.0 + z2) if z2 < 1e200 else min(1.0, bend)
     error = h * h * math.sqrt((q3 * c1x + q4 * c2x) ** 2 + (q3 * c1y + q4 * c2y) ** 2)
     error += h * carried * math.sqrt((q2 * c1x + q3 * c2x) ** 2 + (q2 * c1y + q3 * c2y) ** 2)
     if rate0 > 0.0 and rate2 > 0.0 and rate0 != rate2:

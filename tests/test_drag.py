@@ -1,0 +1,127 @@
+"""Drag laws: published values, Stokes limit, the kernel's table, terminal velocities and calibration."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from fluids.drag import Clift_Gauvin, Haider_Levenspiel, v_terminal
+
+from wakeflow.errors import SceneError
+from wakeflow.laws.drag import (
+    drag_factor_for_terminal_velocity,
+    drag_laws,
+    drag_table,
+    relaxation_time,
+    table_factor,
+    terminal_velocity,
+)
+
+CHECKED = [0.1, 1.0, 10.0, 100.0, 500.0, 1000.0, 1e4, 1e5]
+COEFFICIENTS = {  # Cd of a sphere at CHECKED, computed independently from the published formulas
+    "schiller-naumann": [247.401, 27.6000, 4.1511, 1.0917, 0.5627, 0.4400, 0.4400, 0.4400],
+    "putnam": [248.618, 28.0000, 4.2566, 1.1018, 0.5520, 0.4240, 0.4240, 0.4240],
+    "clift-gauvin": [247.675, 27.6481, 4.1347, 1.0704, 0.5646, 0.4639, 0.4103, 0.4675],
+    "brown-lawler": [247.504, 27.6000, 4.1275, 1.0731, 0.5659, 0.4634, 0.4106, 0.4661],
+    "haider-levenspiel": [249.796, 28.3345, 4.3185, 1.0947, 0.5568, 0.4535, 0.4204, 0.4715],
+}
+
+
+@pytest.mark.parametrize("law", sorted(COEFFICIENTS))
+def test_published_drag_coefficients(law: str) -> None:
+    reynolds = np.array(CHECKED)
+    cd = drag_laws[law].factor(reynolds, 1.0) * 24.0 / reynolds
+    np.testing.assert_allclose(cd, COEFFICIENTS[law], rtol=5e-5, atol=6e-5)
+
+
+@pytest.mark.parametrize(("law", "oracle"), [("clift-gauvin", Clift_Gauvin), ("haider-levenspiel", Haider_Levenspiel)])
+def test_laws_agree_with_the_fluids_package(law: str, oracle: object) -> None:
+    reynolds = 10.0 ** np.linspace(-3, 5, 60)
+    ours = drag_laws[law].factor(reynolds, 1.0) * 24.0 / reynolds
+    np.testing.assert_allclose(ours, [oracle(re) for re in reynolds], rtol=1e-12)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("law", list(drag_laws))
+def test_every_law_tends_to_stokes_and_never_lies_below_it(law: str) -> None:
+    entry = drag_laws[law]
+    phi = 0.7 if entry.uses_sphericity else 1.0
+    assert entry.factor(np.array([0.0]), phi)[0] == 1.0
+    np.testing.assert_allclose(entry.factor(np.array([1e-12]), phi), 1.0, atol=1e-5)
+    assert np.all(entry.factor(10.0 ** np.linspace(-12, 7, 200), phi) >= 1.0)
+    assert entry.source
+    assert entry.reynolds_max > 0
+
+
+@pytest.mark.parametrize("law", list(drag_laws))
+@pytest.mark.parametrize("sphericity", [1.0, 0.6, 0.2])
+def test_table_follows_its_law_to_1e_8(law: str, sphericity: float) -> None:
+    reynolds = 10.0 ** np.random.default_rng(1).uniform(-8, 7, 20000)
+    exact = drag_laws[law].factor(reynolds, sphericity)
+    np.testing.assert_allclose(table_factor(drag_table(law, sphericity), reynolds), exact, rtol=1e-8)
+
+
+@pytest.mark.parametrize("law", list(drag_laws))
+def test_table_is_constant_below_and_keeps_the_coefficient_above(law: str) -> None:
+    table = drag_table(law)
+    below, above = table_factor(table, [0.0, 1e-300]), table_factor(table, [1e7, 1e9])
+    np.testing.assert_allclose(below, drag_laws[law].factor(np.array([1e-8]), 1.0)[0], rtol=1e-8)
+    np.testing.assert_allclose(above[1], above[0] * 100.0, rtol=1e-12)
+
+
+def test_table_keeps_the_jump_of_schiller_and_naumann() -> None:
+    left, right = table_factor(drag_table("schiller-naumann"), [1000 * (1 - 1e-12), 1000 * (1 + 1e-12)])
+    np.testing.assert_allclose([left, right], [1 + 0.15 * 1000**0.687, 0.44 * 1000 / 24], rtol=1e-8)
+
+
+def test_terminal_velocity_against_the_fluids_package() -> None:
+    ours = terminal_velocity(70e-6, 2600, 1000, 1e-3, 9.80665, "clift-gauvin")
+    oracle = v_terminal(D=70e-6, rhop=2600, rho=1000, mu=1e-3, Method="Clift_Gauvin")
+    assert ours == pytest.approx(oracle, rel=1e-9)
+
+
+def test_terminal_velocity_of_the_papers_glass_beads() -> None:
+    np.testing.assert_allclose(
+        terminal_velocity([1.1e-3, 1.2e-3, 1.3e-3], 2500, 1.204, 1.825e-5), [7.34, 7.85, 8.35], atol=0.006
+    )
+
+
+@pytest.mark.parametrize("law", list(drag_laws))
+@pytest.mark.parametrize("diameter", [1e-7, 1e-5, 1e-3, 0.1])
+def test_terminal_velocity_balances_weight(law: str, diameter: float) -> None:
+    v = terminal_velocity(diameter, 1300, 1.2, 1.8e-5, 9.81, law, 0.8, 1.7)
+    drag = 1.7 * drag_laws[law].factor(1.2 * v * diameter / 1.8e-5, 0.8) * v / relaxation_time(diameter, 1300, 1.8e-5)
+    assert drag == pytest.approx(9.81 * (1 - 1.2 / 1300), rel=1e-2 if law == "schiller-naumann" else 1e-12)
+
+
+def test_light_granules_rise_and_neutral_ones_hang() -> None:
+    v = terminal_velocity([1e-3, 1e-3, 1e-3], [500, 1000, 1500], 1000, 1e-3)
+    assert v[0] < 0 < v[2]
+    assert v[1] == 0.0
+
+
+@pytest.mark.parametrize("law", list(drag_laws))
+def test_calibration_returns_the_measured_terminal_velocity(law: str) -> None:
+    measured = np.array([7.8, 1.5, 0.01])
+    diameter, density = np.array([3.88e-3, 2e-3, 2e-5]), np.array([1300.0, 200.0, 1400.0])
+    scale = drag_factor_for_terminal_velocity(diameter, density, measured, 1.204, 1.825e-5, law=law, sphericity=0.9)
+    again = terminal_velocity(diameter, density, 1.204, 1.825e-5, law=law, sphericity=0.9, drag_scale=scale)
+    np.testing.assert_allclose(again, measured, rtol=1e-12)
+
+
+def test_calibrated_wheat_has_the_drag_coefficient_of_its_weight() -> None:
+    d, rho_p, rho, v = 3.88e-3, 1300.0, 1.204, 7.8
+    scale = drag_factor_for_terminal_velocity(d, rho_p, v, rho, 1.825e-5)
+    reynolds = np.array([rho * v * d / 1.825e-5])
+    cd = float((scale * drag_laws["brown-lawler"].factor(reynolds, 1.0) * 24 / reynolds)[0])
+    assert cd == pytest.approx(4 * d * 9.81 * (rho_p - rho) / (3 * rho * v**2), rel=1e-12)
+    assert math.isclose(cd, 0.90, abs_tol=0.005)
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(SceneError, match="unknown drag law 'brown'.*did you mean"):
+        drag_laws["brown"]
+    with pytest.raises(SceneError, match="terminal_velocity"):
+        drag_factor_for_terminal_velocity(1e-3, 1000, 0.0)
+    with pytest.raises(SceneError, match="must exceed the fluid's"):
+        drag_factor_for_terminal_velocity(1e-3, 1.0, 1.0)
