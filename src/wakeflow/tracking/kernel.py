@@ -311,6 +311,8 @@ def _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edg
         slow = speed + math.sqrt(half * pull)
         if slow > 0.0:
             h = min(h, half / slow)
+    if ints[STUCK] >= HOP_LIMIT:  # too many contacts in no time: a step too short to reach into a wall, without looking
+        h = min(h, math.sqrt(rules.skin / (pull + 1e-3 * rules.length)))
     if hold[KIND] != FREE:
         if hold[WW] != 0.0:
             h = min(h, 0.2 / hold[WW])
@@ -465,9 +467,8 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     elif event == WALL:
         ints[STUCK] += 1
         _strike(state, ints, hold, affine, grain, table, walls, rules, kind, which)
-        if ints[STUCK] == HOP_LIMIT:  # pressed into a corner
-            _, _, wx, wy, _, _ = displacement(walls.bodies, max(ints[BODY], 0), state[T])
-            if (state[VX] - wx) ** 2 + (state[VY] - wy) ** 2 <= 1e-6 * (rules.length * pull + 1e-12):
+        if ints[STUCK] == HOP_LIMIT and walls.bodies[ints[BODY], 6] == 0.0 and ints[CONTACT] != FREE:
+            if state[VX] ** 2 + state[VY] ** 2 <= 1e-8 * rules.length * pull:  # pressed into a corner
                 ints[FATE] = RESTING
     elif event == HALTED:
         _, _, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], state[T])

@@ -1,17 +1,18 @@
-"""One exponential step: third order, with an error estimate of the same order, and how long it may be.
+"""One exponential step of third order, its error, and how long it may be.
 
-ETD3RK of Cox & Matthews (2002, J. Comput. Phys. 176, 430) on x' = v, v' = F(t, x, v), with the drag rate B at the step's start
-as linear part: stages at 0, 1/2 and 1, N = F + B v. Its own stages are too coarse for a dense output of its order in the stiff
-limit, so N is evaluated once more along the path they give, at h/2 and h (one Picard iteration): the path through those
-is third order everywhere in the step, and by how much it moved is the error estimate. Exact when N is constant, whatever
-B: constant forces and drag coefficient, and ballistic flight at B = 0. In the stiff limit the step follows x' = u + a / B.
+x' = v, v' = F(t, x, v) with the drag rate B at the step's start as linear part and N = F + B v as polynomial in time, which
+integrates exactly (see ``exponential``). N is built up by Picard iteration: constant, linear through h/2, quadratic through
+h/2 and h; each makes the path one order better, everywhere in the step, so that a step may be cut at any event. The
+exponential quadrature is that of Cox & Matthews (2002, J. Comput. Phys. 176, 430). The defect of the last path, between
+its nodes, gives the error: it sees the error of the quadrature and that of the stages. Exact when N is constant,
+whatever B: constant forces and drag coefficient, and ballistic flight at B = 0. In the stiff limit x' = u + a / B.
 """
 
 from __future__ import annotations
 
 import math
 
-from .exponential import phis
+from .exponential import along, phis
 from .jit import compiled
 from .locate import air_at, barycentric
 from .state import KIND, REYNOLDS2, STOKES, VX, VY, X, Y, T
@@ -55,82 +56,59 @@ def free_force(affine, grain, table, x, y, vx, vy, t):  # type: ignore[no-untype
 
 
 @compiled
-def _excess(affine, grain, table, hold, path, lag, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
-    """N = F + B0 v at a stage, and the drag rate there; the velocity follows by ``lag`` the air's change since the start."""
+def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t, lag, wx, wy):  # type: ignore[no-untyped-def]
+    """N = F + B0 v, the drag rate and the air's velocity at a stage.
+
+    ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it.
+    """
     ux, uy, ax, ay = air_at(affine, x, y, t)
-    rate0 = path[4]
-    vx += lag * (ux - path[11])
-    vy += lag * (uy - path[12])
+    vx += lag * (ux - wx)
+    vy += lag * (uy - wy)
     sx, sy = ux - vx, uy - vy
     rate = drag_rate(grain, table, sx * sx + sy * sy)
     fx, fy = rate * sx + ax, rate * sy + ay
     if hold[KIND] != 0.0:
         fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
-    return fx + rate0 * vx, fy + rate0 * vy, rate
-
-
-@compiled
-def _fit(path, h, n1x, n1y, n2x, n2y):  # type: ignore[no-untyped-def]
-    """Coefficients N1, N2 of the quadratic through N at 0, h/2 and h."""
-    path[7] = (4.0 * n1x - 3.0 * path[5] - n2x) / h
-    path[8] = (4.0 * n1y - 3.0 * path[6] - n2y) / h
-    path[9] = 2.0 * (path[5] - 2.0 * n1x + n2x) / (h * h)
-    path[10] = 2.0 * (path[6] - 2.0 * n1y + n2y) / (h * h)
+    return fx + rate0 * vx, fy + rate0 * vy, rate, ux, uy
 
 
 @compiled
 def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no-untyped-def]
     """Fill in N1, N2 of a step h from the rest of the path; returns the estimated position error and the speed^2 at the end.
 
-    Error: by how much the correction moved the end, its velocity carried on for min(1/B, horizon); and what a drag
-    rate frozen over a velocity transient that the stages step over may displace.
+    Error: what the defect at 3/4 of the step displaces, had it that size throughout, its velocity carried on for
+    min(1/B, horizon); and what a drag rate frozen over a velocity transient that the stages step over may displace.
     """
-    x, y, vx, vy, rate0 = path[0], path[1], path[2], path[3], path[4]
-    n0x, n0y = path[5], path[6]
+    rate0, n0x, n0y, ux, uy = path[4], path[5], path[6], path[11], path[12]
     g = 0.5 * h
-    # The first stages' velocities lag behind the air by its change over the stage; stiff ones would take that for slip
-    stiff = rate0 * (rate0 * h) ** 2 / (1.0 + (rate0 * h) ** 2)
-    e, p1, p2, p3, p4 = phis(-rate0 * g)
-    q0, q1, q2, q3, q4 = phis(-rate0 * h)
-    ax, ay = e * vx + g * p1 * n0x, e * vy + g * p1 * n0y
-    x1, y1 = x + g * (p1 * vx + g * p2 * n0x), y + g * (p1 * vy + g * p2 * n0y)
-    n1x, n1y, _ = _excess(affine, grain, table, hold, path, stiff * g * p2, x1, y1, ax, ay, t + g)
-    mx, my = 2.0 * n1x - n0x, 2.0 * n1y - n0y
-    ax, ay = q0 * vx + h * q1 * mx, q0 * vy + h * q1 * my
-    blend = stiff / rate0 if rate0 > 0.0 else 0.0
-    ax += blend * h * q1 * (n0x - mx)
-    ay += blend * h * q1 * (n0y - my)
-    x1, y1 = x + h * (q1 * vx + h * q2 * mx), y + h * (q1 * vy + h * q2 * my)
-    n2x, n2y, _ = _excess(affine, grain, table, hold, path, stiff * h * q2, x1, y1, ax, ay, t + h)
-    _fit(path, h, n1x, n1y, n2x, n2y)
-    b1x, b1y, b2x, b2y = path[7], path[8], path[9], path[10]
-    # the correction: N along the path found, at h/2 and h
-    ax = e * vx + g * (p1 * n0x + g * (p2 * b1x + 2.0 * g * p3 * b2x))
-    ay = e * vy + g * (p1 * n0y + g * (p2 * b1y + 2.0 * g * p3 * b2y))
-    x1 = x + g * (p1 * vx + g * (p2 * n0x + g * (p3 * b1x + 2.0 * g * p4 * b2x)))
-    y1 = y + g * (p1 * vy + g * (p2 * n0y + g * (p3 * b1y + 2.0 * g * p4 * b2y)))
-    n1x, n1y, _ = _excess(affine, grain, table, hold, path, 0.0, x1, y1, ax, ay, t + g)
-    ax = q0 * vx + h * (q1 * n0x + h * (q2 * b1x + 2.0 * h * q3 * b2x))
-    ay = q0 * vy + h * (q1 * n0y + h * (q2 * b1y + 2.0 * h * q3 * b2y))
-    x1 = x + h * (q1 * vx + h * (q2 * n0x + h * (q3 * b1x + 2.0 * h * q4 * b2x)))
-    y1 = y + h * (q1 * vy + h * (q2 * n0y + h * (q3 * b1y + 2.0 * h * q4 * b2y)))
-    n2x, n2y, rate2 = _excess(affine, grain, table, hold, path, 0.0, x1, y1, ax, ay, t + h)
-    _fit(path, h, n1x, n1y, n2x, n2y)
-    c1x, c1y = h * (path[7] - b1x), h * (path[8] - b1y)
-    c2x, c2y = 2.0 * h * h * (path[9] - b2x), 2.0 * h * h * (path[10] - b2y)
-    # The corrected velocity is a power of h better than the first one in the stiff limit, as it follows the air's gradient
-    z2 = (rate0 * h) ** 2
-    bend = h * math.sqrt(affine[3] ** 2 + affine[4] ** 2 + affine[6] ** 2 + affine[7] ** 2)
+    # Stiff stages must not take for slip that their velocity lags behind the air's change over the stage
+    stiff = rate0 * (rate0 * h) ** 2 / (1.0 + (rate0 * h) ** 2) if rate0 * h < 1e100 else rate0
+    path[7] = path[8] = path[9] = path[10] = 0.0
+    _, _, p2, p3, _ = phis(-rate0 * g)
+    _, q1, q2, q3, _ = phis(-rate0 * h)
+    x, y, vx, vy = along(path, g)
+    nx, ny, _, wx, wy = _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t + g, stiff * g * p2, ux, uy)
+    path[7], path[8] = (nx - n0x) / g, (ny - n0y) / g
+    x, y, vx, vy = along(path, g)
+    nx, ny, _, _, _ = _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t + g, stiff * h * p3, wx, wy)
+    x, y, vx, vy = along(path, h)
+    wx, wy = 2.0 * wx - ux, 2.0 * wy - uy
+    mx, my, rate1, _, _ = _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t + h, stiff * 2.0 * h * q3, wx, wy)
+    path[7], path[8] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
+    path[9], path[10] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h), 2.0 * (n0y - 2.0 * ny + my) / (h * h)
+    s = 0.75 * h
+    x, y, wx, wy = along(path, s)
+    nx, ny, _, _, _ = _excess(affine, grain, table, hold, rate0, x, y, wx, wy, t + s, 0.0, ux, uy)
+    nx -= n0x + s * (path[7] + s * path[9])
+    ny -= n0y + s * (path[8] + s * path[10])
     carried = min(1.0 / rate0, horizon) if rate0 > 0.0 else horizon
-    carried *= (1.0 + z2 * min(1.0, bend)) / (1.0 + z2) if z2 < 1e200 else min(1.0, bend)
-    error = h * h * math.sqrt((q3 * c1x + q4 * c2x) ** 2 + (q3 * c1y + q4 * c2y) ** 2)
-    error += h * carried * math.sqrt((q2 * c1x + q3 * c2x) ** 2 + (q2 * c1y + q3 * c2y) ** 2)
-    if rate0 > 0.0 and rate2 > 0.0 and rate0 != rate2:
+    error = h * (h * q2 + q1 * carried) * math.sqrt(nx * nx + ny * ny)
+    if rate0 > 0.0 and rate1 > 0.0 and rate0 != rate1:
         z = rate0 * h
-        passed = z / (z + 4.0)
-        change = math.sqrt((ax - vx) ** 2 + (ay - vy) ** 2)
-        error += change * abs(1.0 / rate0 - 1.0 / rate2) * passed * passed * passed
-    return error, ax * ax + ay * ay
+        passed = z / (z + 4.0) if z < 1e100 else 1.0
+        change = math.sqrt((wx - path[2]) ** 2 + (wy - path[3]) ** 2)
+        error += change * abs(1.0 / rate0 - 1.0 / rate1) * passed * passed * passed
+    return error, wx * wx + wy * wy
 
 
 @compiled

@@ -17,6 +17,7 @@ from .state import (
 
 __all__ = ["constrain", "crossing", "first_contact", "grasp", "inside", "overlap"]
 
+STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does not meet it again
 TURN = 0.4  # rad of a body's vibration looked at in one piece
 
 
@@ -40,6 +41,7 @@ def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):  # type: i
     if not _overlaps(hull[2], hull[3], min(py, edges[e, 3]), max(py, edges[e, 3]), 1.01 * r + skin):
         return -1.0
     body = walls.edge_links[e, 0]
+    ra = 0.0 if abs(ra) < STILL else ra
     s = first_below(path, t0, walls.bodies, body, PLANE, px, py, -r, nx, ny, sa, fa, ra, sb, fb, rb, skin)
     if s < 0.0:
         return -1.0
@@ -62,6 +64,7 @@ def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):  # type:
         return -1.0
     ra, rb = (ax * qa[2] + ay * qa[3]) / da, (bx * qb[2] + by * qb[3]) / db
     body = walls.vertex_links[v, 0]
+    ra = 0.0 if abs(ra) < STILL else ra
     return first_below(
         path, t0, walls.bodies, body, ROUND, px, py, r, 0.0, 0.0, sa, da - r, ra, sb, db - r, rb, skin
     )  # fmt: skip
