@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "scene", "bounds",
     "planning",
-    "meshing", "reconstruction", "foam", "field", "tracking", "injection", "separation", "pipeline", "budget", "report",
+    "meshing", "reconstruction", "foam", "field", "tracking", "injection", "separation", "flight", "pipeline", "budget", "report",
     "runs", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {

@@ -79,6 +79,9 @@ def test_rhombus_gives_a_whole_answer(rhombus: wf.Result) -> None:
     assert airflow["cp_base"] < -0.2
     assert airflow["suction"]["cp_min"] < -0.5
     assert airflow["pressure_drop"] > 0
+    assert 0 < airflow["divergence"]["rms"] < 0.05
+    assert rhombus.table["mesh"]["min_angle"] > 15
+    assert airflow["mesh"]["non_orthogonality"] < 70
     assert airflow["flow_rate"] == pytest.approx(5.0 * 0.4, rel=1e-3)
 
 

@@ -6,12 +6,15 @@ tolerance). The rest is named and unknown, and so is the total: a sum that leave
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .pipeline import Chain, Tracked
+from .pipeline import Chain
 from .separation import separate
+
+if TYPE_CHECKING:
+    from .flight import Tracked
 
 __all__ = ["FINER", "make_budget"]
 
@@ -25,7 +28,11 @@ UNKNOWN = {
 
 
 def make_budget(chain: Chain, tracked: Tracked, separation: dict[str, Any]) -> list[dict[str, Any]]:
-    """One row a fraction and bin with a noticeable share: ``{quantity, parts, total}``; errors are absolute shares."""
+    """Rows ``{quantity, parts, total}``: shares of every fraction and bin that got any, then landing places.
+
+    Errors of shares are absolute; a row with a ``unit`` states its errors in that unit. The error of a landing place is
+    the 95th percentile over the granules of how far the companion run moves them.
+    """
     finer = chain.tracks(FINER * chain.scene.numerics.tolerance)
     companion = chain.seconds["companion"]["seconds"]
     other = separate(chain.scene, finer.landings)
@@ -50,13 +57,10 @@ def make_budget(chain: Chain, tracked: Tracked, separation: dict[str, Any]) -> l
             ]
             total = {"error": None, "seconds": cost + companion}
             rows.append({"quantity": f"share.{name}.{place}", "parts": parts, "total": total})
-    return rows
-
-
-def landing_shift(tracked: Tracked, finer: Tracked, width: float) -> dict[str, dict[str, float]]:
-    """Median and 95th percentile of the landing shift between two runs of the same granules, in body widths."""
-    rows = {}
     for name, landing in tracked.landings.items():
-        shift = np.linalg.norm(landing.position - finer.landings[name].position, axis=1) / width
-        rows[name] = {"median": float(np.median(shift)), "p95": float(np.percentile(shift, 95))}
+        shift = np.linalg.norm(landing.position - finer.landings[name].position, axis=1) / chain.scene.width
+        error = float(np.percentile(shift, 95))
+        part = {"source": "integration", "error": error, "seconds": companion, "how": "companion"}
+        total = {"error": None, "seconds": cost + companion}
+        rows.append({"quantity": f"landing.{name}", "unit": "body widths", "parts": [part], "total": total})
     return rows

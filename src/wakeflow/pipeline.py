@@ -10,46 +10,28 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
 from .planning import Plan, make_plan
 from .resources import case_template
-from .scene import GRAVITY, Scene
-from .separation import Landings
+from .scene import Scene
 
 if TYPE_CHECKING:
     from .field import FlowField
+    from .flight import Tracked
     from .meshing import MeshSpec
-    from .tracking import Body, Granules, Tracks
 
-__all__ = ["Chain", "Listener", "Tracked", "silent"]
+__all__ = ["Chain", "Listener", "silent"]
 
-Array = NDArray[np.float64]
 Listener = Callable[[str, str], None]  # (stage, text)
-DRAWN = 48  # tracks kept for pictures, a fraction
-WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
-PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
 CODE = Path(__file__).parent
 
 
 def silent(stage: str, text: str) -> None:
     """The listener that hears nothing."""
-
-
-@dataclass(frozen=True)
-class Tracked:
-    """What the tracker found: landings and drawn tracks by fraction, how many were injected, counts of fates."""
-
-    landings: dict[str, Landings]
-    drawn: dict[str, list[dict[str, Array]]]
-    injected: dict[str, int]
-    fates: dict[str, dict[str, int]]
 
 
 @dataclass
@@ -90,6 +72,12 @@ class Chain:
         folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", Path("meshes"), key)
         return key, folder
+
+    @property
+    def mesh_quality(self) -> dict[str, Any]:
+        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees)."""
+        table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
+        return table
 
     @cached_property
     def solution(self) -> tuple[str, Path]:
@@ -153,6 +141,12 @@ class Chain:
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
 
+    @property
+    def divergence(self) -> dict[str, float]:
+        """Rms and largest |div u| h / U over the triangles that the tracker reads: how well they conserve volume."""
+        found = self.field[1].divergence()
+        return {"rms": found.rms, "max": found.max}
+
     @cached_property
     def tracks_key(self) -> str:
         """Everything the tracks depend on; mass shares, targets and the feed rate do not touch them."""
@@ -161,75 +155,26 @@ class Chain:
             del fraction["mass_share"], fraction["target"]
         for key in ("rate", "depth"):
             del tables["feed"][key]
-        del tables["numerics"]["rung"], tables["numerics"]["keep"]
+        del tables["numerics"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: asdict(row) for name, row in self.plan.fractions.items()}
-        code = _sources("laws", "tracking", "field.py", "injection.py", "pipeline.py", "geometry.py")
+        code = _sources("laws", "tracking", "field.py", "injection.py", "flight.py", "geometry.py", "scene.py")
         return content_key("tracks", tables, self.plan.forces, repr(how), upstream, code)
 
     def tracks(self, tolerance: float | None = None) -> Tracked:
         """Every granule's landing. Another ``tolerance`` than the scene's is a companion run for the budget."""
+        from . import flight
+
         asked = self.scene.numerics.tolerance if tolerance is None else tolerance
         stage = "tracks" if tolerance is None else "companion"
-        key = content_key(self.tracks_key, asked)
-        folder = self._stage(stage, key, lambda part: self._track_all(part, asked, drawn=tolerance is None))
-        return _load_tracked(folder, list(self.scene.fraction))
 
-    # -- tracking ------------------------------------------------------------------------------------------------
+        def work(part: Path) -> None:
+            flow = None if self.scene.air is None else self.field[1]
+            tell = partial(self.listener, stage)
+            flight.Flight(self.scene, self.plan, flow, asked, self.workers, tell).fly_all(part, drawn=tolerance is None)
 
-    def _track_all(self, folder: Path, tolerance: float, *, drawn: bool) -> None:
-        from .injection import feedstock
-        from .tracking import Fate
-
-        flow = None if self.scene.air is None else self.field[1]
-        period = None if flow is None else flow.period
-        injected, fates = {}, {}
-        for name in self.scene.fraction:
-            self.listener("tracks", f"{name}: injecting")
-            feed = feedstock(self.scene, self.plan, name, period)
-            tracks = self._fly(flow, name, feed.granules, tolerance)
-            injected[name] = int(feed.injected.sum())
-            fates[name] = {fate.name.lower(): int(np.sum(tracks.fate == fate)) for fate in Fate}
-            landing = {
-                "position": tracks.position,
-                "bin": np.where((tracks.line >= 0) & (tracks.line < len(self.scene.bin)), tracks.line, -1),
-                "replicate": feed.replicate,
-                "diameter": feed.granules.diameter,
-                "fate": tracks.fate,
-                "time": tracks.time - feed.granules.time,
-                "impacts": tracks.impacts + feed.injected,  # the tracker did not see the first impact of these
-            }
-            with atomic_write(folder / f"{name}.npz", "wb") as stream:
-                np.savez(stream, **landing)
-            if drawn:
-                chosen = np.linspace(0, len(feed.replicate) - 1, min(DRAWN, len(feed.replicate))).astype(int)
-                shown = self._fly(flow, name, feed.granules[chosen], tolerance, record=True)
-                _save_drawn(folder / f"{name}.drawn.npz", [shown.path(i) for i in range(len(chosen))])
-        write_json(folder / "counts.json", {"injected": injected, "fates": fates})
-
-    def _fly(
-        self, flow: FlowField | None, name: str, grains: Granules, tolerance: float, *, record: bool = False
-    ) -> Tracks:
-        from .tracking import track
-
-        scene = self.scene
-        height = scene.channel.top - scene.channel.bottom
-        speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
-        return track(
-            flow,
-            grains,
-            until=float(np.max(grains.time, initial=0.0)) + max(5.0, PATIENCE * height / speed),
-            tolerance=tolerance,
-            length=scene.width,
-            forces=self.plan.forces,
-            drag=self.plan.fractions[name].drag,
-            bodies=solids(scene),
-            lines=ends(scene),
-            gravity=(0.0, -GRAVITY),
-            record=record,
-            workers=self.workers,
-            progress=None if record else lambda done, total: self.listener("tracks", f"{name}: {done} of {total}"),
-        )
+        folder = self._stage(stage, content_key(self.tracks_key, asked), work)
+        return flight.load(folder, self.scene)
 
     # -- cache ---------------------------------------------------------------------------------------------------
 
@@ -269,59 +214,3 @@ def _publish(file: Path, folder: Path, key: str) -> None:
     if folder.is_dir() and not target.exists():
         with atomic_write(target, "wb") as stream:
             stream.write(file.read_bytes())
-
-
-def solids(scene: Scene) -> list[Body]:
-    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands."""
-    from .tracking import Body, Motion
-
-    amplitude, omega = scene.motion
-    motion = Motion(tuple(amplitude), omega / (2 * np.pi)) if omega > 0 else None
-    found = [Body(body.outline(), motion=motion) for body in scene.body.values()]
-    half, thick = scene.channel.width / 2, WALL * scene.channel.width
-    for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
-        level = scene.channel.bottom - thick
-        open_ranges = sorted((b.start, b.to) for b in scene.bin.values() if b.points is None and b.on == side)
-        for start, end in [*open_ranges, (scene.channel.top + thick, None)]:
-            assert start is not None
-            if start > level:
-                low, high = sorted((inner, outer))
-                found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
-            level = end if end is not None else level
-    return found
-
-
-def ends(scene: Scene) -> list[Array]:
-    """Lines that end a track: the bins in the scene's order, then the floor and the top of the channel."""
-    channel = scene.channel
-    half, slack = 0.5 * channel.width, 1e-6 * channel.width
-    across = np.array([-half - WALL * channel.width, half + WALL * channel.width])
-    borders = [np.stack([across, np.full(2, y)], axis=1) for y in (channel.bottom - slack, channel.top + slack)]
-    return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
-
-
-def _save_drawn(path: Path, paths: list[tuple[Array, Array, Array]]) -> None:
-    """Tracks end to end in one file: row splits, time (s), position (m), velocity (m/s)."""
-    split = np.cumsum([0] + [len(t) for t, _, _ in paths])
-    joined = [np.concatenate(parts) for parts in zip(*paths, strict=True)]
-    with atomic_write(path, "wb") as stream:
-        np.savez(stream, split=split, time=joined[0], position=joined[1], velocity=joined[2])
-
-
-def _load_tracked(folder: Path, names: list[str]) -> Tracked:
-    counts = json.loads((folder / "counts.json").read_text())
-    landings: dict[str, Landings] = {}
-    drawn: dict[str, list[dict[str, Array]]] = {}
-    for name in names:
-        with np.load(folder / f"{name}.npz") as data:
-            landings[name] = Landings(**{key: data[key] for key in data.files})
-        file = folder / f"{name}.drawn.npz"
-        drawn[name] = []
-        if file.exists():
-            with np.load(file) as data:
-                cut = data["split"]
-                parts = {key: np.split(data[key], cut[1:-1]) for key in ("time", "position", "velocity")}
-            drawn[name] = [
-                {key: parts[key][i] for key in ("time", "position", "velocity")} for i in range(len(cut) - 1)
-            ]
-    return Tracked(landings, drawn, counts["injected"], counts["fates"])

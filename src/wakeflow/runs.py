@@ -7,17 +7,20 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .budget import make_budget
 from .errors import SceneError
 from .files import atomic_write, content_key, write_json
-from .pipeline import Chain, Listener, Tracked, silent
+from .pipeline import Chain, Listener, silent
 from .planning import Plan, make_plan
 from .scene import Scene
 from .separation import separate
+
+if TYPE_CHECKING:
+    from .flight import Tracked
 
 __all__ = ["Result", "report_again", "run"]
 
@@ -104,10 +107,12 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     until = options["until"]
     tracked: Tracked | None = None
     if scene.air is not None:
-        _ = chain.mesh
+        table["mesh"] = chain.mesh_quality
         if until != "mesh":
             table["airflow"] = chain.airflow
     if until not in ("mesh", "airflow"):
+        if table["airflow"] is not None:
+            table["airflow"]["divergence"] = chain.divergence
         tracked = chain.tracks()
         table["fates"] = tracked.fates
         table["injected"] = tracked.injected

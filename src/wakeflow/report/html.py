@@ -40,6 +40,16 @@ SUCTION = (
     ("area", "suction zone: area", "cm²"),
     ("reversal_length", "length of the reversed flow on the axis", "mm"),
 )
+QUALITY = (
+    ("min_angle", "mesh: smallest angle of a cell", "°"),
+    ("max_aspect", "mesh: largest ratio of edges of a cell", ""),
+    ("non_orthogonality", "mesh: largest non-orthogonality (checkMesh)", "°"),
+    ("skewness", "mesh: largest skewness (checkMesh)", ""),
+)
+DIVERGENCE = (
+    ("rms", "divergence of the tracker's field, |div u| h / U: rms", ""),
+    ("max", "divergence of the tracker's field, |div u| h / U: largest", ""),
+)
 SCALE = {"mm": 1e3, "cm²": 1e4}
 HOW = {
     "measured": "from this run",
@@ -80,7 +90,7 @@ def render(result: Result, pictures: Mapping[str, str], title: str = "result") -
         targets={name: targets(result, name) for name in result["scene"]["fraction"]},
         expected=lambda place: expected(result, place),
         pictures=[(name, pictures[name], text) for name, text in FIGURES.items() if name in pictures],
-        airflow=_airflow_rows(result.get("airflow")),
+        airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
         budget=result.get("budget") or [],
         sources=budget_sources(result) if result.get("budget") else [],
         spent=source_seconds(result) if result.get("budget") else {},
@@ -112,13 +122,18 @@ def _answers(result: Result) -> list[tuple[str, str, tuple[str, ...]]]:
     return [(name, percent(row), targets(result, name)) for name, row in recovery.items() if row is not None]
 
 
-def _airflow_rows(airflow: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
+def _airflow_rows(airflow: Mapping[str, Any] | None, mesh: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
     """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
     if airflow is None:
         return []
-    zone = airflow.get("suction") or {}
-    found = [(name, airflow.get(key), unit) for key, name, unit in AIRFLOW]
-    found += [(name, zone.get(key), unit) for key, name, unit in SUCTION]
+    quality = {**(mesh or {}), **(airflow.get("mesh") or {})}
+    parts = (
+        (airflow, AIRFLOW),
+        (airflow.get("suction") or {}, SUCTION),
+        (quality, QUALITY),
+        (airflow.get("divergence") or {}, DIVERGENCE),
+    )
+    found = [(name, values.get(key), unit) for values, rows in parts for key, name, unit in rows]
     return [(name, _measured(value, SCALE.get(unit, 1.0)), unit) for name, value, unit in found if value is not None]
 
 

@@ -14,7 +14,7 @@ import numba
 
 from ..files import cache_root, digest_files
 
-__all__ = ["compiled", "entry"]
+__all__ = ["compiled", "entry", "inlined"]
 
 HERE = Path(__file__).parent
 # Without numba's reference counts: the kernel makes no arrays, and counting them at every call would cost most of its time.
@@ -38,6 +38,11 @@ def _folder() -> Path:
 def compiled(function: Any) -> Any:
     """A helper of the kernel: compiled into whatever calls it."""
     return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+
+
+def inlined(function: Any) -> Any:
+    """A helper with one caller that takes many arrays: a call would copy all their descriptors."""
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, **OPTIONS)(function)
 
 
 def entry(function: Any) -> Any:

@@ -11,7 +11,7 @@ import math
 from ..laws.collision import collide
 from .events import PLANE, SPEED, SPIN, displacement, first_below
 from .exponential import along
-from .jit import compiled, entry
+from .jit import compiled, entry, inlined
 from .locate import air_at, barycentric, bracket, load, reproject, walk
 from .state import (
     AIRBORNE, ARM, BINNED, BODY, BORN, CAPTURED, CONTACT, ESCAPED, FATE, FEATURE, FLYING,
@@ -27,6 +27,7 @@ __all__ = ["fly_block"]
 _collide = compiled(collide)
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
+PROGRESS = 1e-8  # of the step tried: less is none
 HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
 NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED = range(7)
 
@@ -88,7 +89,7 @@ def _cross(state, ints, air, walls, rules, k):  # type: ignore[no-untyped-def]
         ints[GAP] = -2 - onward
 
 
-@compiled
+@inlined
 def _hop(state, ints, air, walls, rules):  # type: ignore[no-untyped-def]
     """Cross at once an edge the granule stands on and moves out through. Returns whether it did."""
     tri, worst, edge = ints[TRI], 0.0, NOBODY
@@ -294,7 +295,7 @@ def _begin(state, ints, hold, air, grain, walls, rules):  # type: ignore[no-unty
             ints[FATE] = ESCAPED
 
 
-@compiled
+@inlined
 def _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edge):  # type: ignore[no-untyped-def]
     """The longest step worth trying: end, snapshot, triangle, last error, and nearly straight where there are walls."""
     h = min(rules.until - state[T], state[H_ERROR])
@@ -321,7 +322,7 @@ def _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edg
     return h
 
 
-@compiled
+@inlined
 def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):  # type: ignore[no-untyped-def]
     """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
     shortest = 1e-13 * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
@@ -336,7 +337,7 @@ def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):  # 
     return 0.0
 
 
-@compiled
+@inlined
 def _leaves(path, h, ints, air):  # type: ignore[no-untyped-def]
     """When and across which edge the step leaves the triangle: (time, edge), edge -1 when it does not."""
     g, tri = air.geometry, ints[TRI]
@@ -371,7 +372,7 @@ def _lift(path, s, t0, affine, grain, table, hold):  # type: ignore[no-untyped-d
     return high, True
 
 
-@compiled
+@inlined
 def _advance(end, s, h, state, ints, rules):  # type: ignore[no-untyped-def]
     """Move to time s of the step; clocks that were aimed at are met exactly."""
     t0 = state[T]
@@ -382,12 +383,12 @@ def _advance(end, s, h, state, ints, rules):  # type: ignore[no-untyped-def]
             state[T] = rules.until
         elif h == state[T_END] - t0:
             state[T] = state[T_END]
-    if s > 1e-13 * h:
+    if s > PROGRESS * h:
         ints[HOPS] = 0
         ints[STUCK] = 0
 
 
-@compiled
+@inlined
 def _rescue(state, ints, hold, affine, grain, table, walls, rules):  # type: ignore[no-untyped-def]
     """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
     for body in range(walls.bodies.shape[0]):
@@ -397,7 +398,7 @@ def _rescue(state, ints, hold, affine, grain, table, walls, rules):  # type: ign
             _strike(state, ints, hold, affine, grain, table, walls, rules, ON_EDGE, nearest)
 
 
-@compiled
+@inlined
 def _refresh(state, ints, affine, air, grain, timed):  # type: ignore[no-untyped-def]
     """Load the affine field of the current place and snapshot interval where they changed; length of a boundary edge."""
     edge = 0.0
@@ -410,7 +411,7 @@ def _refresh(state, ints, affine, air, grain, timed):  # type: ignore[no-untyped
     return edge
 
 
-@compiled
+@inlined
 def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):  # type: ignore[no-untyped-def]
     """One step and what ends it."""
     x, y, vx, vy, t0 = state[X], state[Y], state[VX], state[VY], state[T]
@@ -461,7 +462,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         ints[FATE], ints[LINE] = BINNED, line
         return
     if event == EXIT:
-        if s <= 1e-13 * h:
+        if s <= PROGRESS * h:
             ints[HOPS] += 1
         _cross(state, ints, air, walls, rules, which)
     elif event == WALL:
@@ -495,7 +496,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     _store(state, ints, record, 0)
 
 
-@compiled
+@inlined
 def _fly(state, ints, path, affine, hold, air, grain, table, walls, rules, record):  # type: ignore[no-untyped-def]
     """One granule from birth to its fate."""
     timed = air.times.shape[0] > 1 and air.corners.shape[0] > 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from .jit import compiled
+from .jit import compiled, inlined
 from .state import FRESH, GAP, GX, GY, NOBODY, PRESSURE, SNAP_A, SNAP_B, T_END, TRI, H_ERROR, T, X, Y
 
 __all__ = ["air_at", "barycentric", "bracket", "load", "reproject", "walk"]
@@ -78,7 +78,7 @@ def _plane(affine, at, f0, f1, f2, geometry, tri):  # type: ignore[no-untyped-de
     affine[at + 2] = f0 * geometry[tri, 3] + f1 * geometry[tri, 5] + f2 * geometry[tri, 7]
 
 
-@compiled
+@inlined
 def load(state, ints, affine, air, grain):  # type: ignore[no-untyped-def]
     """Velocity and acceleration (gravity, pressure gradient) as affine functions in the current triangle and interval.
 

@@ -10,7 +10,7 @@ import math
 
 from .events import PLANE, ROUND, displacement, first_below
 from .exponential import along
-from .jit import compiled
+from .jit import compiled, inlined
 from .state import (
     ARM, CONTACT, FEATURE, FREE, KIND, MU, NOBODY, NX, NY, ON_EDGE, ON_VERTEX, OX, OY, SIGN, WP, WW, WX, WY,
 )  # fmt: skip
@@ -45,10 +45,12 @@ def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):  # type: i
     s = first_below(path, t0, walls.bodies, body, PLANE, px, py, -r, nx, ny, sa, fa, ra, sb, fb, rb, skin)
     if s < 0.0:
         return -1.0
-    x, y, _, _ = along(path, s)
-    dx, dy, _, _, _, _ = displacement(walls.bodies, body, t0 + s)
+    x, y, vx, vy = along(path, s)
+    dx, dy, wx, wy, _, _ = displacement(walls.bodies, body, t0 + s)
     foot = -ny * (x - dx - px) + nx * (y - dy - py)
-    return s if 0.0 <= foot <= size else -1.0
+    onward = -ny * (vx - wx) + nx * (vy - wy)
+    near = 1e-3 * skin  # at the very end and on the way out it is the corner's
+    return s if (0.0 if onward >= 0.0 else near) <= foot <= (size if onward <= 0.0 else size - near) else -1.0
 
 
 @compiled
@@ -89,7 +91,7 @@ def _hull(qa, qb, span):  # type: ignore[no-untyped-def]
     return xl - gx, xh + gx, yl - gy, yh + gy
 
 
-@compiled
+@inlined
 def first_contact(path, span, end, t0, r, skin, walls, ints):  # type: ignore[no-untyped-def]
     """First contact within the step: (time, ON_EDGE or ON_VERTEX, which); time -1.0 for none.
 
@@ -146,7 +148,7 @@ def first_contact(path, span, end, t0, r, skin, walls, ints):  # type: ignore[no
     return best, kind, which
 
 
-@compiled
+@inlined
 def crossing(path, span, end, lines, line_ids, skin):  # type: ignore[no-untyped-def]
     """First crossing of a line by the granule's centre within the step: (time, line id); time -1.0 for none."""
     best, which = -1.0, NOBODY
