@@ -166,7 +166,7 @@ def budget_table(result: Result) -> Table:
     title = "budget: error of each share, percentage points"
     table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     if any(_unit(entry) != POINTS for entry in result["budget"]):
-        table.title = "budget: error of each number"
+        table.title = "budget: errors, of shares in percentage points"
     table.add_column("quantity")
     for source in [*sources, "total"]:
         table.add_column(source, justify="right")

@@ -14,11 +14,59 @@ from .exponential import along
 from .jit import compiled, entry, inlined
 from .locate import air_at, barycentric, bracket, load, reproject, walk
 from .state import (
-    AIRBORNE, ARM, BINNED, BODY, BORN, CAPTURED, CONTACT, ESCAPED, FATE, FEATURE, FLYING,
-    FREE, FRESH, FRICTION, GAP, H_ERROR, HELD, HOPS, IMPACTS, KIND, LINE, MOBILITY, MU, NOBODY, NX, NY, ON_EDGE,
-    ON_VERTEX, OX, OY, RADIUS, RESTING, RESTITUTION, SEEN, SIGN, SPIN as TURN, STEPS, STOPPED, STORED, STRIDE, STUCK, T,
-    T_END, TRI, VX, VY, WW, X, Y,
+    AIRBORNE,
+    ARM,
+    BINNED,
+    BODY,
+    CAPTURED,
+    CONTACT,
+    ESCAPED,
+    FATE,
+    FEATURE,
+    FLYING,
+    FREE,
+    FRESH,
+    FRICTION,
+    GAP,
+    GX,
+    GY,
+    H_ERROR,
+    HELD,
+    HOPS,
+    IMPACTS,
+    KIND,
+    LINE,
+    MOBILITY,
+    MU,
+    NOBODY,
+    NX,
+    NY,
+    ON_EDGE,
+    ON_VERTEX,
+    OX,
+    OY,
+    RADIUS,
+    RESTING,
+    RESTITUTION,
+    SEEN,
+    SIGN,
+    STEPS,
+    STOPPED,
+    STORED,
+    STRIDE,
+    STUCK,
+    T_END,
+    TRI,
+    VX,
+    VY,
+    WW,
+    T,
+    X,
+    Y,
 )  # fmt: skip
+from .state import (
+    SPIN as TURN,
+)
 from .step import attempt, drag_rate, exit_time, free_force
 from .walls import constrain, crossing, first_contact, grasp, inside, overlap
 
@@ -352,7 +400,7 @@ def _leaves(path, h, ints, air):  # type: ignore[no-untyped-def]
         fa = barycentric(g, tri, k, path[0], path[1])
         q0 = 1.0 if k == 0 else 0.0
         found = first_below(path, 0.0, g, NOBODY, PLANE, g[tri, 0], g[tri, 1], q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
-        if 0.0 <= found and (found < s or (found == s and fb <= 0.0)):
+        if found >= 0.0 and (found < s or (found == s and fb <= 0.0)):
             s, edge = found, k
     return s, edge
 
@@ -497,35 +545,36 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
 
 
 @inlined
-def _fly(state, ints, path, affine, hold, air, grain, table, walls, rules, record):  # type: ignore[no-untyped-def]
-    """One granule from birth to its fate."""
-    timed = air.times.shape[0] > 1 and air.corners.shape[0] > 0
+def _born(state, ints, affine, hold, air, grain, walls, rules, timed):  # type: ignore[no-untyped-def]
+    """Scratch and state of a new granule."""
     affine[:] = 0.0
     hold[:] = 0.0
     ints[STRIDE] = 1
     state[T_END] = -math.inf if timed else math.inf
     state[H_ERROR] = math.inf
     if air.corners.shape[0] == 0:
-        affine[8], affine[11] = grain[7], grain[8]
+        affine[8], affine[11] = grain[GX], grain[GY]
         ints[FRESH] = 1
     _begin(state, ints, hold, air, grain, walls, rules)
-    _store(state, ints, record, 0)
-    while ints[FATE] == FLYING:
-        if state[T] >= rules.until:
-            ints[FATE] = RESTING if ints[CONTACT] != FREE and state[HELD] > 0.0 else AIRBORNE
-        elif ints[STEPS] >= rules.steps:
-            ints[FATE] = STOPPED
-        else:
-            edge = _refresh(state, ints, affine, air, grain, timed)
-            if air.corners.shape[0] > 0 and ints[GAP] < 0 and ints[HOPS] < HOP_LIMIT:
-                if _hop(state, ints, air, walls, rules):
-                    continue
-            _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record)
-    _store(state, ints, record, 1)
 
 
 @entry
 def fly_block(states, counts, grains, tables, table_of, air, walls, rules, records, path, affine, hold):  # type: ignore[no-untyped-def]
-    """Track a block of granules; blocks may run side by side, each with its own scratch: path, affine, hold."""
+    """Track a block of granules, each from birth to its fate; path, affine and hold are the block's scratch."""
+    timed = air.times.shape[0] > 1 and air.corners.shape[0] > 0
     for i in range(states.shape[0]):
-        _fly(states[i], counts[i], path, affine, hold, air, grains[i], tables[table_of[i]], walls, rules, records[i])
+        state, ints, grain, table, record = states[i], counts[i], grains[i], tables[table_of[i]], records[i]
+        _born(state, ints, affine, hold, air, grain, walls, rules, timed)
+        _store(state, ints, record, 0)
+        while ints[FATE] == FLYING:
+            if state[T] >= rules.until:
+                ints[FATE] = RESTING if ints[CONTACT] != FREE and state[HELD] > 0.0 else AIRBORNE
+            elif ints[STEPS] >= rules.steps:
+                ints[FATE] = STOPPED
+            else:
+                edge = _refresh(state, ints, affine, air, grain, timed)
+                if air.corners.shape[0] > 0 and ints[GAP] < 0 and ints[HOPS] < HOP_LIMIT:
+                    if _hop(state, ints, air, walls, rules):
+                        continue
+                _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record)
+        _store(state, ints, record, 1)

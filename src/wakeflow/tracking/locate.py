@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .jit import compiled, inlined
-from .state import FRESH, GAP, GX, GY, NOBODY, PRESSURE, SNAP_A, SNAP_B, T_END, TRI, H_ERROR, T, X, Y
+from .state import FRESH, GAP, GX, GY, H_ERROR, NOBODY, PRESSURE, SNAP_A, SNAP_B, T_END, TRI, T, X, Y
 
 __all__ = ["air_at", "barycentric", "bracket", "load", "reproject", "walk"]
 

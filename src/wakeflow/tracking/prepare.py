@@ -11,8 +11,26 @@ from ..errors import SceneError
 from ..field import FlowField
 from ..laws.drag import drag_laws, drag_table
 from .granules import Body, Granules
-from .state import CONSTANTS, FLOATS, GAP, INTS, LINE, Air, Walls
-from .state import BORN, FATE, FEATURE, FLYING, SPIN, TRI, VX, VY, T, X, Y
+from .state import (
+    BORN,
+    CONSTANTS,
+    FATE,
+    FEATURE,
+    FLOATS,
+    FLYING,
+    GAP,
+    INTS,
+    LINE,
+    SPIN,
+    TRI,
+    VX,
+    VY,
+    Air,
+    T,
+    Walls,
+    X,
+    Y,
+)
 
 __all__ = ["FORCES", "pack_air", "pack_granules", "pack_lines", "pack_state", "pack_tables", "pack_walls"]
 

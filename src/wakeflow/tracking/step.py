@@ -15,7 +15,7 @@ import math
 from .exponential import along, phis
 from .jit import compiled
 from .locate import air_at, barycentric
-from .state import KIND, REYNOLDS2, STOKES, VX, VY, X, Y, T
+from .state import KIND, REYNOLDS2, STOKES
 from .walls import constrain
 
 __all__ = ["attempt", "drag_rate", "exit_time", "free_force"]

@@ -12,7 +12,24 @@ from .events import PLANE, ROUND, displacement, first_below
 from .exponential import along
 from .jit import compiled, inlined
 from .state import (
-    ARM, CONTACT, FEATURE, FREE, KIND, MU, NOBODY, NX, NY, ON_EDGE, ON_VERTEX, OX, OY, SIGN, WP, WW, WX, WY,
+    ARM,
+    CONTACT,
+    FEATURE,
+    FREE,
+    KIND,
+    MU,
+    NOBODY,
+    NX,
+    NY,
+    ON_EDGE,
+    ON_VERTEX,
+    OX,
+    OY,
+    SIGN,
+    WP,
+    WW,
+    WX,
+    WY,
 )  # fmt: skip
 
 __all__ = ["constrain", "crossing", "first_contact", "grasp", "inside", "overlap"]
