@@ -13,7 +13,7 @@ import numpy as np
 
 from .budget import make_budget
 from .errors import SceneError
-from .files import atomic_write, content_key, write_json
+from .files import atomic_write, content_key, digest_files, write_json
 from .pipeline import Chain, Listener, silent
 from .planning import Plan, make_plan
 from .scene import Scene
@@ -92,7 +92,7 @@ def run(
 
 def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain: Chain, redraw: bool) -> Result:
     target = folder / "result.json"
-    key = content_key(scene.tables(), plan.summary(), options, _versions())
+    key = content_key(scene.tables(), plan.summary(), options, _versions(), digest_files([Path(__file__).parent]))
     drawn = _key_of(target) == key and not redraw
     if not drawn:
         target.unlink(missing_ok=True)  # an older answer must not pass for this one

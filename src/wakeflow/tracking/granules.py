@@ -60,7 +60,7 @@ def _clean(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
         array = np.array(np.broadcast_to(np.asarray(values, dtype=float), shape), order="C")
     except (TypeError, ValueError):
         raise SceneError(f"granule {name}: shape {np.shape(values)} does not fit {shape}") from None
-    bad = ~np.isfinite(array).reshape(len(array), -1).all(axis=1)
+    bad = ~np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
     _refuse(name, array, bad, "finite")
     return array
 

@@ -374,14 +374,16 @@ def _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edg
 def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):  # type: ignore[no-untyped-def]
     """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
     shortest = 1e-13 * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
-    for _ in range(60):
+    for rejected in range(60):
         horizon = min(rules.until - state[T], rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300))
         error, fast = attempt(path, h, state[T], affine, grain, table, hold, horizon)
         allowed = rules.allowance * h * max(speed, math.sqrt(fast)) + 1e-15 * rules.extent
         if error <= allowed or (h <= shortest and math.isfinite(error)):
             state[H_ERROR] = h * min(5.0, 0.9 * (allowed / error) ** (1.0 / 3.0)) if error > 0.0 else math.inf
             return h
-        h *= max(0.1, 0.9 * (allowed / error) ** (1.0 / 3.0)) if math.isfinite(error) else 0.1
+        # a velocity transient shorter than the step shrinks the error no faster than the step: then go down quickly
+        most = 0.9 if rejected == 0 else (0.5 if rejected < 4 else 0.1)
+        h *= max(0.1, most * min(1.0, (allowed / error) ** (1.0 / 3.0))) if math.isfinite(error) else 0.1
     return 0.0
 
 

@@ -1,0 +1,450 @@
+"""The tracker at walls: bounces, sliding, corners, vibration; nothing passes through, nothing is lost, no energy appears."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+
+from wakeflow import impact
+from wakeflow.errors import SceneError
+from wakeflow.field import FlowField
+from wakeflow.geometry import contains
+from wakeflow.tracking import Body, Fate, Granules, Motion, track
+
+G = 9.81
+W = 0.05
+RHOMBUS = 0.5 * W * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+FLOOR = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])
+
+
+def one(position: object, velocity: object, radius: float = 1e-3, **more: object) -> Granules:
+    return Granules([position], [velocity], diameter=2 * radius, density=1000.0, **more)  # type: ignore[arg-type]
+
+
+def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
+    along = np.roll(outline, -1, axis=0) - outline
+    s = np.einsum("nkj,kj->nk", points[:, None] - outline, along) / (along**2).sum(axis=1)
+    foot = outline + np.clip(s, 0, 1)[..., None] * along
+    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
+
+
+def slope(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A wedge whose face descends to the origin along +x, length 1; its downward tangent and outward normal."""
+    down, out = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
+    return np.array([[0.0, 0.0], [-np.cos(angle), np.sin(angle)], [-np.cos(angle), 0.0]]), down, out
+
+
+# -- single impacts ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("inertia", [None, 0.4, 0.5])
+@pytest.mark.parametrize("x", [0.006, -0.011])
+def test_an_impact_on_a_slope_is_eq_1_and_2(inertia: float | None, x: float) -> None:
+    r, height = 1e-3, 0.1
+    contact_y = 0.5 * W - abs(x) + r * np.sqrt(2)
+    grains = one([x, contact_y + height], [0.0, 0.0], r, restitution=0.5, friction=0.3, inertia=inertia)
+    fall = np.sqrt(2 * G * height)
+    start = np.sqrt(2 * height / G)
+    tracks = track(None, grains, until=start + 0.01, bodies=[RHOMBUS])
+    expected = impact(np.pi / 4, fall, 0.0, 0.5, 0.3, inertia, r)
+    velocity = expected.velocity * [np.sign(x), 1.0] + [0.0, -G * 0.01]
+    np.testing.assert_allclose(tracks.velocity[0], velocity, atol=1e-12)
+    assert tracks.impacts[0] == 1
+    if inertia is not None:
+        assert tracks.spin[0] == pytest.approx(float(expected.spin) * np.sign(x))
+
+
+def test_an_impact_on_a_moving_slope_is_that_of_the_formula_at_that_phase() -> None:
+    motion = Motion((0.0, 2e-3), 25.0, 0.4)
+    grains = one([0.008, 0.12], [0.0, -0.5], 1e-3, restitution=0.4, friction=0.2)
+    tracks = track(None, grains, until=5.0, bodies=[Body(RHOMBUS, motion=motion)], record=True)
+    t, x, v = tracks.path(0)
+    hit = int(np.flatnonzero(np.diff(v[:, 0]) != 0)[0]) + 1
+    omega = 2 * np.pi * 25
+    moved, speed = 2e-3 * np.sin(omega * t[hit] + 0.4), 2e-3 * omega * np.cos(omega * t[hit] + 0.4)
+    assert distance(RHOMBUS + [0, moved], x[hit : hit + 1])[0] == pytest.approx(1e-3, abs=1e-14)
+    expected = impact(np.pi / 4, 0.5 + G * t[hit], speed, 0.4, 0.2)
+    np.testing.assert_allclose(v[hit], expected.velocity, atol=1e-11)
+
+
+def test_a_corner_is_met_as_a_circle() -> None:
+    """A granule that falls on the upper corner off its axis bounces along the line between the centres."""
+    r, offset = 2e-3, 0.7e-3
+    up = np.sqrt(r**2 - offset**2)
+    grains = one([offset, 0.5 * W + up + 0.05], [0.0, 0.0], r, restitution=1.0, friction=0.0)
+    start = np.sqrt(0.1 / G)
+    tracks = track(None, grains, until=start + 1e-3, bodies=[RHOMBUS])
+    n, fall = np.array([offset, up]) / r, np.array([0.0, -G * start])
+    expected = fall - 2 * (fall @ n) * n + [0.0, -G * 1e-3]
+    np.testing.assert_allclose(tracks.velocity[0], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-13])
+def test_grazing_hits_are_hits_and_near_misses_are_misses(gap: float) -> None:
+    r = 1e-3
+    for side, hits in ((-1, 1), (1, 0)):
+        grains = one([0.5 * W + r + side * gap, 0.2], [0.0, -1.0], r, restitution=0.5, friction=0.0)
+        tracks = track(None, grains, until=0.1, bodies=[RHOMBUS], gravity=(0.0, 0.0))
+        tracks = track(None, grains, until=0.3, bodies=[RHOMBUS], gravity=(0.0, 0.0))
+        assert tracks.impacts[0] == hits
+
+
+def test_the_exact_tip_sends_granules_straight_back() -> None:
+    tracks = track(None, one([0.0, 0.2], [0.0, -1.0], restitution=0.5), until=0.3, bodies=[RHOMBUS], gravity=(0, 0))
+    np.testing.assert_allclose(tracks.velocity, [[0.0, 0.5]], atol=1e-14)
+    tip = np.array([[0.0, 0.0], [1e-4, 0.1], [-1e-4, 0.1]])
+    tracks = track(None, one([0.0, -0.1], [0.0, 1.0], 1e-6), until=0.3, bodies=[tip], gravity=(0, 0))
+    np.testing.assert_allclose(tracks.velocity, [[0.0, -0.5]], atol=1e-14)
+
+
+def test_fast_granules_do_not_tunnel_through_thin_plates() -> None:
+    plate = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0, 1e-6], [-1.0, 1e-6]])
+    rng = np.random.default_rng(0)
+    n = 500
+    x = np.stack([rng.uniform(-0.4, 0.4, n), rng.uniform(0.1, 0.5, n)], axis=1)
+    v = np.stack([rng.uniform(-50, 50, n), -rng.uniform(100, 1000, n)], axis=1)
+    grains = Granules(x, v, diameter=1e-7, density=1000, restitution=1.0, friction=0.0)
+    tracks = track(None, grains, until=0.006, bodies=[plate], gravity=(0.0, 0.0))
+    late = x[:, 1] + v[:, 1] * 0.006 < -1e-5
+    assert late.any()
+    assert np.all(tracks.position[late, 1] > 0)
+    np.testing.assert_allclose(tracks.position[late, 1], 1e-7 + 1e-6 - (x + v * 0.006)[late, 1], atol=1e-9)
+
+
+def test_capture_ends_a_track_at_first_contact() -> None:
+    tracks = track(None, one([0.003, 0.1], [0.0, 0.0]), until=9.0, bodies=[Body(RHOMBUS, capture=True)])
+    assert tracks.fate[0] == Fate.CAPTURED
+    assert distance(RHOMBUS, tracks.position)[0] == pytest.approx(1e-3, abs=1e-14)
+
+
+def test_a_body_may_replace_restitution_and_friction() -> None:
+    body = Body(FLOOR, restitution=1.0, friction=0.0)
+    grains = one([0.0, 0.1], [0.3, 0.0], restitution=0.1, friction=0.9)
+    tracks = track(None, grains, until=3 * np.sqrt(2 * 0.099 / G), bodies=[body])
+    assert tracks.velocity[0, 0] == 0.3
+    assert tracks.velocity[0, 1] == pytest.approx(0.0, abs=np.sqrt(2 * G * 0.099) + 1e-9)
+    assert 0.5 * tracks.velocity[0, 1] ** 2 + G * tracks.position[0, 1] == pytest.approx(G * 0.1, rel=1e-12)
+
+
+# -- bouncing to rest, sliding ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
+def test_a_bouncing_ball_comes_to_rest_when_theory_says(e: float) -> None:
+    h, tolerance = 0.5, 1e-10
+    tracks = track(
+        None, one([0.0, h + 1e-3], [0.0, 0.0], restitution=e), until=99.0, bodies=[FLOOR], tolerance=tolerance, length=1.0
+    )
+    assert tracks.fate[0] == Fate.RESTING
+    left_out = 2 * np.sqrt(2 * G * 0.01 * tolerance) / G / (1 - e) if e else 1e-9  # bounces too low to follow
+    total = np.sqrt(2 * h / G) * (1 + e) / (1 - e)
+    assert total - 1.1 * left_out <= tracks.time[0] <= total + 1e-9
+    np.testing.assert_allclose(tracks.position, [[0.0, 1e-3]], atol=1e-14)
+
+
+def test_the_path_of_a_bouncing_ball_is_the_published_one() -> None:
+    h, e = 0.5, 0.9
+    tracks = track(
+        None, one([0.0, h + 1e-3], [0.0, 0.0], restitution=e), until=99.0, bodies=[FLOOR], tolerance=1e-10, length=1.0,
+        record=True,
+    )  # fmt: skip
+    _, x, v = tracks.path(0)
+    impacts = v[1:][(x[1:, 1] < 1e-3 + 1e-9) & (v[1:, 1] > 0)]
+    path = h + np.sum(impacts[:, 1] ** 2) / G  # up and down again after each
+    assert path == pytest.approx(h * (1 + e * e) / (1 - e * e), rel=1e-6)
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(30.0, 0.2), (45.0, 0.3), (60.0, 0.0), (10.0, 0.1)])
+def test_sliding_down_a_slope_has_the_textbook_acceleration_and_leaves_at_the_end(angle: float, friction: float) -> None:
+    b, r = np.radians(angle), 1e-3
+    wedge, down, out = slope(b)
+    grains = one(wedge[1] + 0.1 * down + r * out, [0.0, 0.0], r, restitution=0.3, friction=friction)
+    line = np.array([[-3.0, -0.05], [3.0, -0.05]])
+    tracks = track(None, grains, until=50.0, bodies=[wedge], lines=[line], record=True)
+    assert tracks.fate[0] == Fate.BINNED
+    a = G * (np.sin(b) - friction * np.cos(b))
+    time, speed = np.sqrt(2 * 0.9 / a), np.sqrt(2 * a * 0.9)
+    x0, v0 = r * out, speed * down
+    flight = (v0[1] + np.sqrt(v0[1] ** 2 + 2 * G * (x0[1] + 0.05))) / G
+    assert tracks.time[0] == pytest.approx(time + flight, rel=1e-9)
+    assert tracks.position[0, 0] == pytest.approx(x0[0] + v0[0] * flight, abs=1e-9)
+
+
+def test_static_friction_holds_below_the_angle_and_not_above() -> None:
+    wedge, down, out = slope(np.radians(30.0))
+    for friction, fate in ((0.58, Fate.RESTING), (0.57, Fate.ESCAPED)):
+        grains = one(wedge[1] + 0.5 * down + 1e-3 * out, [0.0, 0.0], restitution=0.0, friction=friction)
+        tracks = track(None, grains, until=50.0, bodies=[wedge], lines=[np.array([[-9.0, -1.0], [9.0, -1.0]])])
+        assert (tracks.fate[0] == Fate.RESTING) == (fate == Fate.RESTING)
+        assert (tracks.fate[0] == Fate.BINNED) == (fate == Fate.ESCAPED)
+
+
+def test_friction_stops_a_slide_at_the_textbook_distance() -> None:
+    grains = one([-0.5, 1e-3], [1.0, 0.0], restitution=0.0, friction=0.25)
+    tracks = track(None, grains, until=50.0, bodies=[FLOOR])
+    assert tracks.fate[0] == Fate.RESTING
+    assert tracks.position[0, 0] == pytest.approx(-0.5 + 1 / (2 * 0.25 * G), abs=1e-9)
+    assert tracks.time[0] == pytest.approx(1 / (0.25 * G), rel=1e-9)
+
+
+def test_a_granule_that_slides_up_turns_and_slides_down() -> None:
+    b, f, w0 = np.radians(40.0), 0.2, 1.5
+    wedge, down, out = slope(b)
+    grains = one(-0.1 * down + 1e-3 * out, -w0 * down, restitution=0.0, friction=f)
+    tracks = track(None, grains, until=9.0, bodies=[wedge], lines=[np.array([[-3.0, -1e-2], [3.0, -1e-2]])], record=True)
+    t, x, _ = tracks.path(0)
+    up = w0**2 / (2 * G * (np.sin(b) + f * np.cos(b)))
+    assert np.max((x - 1e-3 * out) @ -down) == pytest.approx(0.1 + up, abs=1e-8)
+    back = np.sqrt(2 * (0.1 + up) / (G * (np.sin(b) - f * np.cos(b))))
+    leave = t[np.flatnonzero((x - 1e-3 * out) @ down > -1e-9)[0]]
+    assert leave == pytest.approx(w0 / (G * (np.sin(b) + f * np.cos(b))) + back, rel=1e-7)
+
+
+def test_a_slow_granule_rolls_over_an_edge_and_falls_off_where_the_circle_lets_it_go() -> None:
+    """Frictionless point mass over a corner of radius r: it leaves at cos(theta) = 2/3 + w^2 / (3 g r)."""
+    r, w0 = 0.01, 0.05
+    table = np.array([[-1.0, -0.5], [0.0, -0.5], [0.0, 0.0], [-1.0, 0.0]])
+    grains = one([-0.01, r], [w0, 0.0], r, restitution=0.0, friction=0.0)
+    tracks = track(
+        None, grains, until=9.0, bodies=[table], lines=[np.array([[-3.0, -0.1], [3.0, -0.1]])], tolerance=1e-9,
+        length=0.1, record=True,
+    )  # fmt: skip
+    _, x, v = tracks.path(0)
+    cosine = 2 / 3 + w0**2 / (3 * G * r)
+    last = x[np.flatnonzero(np.abs(np.linalg.norm(x, axis=1) - r) < 1e-12)[-1]]
+    assert last[1] / r == pytest.approx(cosine, abs=1e-6)
+    energy = 0.5 * np.sum(v**2, axis=1) + G * x[:, 1]
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-7)
+
+
+def test_a_granule_comes_to_rest_in_a_concave_corner() -> None:
+    vee = np.array([[-1.0, -0.5], [1.0, -0.5], [1.0, 1.0], [0.0, 0.0], [-1.0, 1.0]])
+    grains = one([0.2, 0.8], [0.0, 0.0], 5e-3, restitution=0.3, friction=0.1)
+    tracks = track(None, grains, until=60.0, bodies=[vee], length=1.0)
+    assert tracks.fate[0] == Fate.RESTING
+    np.testing.assert_allclose(tracks.position, [[0.0, 5e-3 * np.sqrt(2)]], atol=1e-5)
+
+
+def test_an_open_polyline_is_a_wall_from_one_side() -> None:
+    wall = Body(np.array([[1.0, 0.0], [-1.0, 0.0]]), open=True)  # solid on the left of its direction: below
+    above = track(None, one([0.0, 0.5], [0.0, -1.0]), until=1.0, bodies=[wall], gravity=(0, 0))
+    below = track(None, one([0.0, -0.5], [0.0, 1.0]), until=1.0, bodies=[wall], gravity=(0, 0))
+    assert (above.impacts[0], below.impacts[0]) == (1, 0)
+
+
+# -- vibration -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("strength", [1.1, 1.4])
+def test_a_ball_on_a_vibrating_table_locks_to_its_period(strength: float) -> None:
+    """e = 0.5: a period-one orbit exists from Gamma = 1.0472 to 1.5268 (exact map of the bouncing ball)."""
+    f, e = 20.0, 0.5
+    omega = 2 * np.pi * f
+    a = strength * G / omega**2
+    phase = np.arccos(np.pi * (1 - e) / (1 + e) / strength)  # a w cos = g T (1 - e) / (2 (1 + e))
+    assert np.sin(phase) > 0
+    t0 = phase / omega
+    grains = one([0.0, a * np.sin(phase) + 1e-3], [0.0, 0.5 * G / f], restitution=e, friction=0.0, time=t0 + 1e-12)
+    motion = Motion((0.0, a), f)
+    tracks = track(None, grains, until=t0 + 40.5 / f, bodies=[Body(FLOOR, motion=motion)], length=0.1)
+    assert tracks.impacts[0] == 40
+    height = a * np.sin(phase) + 1e-3 + 0.5 * G / f * (0.5 / f) - 0.5 * G * (0.5 / f) ** 2
+    assert tracks.position[0, 1] == pytest.approx(height, abs=1e-7)
+
+
+def test_a_granule_rides_a_gentle_table_and_is_thrown_when_gravity_is_exceeded() -> None:
+    f = 10.0
+    omega = 2 * np.pi * f
+    grains = one([0.0, 1e-3], [0.0, 0.0], restitution=0.0, friction=0.5)
+    gentle = track(None, grains, until=9.0, bodies=[Body(FLOOR, motion=Motion((0.0, 0.9 * G / omega**2), f))])
+    assert gentle.fate[0] == Fate.RESTING
+    a = 1.3 * G / omega**2
+    hard = track(None, grains, until=1.0, bodies=[Body(FLOOR, motion=Motion((0.0, a), f))], record=True)
+    t, x, _ = hard.path(0)
+    assert hard.fate[0] == Fate.AIRBORNE
+    gap = x[:, 1] - a * np.sin(omega * t) - 1e-3
+    assert gap.min() > -1e-12
+    left = t[np.flatnonzero(gap > 1e-10)[0] - 1]
+    assert np.sin(omega * left) == pytest.approx(1 / 1.3, abs=2e-3)
+
+
+def test_sideways_vibration_shakes_a_granule_loose_only_above_friction() -> None:
+    f = 10.0
+    omega = 2 * np.pi * f
+    for strength, rests in ((0.45, True), (0.6, False)):
+        body = Body(FLOOR, motion=Motion((strength * G / omega**2, 0.0), f))
+        grains = one([0.0, 1e-3], [strength * G / omega, 0.0], restitution=0.0, friction=0.5)
+        tracks = track(None, grains, until=2.0, bodies=[body])
+        assert (tracks.fate[0] == Fate.RESTING) == rests
+
+
+# -- many granules ---------------------------------------------------------------------------------------------------------
+
+
+MOTIONS = {"at rest": None, "vibrating": Motion((1e-3, 3e-3), 40.0, 0.3)}
+
+
+def shower(n: int, radius: float) -> Granules:
+    rng = np.random.default_rng(1)
+    return Granules(
+        np.stack([rng.uniform(-0.04, 0.04, n), rng.uniform(0.05, 0.1, n)], axis=1),
+        rng.normal([0.0, -1.0], 0.5, (n, 2)),
+        diameter=2 * radius,
+        density=1000,
+        restitution=rng.uniform(0, 1, n),
+        friction=rng.uniform(0, 0.9, n),
+        inertia=rng.choice([np.inf, 0.4, 0.5], n),
+        time=rng.uniform(0, 0.1, n),
+    )
+
+
+@pytest.mark.parametrize("name", list(MOTIONS))
+@pytest.mark.parametrize("radius", [5e-10, 5e-4, 4e-3])
+def test_every_granule_gets_past_the_body_and_none_is_lost(name: str, radius: float) -> None:
+    n = 20000
+    body = Body(RHOMBUS, motion=MOTIONS[name])
+    tracks = track(None, shower(n, radius), until=5.0, bodies=[body], lines=[np.array([[-9.0, -0.3], [9.0, -0.3]])])
+    assert sum(tracks.counts().values()) == n
+    assert tracks.counts()[Fate.BINNED] == n
+    assert tracks.impacts.max() > 1
+
+
+@pytest.mark.parametrize("name", list(MOTIONS))
+@pytest.mark.parametrize("radius", [1e-6, 2e-3])
+def test_no_point_of_any_path_lies_in_the_wall(name: str, radius: float) -> None:
+    motion = MOTIONS[name]
+    tracks = track(None, shower(600, radius), until=0.4, bodies=[Body(RHOMBUS, motion=motion)], record=True)
+    for i in range(600):
+        t, x, _ = tracks.path(i)
+        if motion is not None:
+            x = x - np.sin(2 * np.pi * motion.frequency * t + motion.phase)[:, None] * np.array(motion.amplitude)
+        assert not contains(RHOMBUS, x).any()
+        assert np.all(distance(RHOMBUS, x) > radius - 1e-12)
+
+
+@pytest.mark.parametrize("radius", [1e-6, 2e-3])
+def test_energy_never_grows_at_a_body_at_rest(radius: float) -> None:
+    tracks = track(None, shower(400, radius), until=0.4, bodies=[RHOMBUS], record=True)
+    for i in range(400):
+        _, x, v = tracks.path(i)
+        energy = 0.5 * np.sum(v**2, axis=1) + G * x[:, 1]
+        assert np.all(np.diff(energy) < 1e-9)
+
+
+def test_rounded_bodies_with_many_edges_are_met_the_same() -> None:
+    angle = np.linspace(0, 2 * np.pi, 181)[:-1]
+    disc = 0.02 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    grains = shower(3000, 1e-3)
+    tracks = track(None, grains, until=5.0, bodies=[disc], lines=[np.array([[-9.0, -0.3], [9.0, -0.3]])])
+    assert tracks.counts()[Fate.BINNED] == 3000
+    turned = track(None, grains, until=5.0, bodies=[disc[::-1]], lines=[np.array([[-9.0, -0.3], [9.0, -0.3]])])
+    np.testing.assert_allclose(turned.position, tracks.position, atol=1e-6)
+
+
+# -- in a field with a body in it --------------------------------------------------------------------------------------------
+
+
+def channel(n: int = 40, speed: float = -3.0, jitter: float = 0.2) -> FlowField:
+    """A duct of 0.2 x 0.4 m with the rhombus cut out, air straight through; zero on the rhombus."""
+    rng = np.random.default_rng(4)
+    line = np.linspace(-1, 1, n + 1)
+    points = np.stack(np.meshgrid(0.1 * line, 0.2 * line), axis=-1).reshape(-1, 2)
+    inner = np.all(np.abs(points) < [0.0999, 0.1999], axis=1)
+    points[inner] += rng.uniform(-jitter, jitter, (int(inner.sum()), 2)) * 0.2 / n
+    size = np.abs(points).sum(axis=1)
+    points = points[size > 0.5 * W + 2e-3]
+    face = np.linspace(0, 1, 12)[:-1, None]
+    outline = np.concatenate([(1 - face) * a + face * b for a, b in zip(RHOMBUS, np.roll(RHOMBUS, -1, axis=0), strict=True)])
+    points = np.concatenate([points, outline])
+    cells = Delaunay(points).simplices
+    centre = np.abs(points[cells].mean(axis=1)).sum(axis=1)
+    cells = cells[centre > 0.5 * W]
+    velocity = np.tile([0.0, speed], (len(points), 1))
+    velocity[-len(outline) :] = 0.0
+    return FlowField.from_arrays(points, cells, velocity)
+
+
+WALLS = [
+    Body(np.array([[0.1, -0.3], [0.11, -0.3], [0.11, 0.3], [0.1, 0.3]])),
+    Body(np.array([[-0.11, -0.3], [-0.1, -0.3], [-0.1, 0.3], [-0.11, 0.3]])),
+]
+BIN = np.array([[-0.1, -0.2], [0.1, -0.2]])
+
+
+@pytest.mark.parametrize("name", list(MOTIONS))
+@pytest.mark.parametrize("diameter", [1e-6, 3e-5, 1e-3, 4e-3])
+def test_in_a_meshed_channel_all_granules_end_on_the_floor_and_none_in_the_body(name: str, diameter: float) -> None:
+    n = 1500
+    rng = np.random.default_rng(6)
+    x = np.stack([rng.uniform(-0.09, 0.09, n), rng.uniform(0.1, 0.18, n)], axis=1)
+    motion = MOTIONS[name]
+    grains = Granules(x, np.tile([0.0, -1.0], (n, 1)), diameter=diameter, density=1000, time=rng.uniform(0, 0.1, n))
+    tracks = track(
+        channel(), grains, until=5.0, bodies=[Body(RHOMBUS, motion=motion), *WALLS], lines=[BIN], tolerance=1e-4
+    )
+    counts = tracks.counts()
+    assert counts[Fate.STOPPED] == 0
+    assert counts[Fate.ESCAPED] == 0
+    if diameter >= 1e-3:
+        assert counts[Fate.BINNED] == n
+    else:  # the still layer at the wall may keep dust
+        assert counts[Fate.BINNED] > 0.8 * n
+    moved = tracks.position
+    if motion is not None:
+        moved = moved - np.sin(2 * np.pi * 40 * tracks.time + 0.3)[:, None] * np.array(motion.amplitude)
+    assert not contains(0.999999 * RHOMBUS, moved).any()
+    np.testing.assert_allclose(tracks.position[tracks.fate == Fate.BINNED, 1], -0.2, atol=1e-12)
+
+
+def test_air_from_below_lifts_a_light_granule_off_a_slope_but_not_a_heavy_one() -> None:
+    field = channel(speed=6.0)
+    start = np.array([[0.0125, 0.0125]]) + 2e-3 / np.sqrt(2)
+    for density, lifted in ((5.0, True), (2500.0, False)):
+        grains = Granules(start, [[0.0, 0.0]], diameter=4e-3, density=density, restitution=0.0, friction=0.2)
+        tracks = track(field, grains, until=2.0, bodies=[RHOMBUS, *WALLS], tolerance=1e-5)
+        assert (tracks.position[0, 1] > 0.1) == lifted
+
+
+def test_a_granule_in_the_room_a_lowered_body_has_left_is_not_lost() -> None:
+    motion = Motion((0.0, 4e-3), 20.0, -np.pi / 2)  # at its lowest at t = 0
+    start = np.array([[0.010, 0.0125]])  # inside the meshed rhombus, outside the lowered one
+    assert contains(RHOMBUS, start)[0]
+    grains = Granules(start, [[0.0, 0.0]], diameter=1e-4, density=1000)
+    tracks = track(channel(), grains, until=5.0, bodies=[Body(RHOMBUS, motion=motion), *WALLS], lines=[BIN])
+    assert tracks.fate[0] == Fate.BINNED
+    assert tracks.impacts[0] >= 1
+
+
+# -- births --------------------------------------------------------------------------------------------------------------------
+
+
+def test_born_inside_a_body_is_stopped_where_it_is() -> None:
+    tracks = track(None, one([0.0, 0.01], [0.0, 0.0]), until=1.0, bodies=[RHOMBUS])
+    assert tracks.fate[0] == Fate.STOPPED
+    assert tracks.steps[0] == 0
+    np.testing.assert_array_equal(tracks.position, [[0.0, 0.01]])
+    assert "born inside" in Fate.STOPPED.advice
+
+
+@pytest.mark.parametrize("depth", [1e-12, 1e-4, 0.99e-3])
+def test_born_reaching_into_a_wall_is_pushed_out_along_the_normal(depth: float) -> None:
+    r = 1e-3
+    tracks = track(None, one([0.0, r - depth], [0.2, 0.0], r, restitution=0.5, friction=0.0), until=0.1, bodies=[FLOOR])
+    np.testing.assert_allclose(tracks.position, [[0.02, r]], atol=1e-9)
+
+
+def test_bad_bodies_are_named() -> None:
+    for outline, message in (
+        ([[0, 0], [1, 0]], "at least 3"),
+        ([[0, 0], [1, 0], [1, 0], [0, 1]], "follow each other"),
+        ([[0, 0], [1, 1], [2, 2]], "encloses no area"),
+    ):
+        with pytest.raises(SceneError, match=message):
+            Body(np.array(outline, dtype=float))
+    with pytest.raises(SceneError, match="restitution = 2"):
+        Body(RHOMBUS, restitution=2.0)
+    with pytest.raises(SceneError, match="frequency"):
+        Motion((0.0, 1.0), -1.0)
+    with pytest.raises(SceneError, match="amplitude"):
+        Motion((0.0,), 1.0)
