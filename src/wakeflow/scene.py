@@ -319,7 +319,7 @@ class Numerics(_Table):
     """[numerics]: how it is computed."""
 
     rung: Literal["auto", "none", "draft", "standard", "reference"] = "auto"
-    tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(1e-3, description="landing error in body widths")
+    tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(1e-4, description="landing error in body widths")
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )

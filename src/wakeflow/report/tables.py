@@ -160,9 +160,12 @@ def budget_table(result: Result) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    known = {s: any(_error_of(entry, s) is not None for entry in result["budget"]) for s in budget_sources(result)}
-    sources = [source for source in known if known[source]]
-    unknown = [source for source in known if not known[source]]
+    errors = {
+        s: [p["error"] for e in result["budget"] for p in e["parts"] if p["source"] == s]
+        for s in budget_sources(result)
+    }
+    sources = [source for source, found in errors.items() if any(error is not None for error in found)]
+    unknown = [source for source in errors if source not in sources]
     title = "budget: error of each share, percentage points"
     table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     if any(_unit(entry) != POINTS for entry in result["budget"]):
@@ -171,7 +174,8 @@ def budget_table(result: Result) -> Table:
     for source in [*sources, "total"]:
         table.add_column(source, justify="right")
     for entry in result["budget"]:
-        cells = [error_text(entry, _error_of(entry, source)) for source in sources]
+        parts = {part["source"]: part["error"] for part in entry["parts"]}
+        cells = [error_text(entry, parts[source]) if source in parts else NONE for source in sources]
         table.add_row(entry["quantity"], *cells, error_text(entry, entry["total"]["error"]))
     if result["budget"]:
         table.add_section()
@@ -181,10 +185,6 @@ def budget_table(result: Result) -> Table:
         table.caption = f"unknown, so that no total is claimed: {', '.join(unknown)}"
         table.caption_justify = "left"
     return table
-
-
-def _error_of(entry: Mapping[str, Any], source: str) -> float | None:
-    return next((part["error"] for part in entry["parts"] if part["source"] == source), None)
 
 
 def budget_sources(result: Result) -> list[str]:

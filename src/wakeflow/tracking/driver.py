@@ -17,7 +17,7 @@ from .exponential import PATH
 from .granules import Body, Granules, Motion, Tracks
 from .kernel import fly_block
 from .prepare import FORCES, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
-from .state import AFFINE, CONSTRAINT, FATE, IMPACTS, LINE, SPIN, STEPS, STORED, VX, VY, Rules, T, X, Y
+from .state import AFFINE, CONSTRAINT, FATE, IMPACTS, LINE, SPIN, STEPS, STORED, VX, VY, Rules, T, Walls, X, Y
 
 __all__ = ["track"]
 
@@ -72,7 +72,7 @@ def track(
     air = pack_air(field, solids, reach, "pressure-gradient" in forces)
     tables, table_of = pack_tables(drag, grains.sphericity)
     floats, ints = pack_state(grains, field, air, solids, reach)
-    rules = _rules(field, solids, until, tolerance, length, forces)
+    rules = _rules(field, solids, walls, until, tolerance, length)
     constants = pack_granules(grains, field, forces, gravity)
     recorded: list[Array] = [np.zeros((0, 5))] * len(grains)
 
@@ -110,16 +110,17 @@ def track(
 def _rules(
     field: FlowField | None,
     bodies: Sequence[Body],
+    walls: Walls,
     until: float,
     tolerance: float,
     length: float,
-    forces: Sequence[str],
 ) -> Rules:
     extent = 10 * length if field is None else float(np.hypot(*np.ptp(field.points, axis=0)))
     periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
     rest = max(periods, default=0.0)
     if field is not None and field.times is not None and len(field.times) > 1:
         rest = max(rest, field.period) if field.period is not None else np.inf
+    box, swing = walls.bodies[:, :4], np.abs(walls.bodies[:, 4:6])
     return Rules(
         until=float(until),
         allowance=tolerance * length / extent,
@@ -128,6 +129,9 @@ def _rules(
         skin=1e-11 * length,
         tiny=0.01 * tolerance * length,
         rest=1.05 * rest,
+        left=float(np.min(box[:, 0] - swing[:, 0], initial=0.0)),
+        right=float(np.max(box[:, 2] + swing[:, 0], initial=0.0)),
+        bottom=float(np.min(box[:, 1] - swing[:, 1], initial=0.0)),
+        top=float(np.max(box[:, 3] + swing[:, 1], initial=0.0)),
         steps=MOST_STEPS,
-        drag=int("drag" in forces),
     )

@@ -75,6 +75,7 @@ __all__ = ["fly_block"]
 _collide = compiled(collide)
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
+STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 PROGRESS = 1e-8  # of the step tried: less is none
 HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
 NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED = range(7)
@@ -206,8 +207,20 @@ def _strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
 
 
 @compiled
+def _carried(state, ints, hold, affine, grain, table, walls, dt):  # type: ignore[no-untyped-def]
+    """Whether friction still holds after riding with the wall for dt, and where and how fast the granule is then."""
+    t = state[T]
+    x0, y0, _, _, _, _ = displacement(walls.bodies, ints[BODY], t)
+    x1, y1, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], t + dt)
+    x, y = state[X] + x1 - x0, state[Y] + y1 - y0
+    fx, fy, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt)
+    _, _, press, free, _ = constrain(hold, fx, fy, x, y, wx, wy, t + dt)
+    return press > 0.0 and abs(free) <= (hold[MU] + STATIC) * press, x, y, wx, wy
+
+
+@compiled
 def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):  # type: ignore[no-untyped-def]
-    """A granule at rest on a wall that friction holds: it rests for good, or moves on with the wall for a while."""
+    """A granule at rest on a wall that friction holds: it rests for good, or rides on with the wall while it does."""
     moving = hold[WW] != 0.0
     if not moving and not timed:
         ints[FATE] = RESTING
@@ -217,16 +230,24 @@ def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):  
         dt = min(dt, 0.05 / hold[WW])
     if timed:
         dt = min(dt, 0.25 / affine[15] if affine[15] != 0.0 else dt, state[T_END] - state[T])
+    end = state[T] + dt
+    held, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, dt)
+    if not held:  # let go within: find out when
+        low, high = 0.0, dt
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            held, _, _, _, _ = _carried(state, ints, hold, affine, grain, table, walls, middle)
+            if held:
+                low = middle
+            else:
+                high = middle
+        _, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, high)
+        dt, end = high, state[T] + high
     state[HELD] += dt
     if state[HELD] > rules.rest:
         ints[FATE] = RESTING
         return
-    x0, y0, _, _, _, _ = displacement(walls.bodies, ints[BODY], state[T])
-    x1, y1, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], state[T] + dt)
-    state[X] += x1 - x0
-    state[Y] += y1 - y0
-    state[VX], state[VY] = wx, wy
-    state[T] += dt
+    state[X], state[Y], state[VX], state[VY], state[T] = x, y, vx, vy, end
 
 
 @compiled
@@ -235,11 +256,12 @@ def _grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     hold[SIGN] = 0.0
     _, _, press, free, slide = constrain(hold, fx, fy, state[X], state[Y], state[VX], state[VY], state[T])
     if press <= 0.0:
+        state[HELD] = 0.0
         ints[CONTACT] = FREE
         hold[KIND] = FREE
         return False
     if abs(slide) <= 1e-13 * (rules.length + abs(free)):
-        if abs(free) <= (hold[MU] + 1e-12) * press:
+        if abs(free) <= (hold[MU] + STATIC) * press:
             _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
             return True
         slide = free
@@ -344,7 +366,7 @@ def _begin(state, ints, hold, air, grain, walls, rules):  # type: ignore[no-unty
 
 
 @inlined
-def _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edge):  # type: ignore[no-untyped-def]
+def _longest(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge):  # type: ignore[no-untyped-def]
     """The longest step worth trying: end, snapshot, triangle, last error, and nearly straight where there are walls."""
     h = min(rules.until - state[T], state[H_ERROR])
     if timed:
@@ -355,8 +377,10 @@ def _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edg
                 h = min(h, 0.5 * edge / speed)
         else:
             h = min(h, exit_time(air.geometry, ints[TRI], path, 1e-3))
-    if walls.bodies.shape[0] > 0 or walls.lines.shape[0] > 0:
-        half = 0.5 * rules.length
+    if walls.bodies.shape[0] > 0:  # nearly straight where bodies may be met
+        x, y = state[X], state[Y]
+        away = max(rules.left - x, x - rules.right, rules.bottom - y, y - rules.top, 0.0) - grain[RADIUS]
+        half = 0.5 * rules.length + max(away, 0.0)
         slow = speed + math.sqrt(half * pull)
         if slow > 0.0:
             h = min(h, half / slow)
@@ -477,7 +501,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
             fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
     path[0], path[1], path[2], path[3], path[4] = x, y, vx, vy, rate
     path[5], path[6], path[11], path[12] = fx + rate * vx, fy + rate * vy, ux, uy
-    h = _longest(state, ints, path, hold, air, walls, rules, timed, speed, pull, edge)
+    h = _longest(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge)
     h = _accept(path, h, state, affine, grain, table, hold, rules, speed, pull)
     if not h > 0.0:
         ints[FATE] = STOPPED
@@ -570,7 +594,7 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
         _store(state, ints, record, 0)
         while ints[FATE] == FLYING:
             if state[T] >= rules.until:
-                ints[FATE] = RESTING if ints[CONTACT] != FREE and state[HELD] > 0.0 else AIRBORNE
+                ints[FATE] = AIRBORNE
             elif ints[STEPS] >= rules.steps:
                 ints[FATE] = STOPPED
             else:

@@ -51,8 +51,11 @@ class Rules(NamedTuple):
     skin: float  # m, distances below it are contact
     tiny: float  # m, bounces lower than this are sliding
     rest: float  # s, a granule held this long in a repeating field rests
+    left: float  # m, box about all bodies in all their places
+    right: float
+    bottom: float
+    top: float
     steps: int
-    drag: int  # 1: drag acts
 
 
 # Float state of a granule
