@@ -11,10 +11,9 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
-    "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "scene", "bounds",
-    "planning",
-    "meshing", "reconstruction", "foam", "field", "tracking", "injection", "separation", "flight", "pipeline", "budget", "report",
-    "runs", "doctor", "progress", "cli",
+    "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "tables", "checks",
+    "scene", "bounds", "planning", "meshing", "reconstruction", "foam", "field", "tracking", "injection", "separation",
+    "flight", "pipeline", "budget", "report", "runs", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {
     "gmsh": {"meshing"},

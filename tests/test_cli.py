@@ -21,6 +21,17 @@ def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.Captur
     assert all(row["why"] for row in plan["left_out"])
 
 
+def test_a_materials_density_changes_its_fall_not_its_shape(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = {}
+    for density in (650, 1300, 2600):
+        arguments = ["plan", str(cases / "rhombus.toml"), "--json", "--set", f"fraction.wheat.density={density}"]
+        assert main(arguments) == 0
+        found[density] = json.loads(capsys.readouterr().out)["fractions"]["wheat"]
+    assert len({row["drag_scale"] for row in found.values()}) == 1
+    assert found[1300]["terminal_velocity"] == pytest.approx(7.8)
+    assert found[2600]["terminal_velocity"] / found[1300]["terminal_velocity"] == pytest.approx(2**0.5, rel=0.1)
+
+
 def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(cases / "vacuum.toml"), "--set", "feed.count=32"]) == 0
     out = capsys.readouterr().out
@@ -41,6 +52,20 @@ def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str])
         (["run", "{cases}/rhombus.toml", "--force", "basset-history=on"], "cannot compute it"),
         (["run", "{cases}/rhombus.toml", "--force", "buoyancy=maybe"], "write on or off"),
         (["run", "{cases}/vacuum.toml", "--out", "{cases}/vacuum.toml"], "is a file"),
+        (["plan", "{cases}/rhombus.toml", "--set", "fraction.wheat.terminal_velocity=100"], "times a sphere's drag"),
+        (
+            [
+                "plan",
+                "{cases}/rhombus.toml",
+                "--set",
+                "fraction.chaff.density=1",
+                "--set",
+                "fraction.chaff.terminal_velocity=1",
+            ],
+            "lighter than air",
+        ),
+        (["run", "{cases}/vacuum.toml", "--out", "/proc/x"], "choose another --out"),
+        (["run", "{cases}/vacuum.toml", "--workers", "0"], "at least 1"),
         (["run"], "scene"),
         (["fly"], 'Unknown command "fly"'),
         (["new", "rombus"], "did you mean 'rhombus'?"),

@@ -119,7 +119,7 @@ def test_calibrated_wheat_has_the_drag_coefficient_of_its_weight() -> None:
 
 
 def test_bad_input_is_refused() -> None:
-    with pytest.raises(SceneError, match="unknown drag law 'brown'.*did you mean"):
+    with pytest.raises(SceneError, match=r"unknown drag law 'brown'.*did you mean"):
         drag_laws["brown"]
     with pytest.raises(SceneError, match="terminal_velocity"):
         drag_factor_for_terminal_velocity(1e-3, 1000, 0.0)

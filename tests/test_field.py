@@ -1,4 +1,6 @@
-"""FlowField: what is linear is exact, gradients are second order up to the boundary, mirrors are mirrors, bad input is named."""
+"""FlowField: what is linear is exact, gradients are second order up to the boundary, mirrors are mirrors, bad input
+is named.
+"""
 
 from __future__ import annotations
 

@@ -118,11 +118,11 @@ def test_prism_in_upward_air_lifts_chaff_and_lets_wheat_fall(prism: wf.Result) -
 def test_vacuum_touches_neither_mesh_nor_openfoam(vacuum: wf.Result) -> None:
     check_contract(vacuum)
     assert vacuum.table["airflow"] is None
-    assert set(vacuum.table["seconds"]) <= {"tracks", "companion"}
+    assert set(vacuum.table["seconds"]) <= {"compile", "tracks", "companion"}
 
 
 def test_vacuum_flight_is_the_papers_parabola(cases: Path, tmp_path: Path) -> None:
-    """No vibration: after one impact at V0 = 1.4 m/s every granule flies  y = x vy/vx - g x^2 / 2 vx^2  to the floor."""
+    """No vibration: after one impact every granule flies  y = x vy/vx - g x^2 / 2 vx^2  to the floor."""
     tables = Scene.load(cases / "vacuum.toml", {"feed.count": 64, "feed.width": "0.1 mm"}).tables()
     del tables["vibration"]
     scene = Scene.parse(tables)
@@ -171,6 +171,36 @@ def test_pressure_gradient_can_be_switched_off_and_matters_to_chaff(rhombus: wf.
     assert moved["chaff"] > 1e-3
 
 
+def test_the_order_of_bins_in_the_file_changes_no_share(vacuum: wf.Result, tmp_path: Path) -> None:
+    tables = Scene.parse(vacuum.table["scene"]).tables()
+    tables["bin"] = dict(reversed(tables["bin"].items()))
+    swapped = wf.run(Scene.parse(tables), tmp_path)
+    assert swapped.separation["fractions"] == {
+        name: {place: row[place] for place in ("far", "near", "elsewhere")}
+        for name, row in vacuum.separation["fractions"].items()
+    }
+
+
+def test_granules_that_leave_through_floor_or_top_without_a_bin_have_escaped(cases: Path, tmp_path: Path) -> None:
+    scene = Scene.load(cases / "vacuum.toml", {"feed.count": 64, "bin.far.to": 0.125})
+    result = wf.run(scene, tmp_path)
+    for name, fates in result.table["fates"].items():
+        assert fates["binned"] + fates["escaped"] == 64
+        assert result.share(name, "elsewhere")[0] == pytest.approx(fates["escaped"] / 64)
+    assert result.table["fates"]["hard"]["escaped"] > 10
+
+
+def test_a_lost_report_is_written_again_and_an_old_one_goes(cases: Path, tmp_path: Path) -> None:
+    scene = Scene.load(cases / "vacuum.toml", {"feed.count": 64})
+    wf.run(scene, tmp_path)
+    (tmp_path / "report.html").unlink()
+    wf.run(scene, tmp_path)
+    assert (tmp_path / "report.html").exists()
+    wf.run(scene.replace({"feed.seed": 5}), tmp_path, until="tracks")
+    assert not (tmp_path / "report.html").exists()
+    assert not (tmp_path / "separation.csv").exists()
+
+
 def test_until_mesh_stops_there(cases: Path, tmp_path: Path) -> None:
     assert main(["run", str(cases / "rhombus.toml"), "--until", "mesh", "--out", str(tmp_path), "--quiet"]) == 0
     table = json.loads((tmp_path / "result.json").read_text())
@@ -196,16 +226,33 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
         "--set", "feed.count=64", "--until", "airflow", "--set", "air.speed=5.5",
     ]  # fmt: skip
     env = {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
+    case = tmp_path / "cache" / "airflow"
     child = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
-    while time.monotonic() < deadline and not list((tmp_path / "cache").glob("airflow/*.part/case/log.simpleFoam")):
+    while time.monotonic() < deadline and not list(case.glob("*.part/case/[1-9]*/U")):  # the first saved iteration
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
     _, errors = child.communicate(timeout=60)
     assert child.returncode == 130
     assert "interrupted" in errors
     assert not (tmp_path / "out" / "result.json").exists()
-    running = subprocess.run(["pgrep", "-f", str(tmp_path)], capture_output=True, text=True, check=False).stdout
-    assert running.strip() == ""
+    assert _working_below(tmp_path) == []
+    (log,) = case.glob("*.part/case/log.simpleFoam")
+    before = log.read_text().count("\nTime = ")
     assert subprocess.run(command, env=env, check=False).returncode == 0
     assert json.loads((tmp_path / "out" / "result.json").read_text())["airflow"]["verdict"] == "steady"
+    (log,) = case.glob("*/case/log.simpleFoam")
+    iterations = [int(line.split("=")[1]) for line in log.read_text().splitlines() if line.startswith("Time = ")]
+    assert iterations[before] > 1  # it went on from what was saved
+
+
+def _working_below(folder: Path) -> list[str]:
+    """Processes whose working folder lies below ``folder``."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if Path(os.readlink(process / "cwd")).is_relative_to(folder):
+                found.append((process / "cmdline").read_text())
+        except OSError:  # it ended meanwhile, or belongs to someone else
+            continue
+    return found

@@ -49,32 +49,41 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
     [
         ({"air.sped": 3}, "air.sped: unknown key; did you mean 'speed'?"),
         ({"air.speed": "5 kg"}, "air.speed = '5 kg': needs a number in m/s or a string such as '5 m/s'"),
-        ({"air.speed": -1}, "allowed: > 0 and <= 100 m/s"),
+        ({"air.speed": -1}, "allowed: >= 1e-06 and <= 100 m/s"),
         ({"air.speed": math.nan}, "air.speed"),
         ({"body.rhombus.slope_angle": 60}, "a string may carry another unit, such as '60 deg'"),
         ({"body.rhombus.slope_angle": None}, "body.rhombus"),
         ({"body.rhombus.height": 0.1}, "either slope_angle or height"),
+        ({"body.rhombus.apex": "up"}, "shape 'rhombus' has no apex (takes: width, slope_angle, height)"),
         ({"body.rhombus.shape": "rombus"}, "unknown shape 'rombus'; did you mean 'rhombus'?"),
         ({"body.rhombus.at": [0.0]}, "body.rhombus.at"),
-        ({"body.rhombus.at": [0.14, 0.0]}, "no room beside it"),
-        ({"body.rhombus.at": [0.0, -0.44]}, "outside channel.bottom"),
+        ({"body.rhombus.at": [0.19, 0.0]}, "no room beside it"),
+        ({"body.rhombus.at": [0.0, -0.19]}, "outside channel.bottom"),
         ({"body.two": {"shape": "rhombus", "width": 0.01, "height": 0.01}}, "this version computes one"),
         ({"channel": 3}, "channel = 3"),
         ({"channel.top": -0.6}, "channel.bottom"),
         ({"fraction.dust.material": "wheet"}, "unknown material 'wheet'; did you mean 'wheat'?"),
         ({"fraction.dust.size.distribution": "norml"}, "unknown size distribution 'norml'"),
-        ({"fraction.dust.size.mean": 1e-3}, "unexpected keyword argument 'mean'"),
+        ({"fraction.dust.size.mean": 1e-3}, "has no mean (takes: median, geometric_std)"),
         ({"fraction.dust.size": "3 kg"}, "fraction.dust.size.diameter = '3 kg'"),
         ({"fraction.dust.mass_share": 0.5}, "add up to 1.48"),
         ({"fraction.wheat.target": "outer"}, "no such bin"),
         ({"fraction.x": {"size": 1e-3, "mass_share": 0.1}}, "give also: density, restitution, friction"),
         ({"fraction.wheat.restitution": 1.2}, "<= 1"),
-        ({"bin.middle.to": 0.05}, "overlap"),
+        ({"bin.middle.to": 0.1}, "overlap"),
         ({"bin.elsewhere": {"from": 0.0, "to": 0.01}}, "reserved"),
         ({"bin.middle.from": 0.1}, "must be below"),
         ({"feed.count": "many"}, "feed.count = 'many'"),
         ({"feed.speed": 1.0}, "either height or speed"),
-        ({"feed.width": 0.5}, "wider than the channel"),
+        ({"feed.width": 0.4}, "touches the channel's walls"),
+        ({"feed.position": 0.1}, "falls past the body"),
+        ({"fraction.wheat.size": "90 mm"}, "wider than the body"),
+        ({"vibration.gamma": 50.0, "vibration.frequency": 1}, "an amplitude of 12.4 m"),
+        ({"bin.shelf": {"points": [[-0.1, 0.0], [0.1, 0.0]]}}, "runs through a body"),
+        ({"bin.shelf": {"points": [[0.1, 0.1], [0.1, 0.1]]}}, "repeats a point"),
+        ({"fraction.wheat.target": ["middle", "middle"]}, "names a bin twice"),
+        ({"fraction.wheat.target": []}, "target"),
+        ({"fraction": {"../evil": {"material": "wheat"}}}, "should match pattern"),
         ({"feed.mode": "thrown"}, "'auto', 'injected' or 'resolved'"),
         ({"vibration.amplitude": 0.001}, "either amplitude or gamma"),
         ({"feed.height.x": 1}, "feed.height is a value, not a table"),
@@ -104,9 +113,10 @@ def test_schema_names_units_and_ranges() -> None:
 def test_own_terminal_velocity_and_material_each_bring_their_diameter(rhombus: Scene) -> None:
     wheat = rhombus.fraction["wheat"]
     assert wheat.properties.terminal_velocity == materials["wheat"].terminal_velocity
-    assert wheat.calibration_diameter == materials["wheat"].diameter
+    source = materials["wheat"]
+    assert wheat.measured_settling == (source.diameter, source.density, source.terminal_velocity)
     own = rhombus.replace({"fraction.wheat.terminal_velocity": 8.0, "fraction.wheat.size": "3 mm"}).fraction["wheat"]
-    assert own.calibration_diameter == pytest.approx(3e-3)
+    assert own.measured_settling == (pytest.approx(3e-3), source.density, 8.0)
     sphere = rhombus.replace({"fraction.wheat.sphericity": 0.8}).fraction["wheat"]
     assert sphere.properties.terminal_velocity is None
 

@@ -48,7 +48,7 @@ def still(points: np.ndarray) -> np.ndarray:
     return np.zeros_like(points)
 
 
-# -- exact problems ------------------------------------------------------------------------------------------------
+# -- exact problems ---------------------------------------------
 
 
 def test_ballistic_flight_in_a_vacuum_is_exact() -> None:
@@ -204,7 +204,7 @@ def test_granules_cross_a_stagnation_line_above_stokes_one_quarter(stokes: float
     assert bool(np.any(tracks.path(0)[1][:, 1] < -1e-6)) == crosses
 
 
-# -- nonlinear drag in curved fields, judged by scipy on the same interpolant ------------------------------------------
+# -- nonlinear drag in curved fields, judged by scipy on the same interpolant -------------------------------
 
 
 def swirl(points: np.ndarray) -> np.ndarray:
@@ -266,9 +266,7 @@ def test_snapshots_in_time_are_followed_to_the_tolerance() -> None:
     points, cells = mesh(8)
     times = np.array([0.0, 0.03, 0.08, 0.11])
     values = np.stack([swirl(points) * (1 + 0.5 * np.sin(40 * t)) for t in times])
-    field = FlowField.from_arrays(
-        points, cells, values, times=times, period=0.13, density=DENSITY, viscosity=VISCOSITY
-    )
+    field = FlowField.from_arrays(points, cells, values, times=times, period=0.13, density=DENSITY, viscosity=VISCOSITY)
     for diameter, stiff in ((1e-3, False), (3e-5, True)):
         grains = Granules([[0.23, 0.71]], [[0.8, -0.3]], diameter=diameter, density=900)
         exact = judge(field, grains, 0.29, "brown-lawler", stiff, 2e-3)
@@ -302,7 +300,7 @@ def test_birth_time_is_the_phase_of_the_field() -> None:
     np.testing.assert_allclose(a.position, b.position, atol=1e-11)
 
 
-# -- limits and cost ---------------------------------------------------------------------------------------------------
+# -- limits and cost ---------------------------------------------
 
 
 @pytest.mark.parametrize("law", ["stokes", "brown-lawler"])
@@ -349,7 +347,7 @@ def test_extreme_relaxation_times_are_numbers() -> None:
     assert np.all(np.isin(tracks.fate, [Fate.ESCAPED, Fate.AIRBORNE]))
 
 
-# -- geometry ----------------------------------------------------------------------------------------------------------
+# -- geometry ---------------------------------------------
 
 
 def test_mirrored_starts_in_a_mirrored_field_end_mirrored() -> None:
@@ -360,10 +358,15 @@ def test_mirrored_starts_in_a_mirrored_field_end_mirrored() -> None:
     )
     whole = half.mirrored()
     rng = np.random.default_rng(3)
-    start, speed = np.stack([rng.uniform(0.05, 0.6, 100), rng.uniform(0.6, 0.9, 100)], axis=1), rng.normal(size=(100, 2))
+    start, speed = (
+        np.stack([rng.uniform(0.05, 0.6, 100), rng.uniform(0.6, 0.9, 100)], axis=1),
+        rng.normal(size=(100, 2)),
+    )
     forces = ("drag", "gravity", "pressure-gradient")
     right = track(whole, Granules(start, speed, diameter=5e-4, density=800), until=2.0, forces=forces)
-    left = track(whole, Granules(start * [-1, 1], speed * [-1, 1], diameter=5e-4, density=800), until=2.0, forces=forces)
+    left = track(
+        whole, Granules(start * [-1, 1], speed * [-1, 1], diameter=5e-4, density=800), until=2.0, forces=forces
+    )
     np.testing.assert_allclose(left.position * [-1, 1], right.position, atol=1e-10)
     np.testing.assert_array_equal(left.fate, right.fate)
 
@@ -373,7 +376,7 @@ def test_tracks_end_on_the_boundary_exactly_and_on_lines_that_lie_there() -> Non
     x = np.linspace(-0.95, 0.95, 400)
     grains = Granules(np.stack([x, np.full(400, 0.5)], axis=1), np.zeros((400, 2)), diameter=1e-3, density=1000)
     floor = np.array([[-0.5, -1.0], [0.5, -1.0]])
-    tracks = track(field, grains, until=9.0, lines=[floor + [0, -7], floor])
+    tracks = track(field, grains, until=9.0, lines=[floor - np.array([0.0, 7.0]), floor])
     np.testing.assert_allclose(tracks.position[:, 1], -1.0, atol=1e-14)
     np.testing.assert_allclose(tracks.position[:, 0], x, atol=1e-12)
     inside = np.abs(x) < 0.5
@@ -428,7 +431,7 @@ def test_uniform_tracers_stay_uniform() -> None:
     assert np.sum((count - expected) ** 2 / expected) < 100  # chi-square, 63 degrees: 99.8 % point 104 if independent
 
 
-# -- input, output, threads ----------------------------------------------------------------------------------------------
+# -- input, output, threads ---------------------------------------------
 
 
 def crowd(n: int = 700) -> tuple[FlowField, Granules]:
@@ -515,7 +518,12 @@ def test_born_outside_the_mesh_escapes_with_no_step() -> None:
     ],
 )
 def test_bad_granules_are_named(changes: dict[str, object], message: str) -> None:
-    good: dict[str, object] = {"position": np.zeros((2, 2)), "velocity": np.zeros((2, 2)), "diameter": 1.0, "density": 1.0}
+    good: dict[str, object] = {
+        "position": np.zeros((2, 2)),
+        "velocity": np.zeros((2, 2)),
+        "diameter": 1.0,
+        "density": 1.0,
+    }
     with pytest.raises(SceneError, match=message):
         Granules(**(good | changes))  # type: ignore[arg-type]
 

@@ -1,4 +1,6 @@
-"""The tracker at walls: bounces, sliding, corners, vibration; nothing passes through, nothing is lost, no energy appears."""
+"""The tracker at walls: bounces, sliding, corners, vibration; nothing passes through, nothing is lost, no energy
+appears.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ def slope(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array([[0.0, 0.0], [-np.cos(angle), np.sin(angle)], [-np.cos(angle), 0.0]]), down, out
 
 
-# -- single impacts ------------------------------------------------------------------------------------------------------
+# -- single impacts ---------------------------------------------
 
 
 @pytest.mark.parametrize("inertia", [None, 0.4, 0.5])
@@ -63,7 +65,7 @@ def test_an_impact_on_a_moving_slope_is_that_of_the_formula_at_that_phase() -> N
     hit = int(np.flatnonzero(np.diff(v[:, 0]) != 0)[0]) + 1
     omega = 2 * np.pi * 25
     moved, speed = 2e-3 * np.sin(omega * t[hit] + 0.4), 2e-3 * omega * np.cos(omega * t[hit] + 0.4)
-    assert distance(RHOMBUS + [0, moved], x[hit : hit + 1])[0] == pytest.approx(1e-3, abs=1e-14)
+    assert distance(RHOMBUS + np.array([0.0, moved]), x[hit : hit + 1])[0] == pytest.approx(1e-3, abs=1e-14)
     expected = impact(np.pi / 4, 0.5 + G * t[hit], speed, 0.4, 0.2)
     np.testing.assert_allclose(v[hit], expected.velocity, atol=1e-11)
 
@@ -127,14 +129,19 @@ def test_a_body_may_replace_restitution_and_friction() -> None:
     assert 0.5 * tracks.velocity[0, 1] ** 2 + G * tracks.position[0, 1] == pytest.approx(G * 0.1, rel=1e-12)
 
 
-# -- bouncing to rest, sliding ---------------------------------------------------------------------------------------------
+# -- bouncing to rest, sliding ---------------------------------------------
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
 def test_a_bouncing_ball_comes_to_rest_when_theory_says(e: float) -> None:
     h, tolerance = 0.5, 1e-10
     tracks = track(
-        None, one([0.0, h + 1e-3], [0.0, 0.0], restitution=e), until=99.0, bodies=[FLOOR], tolerance=tolerance, length=1.0
+        None,
+        one([0.0, h + 1e-3], [0.0, 0.0], restitution=e),
+        until=99.0,
+        bodies=[FLOOR],
+        tolerance=tolerance,
+        length=1.0,
     )
     assert tracks.fate[0] == Fate.RESTING
     left_out = 2 * np.sqrt(2 * G * 0.01 * tolerance) / G / (1 - e) if e else 1e-9  # bounces too low to follow
@@ -156,7 +163,9 @@ def test_the_path_of_a_bouncing_ball_is_the_published_one() -> None:
 
 
 @pytest.mark.parametrize(("angle", "friction"), [(30.0, 0.2), (45.0, 0.3), (60.0, 0.0), (10.0, 0.1)])
-def test_sliding_down_a_slope_has_the_textbook_acceleration_and_leaves_at_the_end(angle: float, friction: float) -> None:
+def test_sliding_down_a_slope_has_the_textbook_acceleration_and_leaves_at_the_end(
+    angle: float, friction: float
+) -> None:
     b, r = np.radians(angle), 1e-3
     wedge, down, out = slope(b)
     grains = one(wedge[1] + 0.1 * down + r * out, [0.0, 0.0], r, restitution=0.3, friction=friction)
@@ -192,7 +201,9 @@ def test_a_granule_that_slides_up_turns_and_slides_down() -> None:
     b, f, w0 = np.radians(40.0), 0.2, 1.5
     wedge, down, out = slope(b)
     grains = one(-0.1 * down + 1e-3 * out, -w0 * down, restitution=0.0, friction=f)
-    tracks = track(None, grains, until=9.0, bodies=[wedge], lines=[np.array([[-3.0, -1e-2], [3.0, -1e-2]])], record=True)
+    tracks = track(
+        None, grains, until=9.0, bodies=[wedge], lines=[np.array([[-3.0, -1e-2], [3.0, -1e-2]])], record=True
+    )
     t, x, _ = tracks.path(0)
     up = w0**2 / (2 * G * (np.sin(b) + f * np.cos(b)))
     assert np.max((x - 1e-3 * out) @ -down) == pytest.approx(0.1 + up, abs=1e-8)
@@ -235,7 +246,7 @@ def test_an_open_polyline_is_a_wall_from_one_side() -> None:
     assert (above.impacts[0], below.impacts[0]) == (1, 0)
 
 
-# -- vibration -------------------------------------------------------------------------------------------------------------
+# -- vibration ---------------------------------------------
 
 
 @pytest.mark.parametrize("strength", [1.1, 1.4])
@@ -267,8 +278,9 @@ def test_a_granule_rides_a_gentle_table_and_is_thrown_when_gravity_is_exceeded()
     assert hard.fate[0] == Fate.AIRBORNE
     gap = x[:, 1] - a * np.sin(omega * t) - 1e-3
     assert gap.min() > -1e-12
-    left = t[np.flatnonzero(gap > 1e-10)[0] - 1]
-    assert np.sin(omega * left) == pytest.approx(1 / 1.3, abs=2e-3)
+    held = t[(np.diff(t, append=t[-1]) > 0.02) & (gap < 1e-12)]  # the last moments before flights
+    assert len(held) > 5
+    np.testing.assert_allclose(np.sin(omega * held), 1 / 1.3, atol=1e-9)
 
 
 def test_sideways_vibration_shakes_a_granule_loose_only_above_friction() -> None:
@@ -281,7 +293,7 @@ def test_sideways_vibration_shakes_a_granule_loose_only_above_friction() -> None
         assert (tracks.fate[0] == Fate.RESTING) == rests
 
 
-# -- many granules ---------------------------------------------------------------------------------------------------------
+# -- many granules ---------------------------------------------
 
 
 MOTIONS = {"at rest": None, "vibrating": Motion((1e-3, 3e-3), 40.0, 0.3)}
@@ -348,7 +360,7 @@ def test_rounded_bodies_with_many_edges_are_met_the_same() -> None:
     np.testing.assert_allclose(other.position, tracks.position, atol=1e-6)
 
 
-# -- in a field with a body in it --------------------------------------------------------------------------------------------
+# -- in a field with a body in it ---------------------------------------------
 
 
 def channel(n: int = 40, speed: float = -3.0, jitter: float = 0.2) -> FlowField:
@@ -361,7 +373,9 @@ def channel(n: int = 40, speed: float = -3.0, jitter: float = 0.2) -> FlowField:
     size = np.abs(points).sum(axis=1)
     points = points[size > 0.5 * W + 2e-3]
     face = np.linspace(0, 1, 12)[:-1, None]
-    outline = np.concatenate([(1 - face) * a + face * b for a, b in zip(RHOMBUS, np.roll(RHOMBUS, -1, axis=0), strict=True)])
+    outline = np.concatenate(
+        [(1 - face) * a + face * b for a, b in zip(RHOMBUS, np.roll(RHOMBUS, -1, axis=0), strict=True)]
+    )
     points = np.concatenate([points, outline])
     cells = Delaunay(points).simplices
     centre = np.abs(points[cells].mean(axis=1)).sum(axis=1)
@@ -423,7 +437,7 @@ def test_a_granule_in_the_room_a_lowered_body_has_left_is_not_lost() -> None:
     assert tracks.impacts[0] >= 1
 
 
-# -- births --------------------------------------------------------------------------------------------------------------------
+# -- births ---------------------------------------------
 
 
 def test_born_inside_a_body_is_stopped_where_it_is() -> None:

@@ -1,4 +1,4 @@
-"""A-priori bounds on what the terms that are not computed could move.
+"""A-priori bounds on what the terms that are not computed could move; where one is only an estimate it says so.
 
 With acceleration a over the flight time T of a granule with relaxation time tau,  shift <= min(a T^2 / 2, a tau T):
 free flight, and drag that lets nothing move faster than a tau.
@@ -15,6 +15,7 @@ from .scene import GRAVITY
 
 __all__ = ["Flight", "neglected"]
 
+WAKE_INTENSITY = 0.3  # u'/U behind a bluff body
 BOLTZMANN = 1.380649e-23  # J/K
 TEMPERATURE = 293.15  # K
 
@@ -102,10 +103,10 @@ def _magnus(f: Flight) -> float:
 
 @_neglect(
     "turbulent-dispersion",
-    "Taylor (1921), sqrt(2 u'^2 T_L T) of the inlet's turbulence, less for granules slower to follow",
+    "Taylor (1921), an estimate: sqrt(2 u'^2 T_L T) at u' = 0.3 U, less for granules slower to follow",
 )
 def _dispersion(f: Flight) -> float:
-    rms = f.intensity * f.air_speed
+    rms = max(f.intensity, WAKE_INTENSITY) * f.air_speed
     lifetime = 0.2 * f.width / rms
     return math.sqrt(2 * rms**2 * lifetime * f.time) * min(1.0, f.time / f.tau) / f.width
 

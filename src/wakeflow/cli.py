@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import sys
 import tomllib
@@ -25,6 +26,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
+Stage = Literal["mesh", "airflow", "tracks"]
 Rung = Literal["auto", "none", "draft", "standard", "reference"]
 Settings = Annotated[
     list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
@@ -76,7 +78,7 @@ def run(
     scene: Path,
     *,
     out: Path | None = None,
-    until: Literal["mesh", "airflow", "tracks"] | None = None,
+    until: Stage | None = None,
     rung: Rung | None = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
@@ -125,6 +127,9 @@ def run(
 def plan(
     scene: Path,
     *,
+    out: Path | None = None,
+    until: Stage | None = None,
+    workers: int | None = None,
     rung: Rung | None = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
@@ -136,6 +141,8 @@ def plan(
     ----------
     scene
         A scene file (TOML).
+    out, until, workers
+        Taken as by run, so that its command line can be reused; a plan does not depend on them.
     rung
         Fidelity of the airflow instead of the scene's own.
     as_json
@@ -253,12 +260,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(problem, ProgramError):
             _details(problem)
         return problem.exit_code
-    except KeyboardInterrupt:
-        _complain("interrupted; what is finished is kept, the same command goes on")
-        return INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()  # the reader left; nothing more can be said
         return 0
+    except OSError as problem:
+        full = problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        place = f"{problem.filename}: " if problem.filename else ""
+        _complain(f"{place}{problem.strerror}; free some space or choose another --out and WAKEFLOW_CACHE")
+        return ProgramError.exit_code if full else SceneError.exit_code
+    except KeyboardInterrupt:
+        _complain("interrupted; what is finished is kept, the same command goes on")
+        return INTERRUPTED
     return code if isinstance(code, int) else 0
 
 

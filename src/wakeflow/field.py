@@ -1,7 +1,7 @@
 """FlowField: velocity and pressure on a triangle mesh, steady or as snapshots in time; linear inside every triangle.
 
-Between snapshots the field is linear in time; with a ``period`` it repeats, without one it stands still before the first
-and after the last snapshot.
+Between snapshots the field is linear in time; with a ``period`` it repeats, without one it stands still before the
+first and after the last snapshot.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class FlowField:
     """Arrays on N nodes and M triangles; nodal arrays have a leading axis T when ``times`` is given. SI units.
 
     ``points`` (N, 2) m, ``triangles`` (M, 3) counter-clockwise, ``velocity`` (.., N, 2) m/s, ``pressure`` (.., N) Pa,
-    ``k`` (.., N) m2/s2, ``dissipation`` (.., N) m2/s3, ``times`` (T,) s, ``density`` kg/m3, ``viscosity`` dynamic, Pa s.
-    Make one with :meth:`from_arrays` or :meth:`from_openfoam`, which check it.
+    ``k`` (.., N) m2/s2, ``dissipation`` (.., N) m2/s3, ``times`` (T,) s, ``density`` kg/m3, ``viscosity`` dynamic, Pa
+    s. Make one with :meth:`from_arrays` or :meth:`from_openfoam`, which check it.
     """
 
     points: Array
@@ -74,9 +74,9 @@ class FlowField:
     ) -> FlowField:
         """A checked field; clockwise triangles are turned round. Shapes and units as in the class.
 
-        ``pressure_gradient`` (.., N, 2) Pa/m replaces the one recovered from ``pressure``.
-        Raises SceneError for wrong shapes, NaN, indices out of range, degenerate triangles, times that do not increase, a
-        period shorter than the time they span, or density and viscosity that are not positive.
+        ``pressure_gradient`` (.., N, 2) Pa/m replaces the one recovered from ``pressure``. Raises SceneError for
+        wrong shapes, NaN, indices out of range, degenerate triangles, times that do not increase, a period shorter
+        than the time they span, or density and viscosity that are not positive.
         """
         nodes = _numbers("points", points)
         if nodes.ndim != 2 or nodes.shape[1] != 2 or len(nodes) < 3:
@@ -107,7 +107,9 @@ class FlowField:
     def from_openfoam(
         cls, case_dir: Path | str, time: str | float = "latest", density: float = 1.2
     ) -> FlowField:  # "latest" | "mean" | "all" | a time in s
-        """Read an OpenFOAM case: one time, the mean, or all stored times; pressure becomes Pa with ``density`` (kg/m3)."""
+        """Read an OpenFOAM case: one time, the mean, or all stored times; pressure becomes Pa with ``density``
+        (kg/m3).
+        """
         from .foam.read import read_flow
 
         return cls.from_arrays(**read_flow(Path(case_dir), time, density))
@@ -200,7 +202,9 @@ class FlowField:
 
     @cached_property
     def pressure_gradient(self) -> Array | None:
-        """Pressure gradient at the nodes (.., N, 2) Pa/m, second-order accurate up to the boundary; None without pressure."""
+        """Pressure gradient at the nodes (.., N, 2) Pa/m, second-order accurate up to the boundary; None without
+        pressure.
+        """
         if self.given_gradient is not None or self.pressure is None:
             return self.given_gradient
         along_x, along_y = _gradient_operators(self.points, self.triangles)
@@ -254,7 +258,9 @@ class FlowField:
     # -- other fields ----------------------------------------------------------------------------------------------
 
     def mean(self) -> FlowField:
-        """The time mean as a steady field (trapezoidal rule over the snapshots, over the whole period when there is one)."""
+        """The time mean as a steady field (trapezoidal rule over the snapshots, over the whole period when there is
+        one).
+        """
         if self.times is None:
             return self
         weight = np.zeros(len(self.times))
@@ -269,7 +275,8 @@ class FlowField:
         return replace(self._mapped(lambda nodal: np.tensordot(weight, nodal, axes=1)), times=None, period=None)
 
     def mirrored(self, x: float = 0.0) -> FlowField:
-        """The whole field of a half domain (all points on one side of the vertical line at ``x``); nodes on it are shared.
+        """The whole field of a half domain (all points on one side of the vertical line at ``x``); nodes on it are
+        shared.
 
         The x components of velocity and pressure gradient change sign across the axis and are zero on it.
         Raises SceneError when points lie on both sides, or none on the axis.
@@ -326,7 +333,7 @@ class FlowField:
             raise SceneError(f"{path}: is not a flow field written by wakeflow")
         scalars = {n: float(content.pop(n)) for n in ("period", "density", "viscosity") if n in content}
         gradient = content.pop("given_gradient", None)
-        return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)  # type: ignore[arg-type]
+        return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
 
 
 # -- checks ------------------------------------------------------------------------------------------------------------
@@ -396,10 +403,10 @@ def _clock(times: ArrayLike, period: float | None) -> Array:
 def _gradient_operators(points: Array, triangles: Index) -> tuple[Any, Any]:
     """Sparse (N, N) matrices that take nodal values to their x and y derivatives at the nodes.
 
-    Least-squares quadratics over the nodes around each node (polynomial preserving recovery, Zhang & Naga 2005, SIAM J. Sci.
-    Comput. 26, 1192): exact for quadratics, second order up to the boundary. A patch is the node's neighbours, and theirs
-    where the fit would not be well posed; coordinates are whitened by the patch's own shape, so flat cells do no harm. Where
-    even wide patches are too small a linear fit is made.
+    Least-squares quadratics over the nodes around each node (polynomial preserving recovery, Zhang & Naga 2005, SIAM
+    J. Sci. Comput. 26, 1192): exact for quadratics, second order up to the boundary. A patch is the node's
+    neighbours, and theirs where the fit would not be well posed; coordinates are whitened by the patch's own shape,
+    so flat cells do no harm. Where even wide patches are too small a linear fit is made.
     """
     from scipy.sparse import coo_matrix, csr_matrix, identity
 
@@ -426,7 +433,8 @@ def _fit(
 ) -> tuple[Index, Index, Array, NDArray[np.bool_]]:
     """Weights of the gradient at ``centres`` from least-squares polynomials of 6 or 3 terms over their patches.
 
-    Returns rows, columns and weights (.., 2) for the centres whose fit has a condition number below ``worst``, and which.
+    Returns rows, columns and weights (.., 2) for the centres whose fit has a condition number below ``worst``, and
+    which.
     """
     size = np.diff(patches.indptr)
     width = int(size.max())

@@ -109,6 +109,10 @@ class Store:
             lock.release()
         return final, False
 
+    def holds(self, stage: str, key: str) -> bool:
+        """Whether a finished stage is there, whole."""
+        return self._whole(self.root / stage / key)
+
     def clean(self, *, everything: bool = False) -> tuple[int, int]:
         """Remove unfinished stages nobody works on (with ``everything`` all stages); folders and bytes freed."""
         from filelock import FileLock, Timeout
@@ -135,7 +139,9 @@ class Store:
 
 
 def _members(folder: Path) -> list[str]:
-    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST)
+    """Every file below, but what a killed ``atomic_write`` left behind."""
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST)
+    return sorted(p.relative_to(folder).as_posix() for p in files if not (p.name[0] == "." and p.suffix == ".tmp"))
 
 
 def _digest(path: Path) -> str:

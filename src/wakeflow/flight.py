@@ -46,6 +46,11 @@ class Flight:
     workers: int | None = None
     tell: Callable[[str], None] = lambda text: None
 
+    def warm_up(self) -> None:
+        """Have the tracker compiled, or read from its cache, before time is taken."""
+        still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
+        track(None, still, until=1e-3, length=self.scene.width, forces=("gravity",))
+
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
         for name in self.scene.fraction:
@@ -109,14 +114,15 @@ def ends(scene: Scene) -> list[Array]:
 
 
 def _save_landings(path: Path, feed: Feedstock, tracks: Tracks, bins: int) -> None:
+    binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
     with atomic_write(path, "wb") as stream:
         np.savez(
             stream,
             position=tracks.position,
-            bin=np.where((tracks.line >= 0) & (tracks.line < bins), tracks.line, -1),
+            bin=np.where(binned, tracks.line, -1),
             replicate=feed.replicate,
             diameter=feed.granules.diameter,
-            fate=tracks.fate,
+            fate=np.where((tracks.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, tracks.fate),
             time=tracks.time - feed.granules.time,
             impacts=tracks.impacts + feed.injected,  # the tracker did not see the first impact of these
             injected=feed.injected,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["area", "contains", "edges", "is_convex", "is_simple", "is_symmetric", "normals", "slope_under"]
+__all__ = ["area", "contains", "edges", "is_simple", "is_symmetric", "normals", "segments_cross"]
 
 Array = NDArray[np.float64]
 
@@ -33,27 +33,20 @@ def normals(outline: Array) -> Array:
     return outward / np.linalg.norm(outward, axis=1, keepdims=True)
 
 
-def is_convex(outline: Array) -> bool:
-    """Whether no corner turns inwards (straight angles allowed)."""
-    start, end = edges(outline)
-    along = end - start
-    following = np.roll(along, -1, axis=0)
-    turn = along[:, 0] * following[:, 1] - along[:, 1] * following[:, 0]
-    return bool(np.all(turn >= -1e-12 * np.abs(area(outline))))
-
-
 def is_simple(outline: Array) -> bool:
     """Whether no two edges that are not neighbours touch."""
     start, end = edges(outline)
     count = len(outline)
     for i in range(count):
         for j in range(i + 2, count):
-            if (j + 1) % count != i and _cross(start[i], end[i], start[j], end[j]):
+            if (j + 1) % count != i and segments_cross(start[i], end[i], start[j], end[j]):
                 return False
     return True
 
 
-def _cross(a: Array, b: Array, c: Array, d: Array) -> bool:
+def segments_cross(a: Array, b: Array, c: Array, d: Array) -> bool:
+    """Whether the segments ab and cd meet; touching counts."""
+
     def side(p: Array, q: Array, r: Array) -> float:
         return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
 
@@ -76,18 +69,3 @@ def is_symmetric(outline: Array, axis: float = 0.0, tolerance: float = 1e-9) -> 
     mirrored = outline * (-1.0, 1.0) + (2 * axis, 0.0)
     distance = np.linalg.norm(mirrored[:, None] - outline[None], axis=2).min(axis=1)
     return bool(distance.max() <= tolerance * np.ptp(outline[:, 0]))
-
-
-def slope_under(outline: Array, x: Array) -> NDArray[np.intp]:
-    """The edge that a granule falling vertically at each ``x`` (n,) meets first; -1 where it falls past the body."""
-    x = np.asarray(x, dtype=float)
-    highest = np.full(x.shape, -np.inf)
-    first = np.full(x.shape, -1, dtype=np.intp)
-    for i, ((x0, y0), (x1, y1)) in enumerate(zip(*edges(outline), strict=True)):
-        if x1 >= x0:  # counter-clockwise: an edge that faces upwards runs towards -x
-            continue
-        over = (x >= x1) & (x <= x0)
-        y = y0 + (x - x0) * (y1 - y0) / (x1 - x0)
-        higher = over & (y > highest)
-        first[higher], highest[higher] = i, y[higher]
-    return first

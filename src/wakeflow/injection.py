@@ -27,6 +27,7 @@ __all__ = ["REPLICATES", "Feedstock", "arrival", "feedstock", "first_contact"]
 
 Array = NDArray[np.float64]
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
+MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
 CLEARANCE = 1e-3  # of the body's width: how far above a contact a resolved granule may start at the least
 
 
@@ -182,7 +183,7 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     if scene.vibration is None:
         return points[:, 0] * (field_period or 0.0)
     period = 1.0 / scene.vibration.frequency
-    whole = int(np.ceil(64 * field_period / period)) if field_period else 1  # many vibrations, so that phases mix
+    whole = int(np.ceil(MIXING * field_period / period)) if field_period else 1
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .errors import MeshError, SceneError
 from .files import write_json
-from .geometry import contains, edges, is_symmetric
+from .geometry import contains, edges, is_symmetric, segments_cross
 from .process import call_in_child
 
 __all__ = ["MeshReport", "MeshSpec", "build_mesh", "plan_mesh", "read_mesh"]
@@ -167,10 +167,8 @@ def _check_places(outlines: list[Array], width: float, top: float, bottom: float
 
 def _distance(one: Array, other: Array) -> float:
     """Least distance (m) between two polygons' corners and edges; 0 when edges cross."""
-    from .geometry import _cross
-
     crossing = any(
-        _cross(a, b, c, d) for a, b in zip(*edges(one), strict=True) for c, d in zip(*edges(other), strict=True)
+        segments_cross(a, b, c, d) for a, b in zip(*edges(one), strict=True) for c, d in zip(*edges(other), strict=True)
     )
     return 0.0 if crossing else min(_corner_to_edges(one, other), _corner_to_edges(other, one))
 

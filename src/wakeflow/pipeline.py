@@ -21,7 +21,7 @@ from .scene import Scene
 
 if TYPE_CHECKING:
     from .field import FlowField
-    from .flight import Tracked
+    from .flight import Flight, Tracked
     from .meshing import MeshSpec
 
 __all__ = ["Chain", "Listener", "silent"]
@@ -115,8 +115,11 @@ class Chain:
 
     def _draft(self) -> Path:
         """The case folder of the same scene's draft airflow."""
-        draft = replace(self, plan=make_plan(self.scene, rung="draft"), seconds={})
-        return draft.solution[1] / "case"
+        plan = make_plan(self.scene, rung="draft")
+        draft = replace(self, plan=plan, seconds={}, listener=lambda stage, text: self.listener(f"draft {stage}", text))
+        folder = draft.solution[1] / "case"
+        self.seconds.update({f"draft {stage}": spent for stage, spent in draft.seconds.items()})
+        return folder
 
     @property
     def airflow(self) -> dict[str, Any]:
@@ -130,7 +133,8 @@ class Chain:
         from .field import FlowField
 
         key, folder = self.solution
-        key = content_key("field", key, _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field.py"))
+        code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field.py")
+        key = content_key("field", key, code, _version("foamlib"))
 
         def work(part: Path) -> None:
             self.listener("field", "reading the airflow")
@@ -158,8 +162,10 @@ class Chain:
         del tables["numerics"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: asdict(row) for name, row in self.plan.fractions.items()}
-        code = _sources("laws", "tracking", "field.py", "injection.py", "flight.py", "geometry.py", "scene.py")
-        return content_key("tracks", tables, self.plan.forces, repr(how), upstream, code)
+        code = _sources("laws", "tracking", "field.py", "injection.py", "flight.py", "geometry.py", "tables.py")
+        versions = [_version(package) for package in ("numpy", "scipy", "numba")]
+        order = list(self.scene.bin)  # landings hold the bin's place in it
+        return content_key("tracks", tables, order, self.plan.forces, repr(how), upstream, code, versions)
 
     def tracks(self, tolerance: float | None = None) -> Tracked:
         """Every granule's landing. Another ``tolerance`` than the scene's is a companion run for the budget."""
@@ -168,13 +174,20 @@ class Chain:
         asked = self.scene.numerics.tolerance if tolerance is None else tolerance
         stage = "tracks" if tolerance is None else "companion"
 
-        def work(part: Path) -> None:
-            flow = None if self.scene.air is None else self.field[1]
-            tell = partial(self.listener, stage)
-            flight.Flight(self.scene, self.plan, flow, asked, self.workers, tell).fly_all(part, drawn=tolerance is None)
-
-        folder = self._stage(stage, content_key(self.tracks_key, asked), work)
+        key = content_key(self.tracks_key, asked)
+        flow = None if self.scene.air is None else self.field[1]
+        flights = flight.Flight(self.scene, self.plan, flow, asked, self.workers, partial(self.listener, stage))
+        if not self.store.holds(stage, key):
+            self._warm_up(flights)
+        folder = self._stage(stage, key, lambda part: flights.fly_all(part, drawn=tolerance is None))
         return flight.load(folder, self.scene)
+
+    def _warm_up(self, flights: Flight) -> None:
+        started = time.monotonic()
+        self.listener("compile", "the tracker is compiled, once for each version of it")
+        flights.warm_up()
+        if "compile" not in self.seconds:
+            self.seconds["compile"] = {"seconds": time.monotonic() - started, "cached": False}
 
     # -- cache ---------------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from .bounds import Flight, neglected
 from .errors import SceneError
 from .geometry import is_symmetric
 from .laws.drag import drag_factor_for_terminal_velocity, drag_laws, relaxation_time, terminal_velocity
+from .registry import nearest
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
 
 __all__ = ["FractionPlan", "Plan", "make_plan"]
@@ -25,6 +26,7 @@ SHEDDING_ABOVE = 30.0  # no sharp-edged body of the kind sheds below (flat plate
 INJECTED_ABOVE = (
     10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
 )
+RUNGS = ("auto", "none", "draft", "standard", "reference")
 SWITCHES = ("buoyancy", "pressure-gradient")  # terms that --force may switch; drag and gravity always act
 
 
@@ -80,7 +82,7 @@ def make_plan(scene: Scene, *, rung: str | None = None, force: Mapping[str, bool
     turbulence = None
     if scene.reynolds is not None:
         turbulence = "laminar" if scene.reynolds < LAMINAR_BELOW else "kOmegaSST"
-    fractions = {name: _fraction_plan(scene, fraction) for name, fraction in scene.fraction.items()}
+    fractions = {name: _fraction_plan(scene, name, fraction) for name, fraction in scene.fraction.items()}
     forces = _forces(scene, force or {})
     half = chosen == "draft" and all(is_symmetric(body.outline()) for body in scene.body.values())
     flights = {} if scene.air is None else {n: _flight(scene, scene.fraction[n], p) for n, p in fractions.items()}
@@ -107,6 +109,8 @@ def _rung(scene: Scene, asked: str) -> str:
         raise SceneError("rung = 'none' is for scenes without air: remove the [air] table, or choose draft or standard")
     if asked == "reference":
         raise SceneError("rung = 'reference' is not in this version; choose draft or standard")
+    if asked not in RUNGS:
+        raise SceneError(f"rung = {asked!r}: unknown{nearest(asked, list(RUNGS))} (known: {', '.join(RUNGS)})")
     if asked == "auto":
         assert scene.reynolds is not None
         return "draft" if scene.reynolds < SHEDDING_ABOVE else "standard"
@@ -124,17 +128,27 @@ def _forces(scene: Scene, force: Mapping[str, bool]) -> tuple[str, ...]:
     return ("drag", "gravity", *(term for term in SWITCHES if force.get(term, True)))
 
 
-def _fraction_plan(scene: Scene, fraction: Fraction) -> FractionPlan:
+def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
+    """The factor on the drag law that gives a measured terminal velocity. Raises SceneError where none can be."""
+    if density <= STANDARD_AIR[0]:
+        raise SceneError(f"fraction.{name}.density = {density:g} kg/m3: lighter than air, it has no terminal velocity")
+    scale = float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, law))
+    if not 0.5 <= scale <= 100.0:
+        sphere = float(terminal_velocity(diameter, density, *STANDARD_AIR, GRAVITY, law))
+        raise SceneError(
+            f"fraction.{name}.terminal_velocity = {speed:g} m/s needs {scale:.2g} times a sphere's drag: a sphere of "
+            f"{diameter:.3g} m and {density:g} kg/m3 falls at {sphere:.3g} m/s; check size, density and velocity"
+        )
+    return scale
+
+
+def _fraction_plan(scene: Scene, name: str, fraction: Fraction) -> FractionPlan:
     granule = fraction.properties
     law = "haider-levenspiel" if fraction.sphericity is not None else "brown-lawler"
     entry, phi = drag_laws[law], fraction.sphericity or 1.0
     scale = 1.0
-    if granule.terminal_velocity is not None:
-        scale = float(
-            drag_factor_for_terminal_velocity(
-                fraction.calibration_diameter, granule.density, granule.terminal_velocity, *STANDARD_AIR, GRAVITY, law
-            )
-        )
+    if fraction.measured_settling is not None:
+        scale = _calibration(name, law, *fraction.measured_settling)
     wanted = scene.feed.mode
     if scene.air is None:
         mode = "injected" if wanted == "auto" else wanted
@@ -213,7 +227,10 @@ def _left_out(scene: Scene, forces: tuple[str, ...], flights: dict[str, Flight])
     for name in neglected:
         bound, why = neglected[name]
         worst = max(flights, key=lambda fraction: bound(flights[fraction]))
-        rows.append(LeftOut(name, bound(flights[worst]), f"{why}; largest for {worst}; not in this version"))
+        widest = scene.channel.width / scene.width  # nothing lands farther off
+        rows.append(
+            LeftOut(name, min(bound(flights[worst]), widest), f"{why}; largest for {worst}; not in this version")
+        )
     rows += [LeftOut(term, None, "switched off by --force") for term in SWITCHES if term not in forces]
     if scene.vibration is not None:
         peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
@@ -259,6 +276,8 @@ def _warnings(scene: Scene, plan: Plan, flights: dict[str, Flight]) -> list[str]
         if fraction.properties.confidence == "low":
             lines.append(f"{name}: material data of low confidence; measure your own terminal velocity")
         how = plan.fractions[name]
+        if how.drag_scale < 0.9:
+            lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
         if how.mode == "injected" and how.stokes < INJECTED_ABOVE:
             lines.append(f"{name}: injected at an approach Stokes number of {how.stokes:.2g}; the air turns many aside")
     large = [f"{row.name} {row.bound:.2g}" for row in plan.left_out if row.bound is not None and row.bound > 0.1]
@@ -267,5 +286,10 @@ def _warnings(scene: Scene, plan: Plan, flights: dict[str, Flight]) -> list[str]
     if plan.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
         lines.append(
             "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
+        )
+    if plan.rung == "standard":
+        lines.append(
+            "standard airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the truth lies "
+            "between it and the draft"
         )
     return lines

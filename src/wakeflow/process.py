@@ -188,7 +188,8 @@ def call_in_child(
     with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
         ask, answer = Path(folder, "ask.json"), Path(folder, "answer.json")
         ask.write_text(json.dumps({"target": target, "argument": argument}))
-        command = [sys.executable, "-m", "wakeflow.process", str(ask), str(answer)]
+        # -P: a file in the current folder that is called like a library must not stand in for it
+        command = [sys.executable, "-P", "-m", "wakeflow.process", str(ask), str(answer)]
         try:
             run(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)
         except ProgramError as problem:

@@ -8,8 +8,20 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 __all__ = [
-    "Angle", "AnyAngle", "Coordinate", "Density", "Diameter", "Frequency", "Length", "Point", "PositiveSpeed", "Rate",
-    "Share", "Speed", "Viscosity",
+    "Angle",
+    "AnyAngle",
+    "Coordinate",
+    "Density",
+    "Diameter",
+    "Frequency",
+    "Length",
+    "Name",
+    "Point",
+    "PositiveSpeed",
+    "Rate",
+    "Share",
+    "Speed",
+    "Viscosity",
 ]  # fmt: skip
 
 
@@ -34,18 +46,19 @@ def _unit(unit: str) -> dict[str, Any]:
     return {"unit": unit}
 
 
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,40}$")]  # becomes a patch and a file name
 Length = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("m")), _in("m", "50 mm")]
 Coordinate = Annotated[float, Field(gt=-1e3, lt=1e3, json_schema_extra=_unit("m")), _in("m", "-120 mm")]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Diameter = Annotated[float, Field(gt=0, le=0.1, json_schema_extra=_unit("m")), _in("m", "50 um")]
+Diameter = Annotated[float, Field(ge=1e-9, le=0.1, json_schema_extra=_unit("m")), _in("m", "50 um")]
 Angle = Annotated[float, Field(gt=0, lt=math.pi / 2, json_schema_extra=_unit("rad")), _in("rad", "60 deg")]
 AnyAngle = Annotated[
     float, Field(ge=-2 * math.pi, le=2 * math.pi, json_schema_extra=_unit("rad")), _in("rad", "90 deg")
 ]
 Speed = Annotated[float, Field(ge=0, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "1.4 m/s")]
-PositiveSpeed = Annotated[float, Field(gt=0, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "5 m/s")]
+PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "5 m/s")]
 Density = Annotated[float, Field(gt=0, le=3e4, json_schema_extra=_unit("kg/m^3")), _in("kg/m^3", "1300 kg/m^3")]
-Viscosity = Annotated[float, Field(gt=0, le=1, json_schema_extra=_unit("Pa*s")), _in("Pa*s", "1.8e-5 Pa*s")]
+Viscosity = Annotated[float, Field(ge=1e-7, le=1, json_schema_extra=_unit("Pa*s")), _in("Pa*s", "1.8e-5 Pa*s")]
 Frequency = Annotated[float, Field(gt=0, le=1e4, json_schema_extra=_unit("Hz")), _in("Hz", "30 Hz")]
 Rate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
 Share = Annotated[float, Field(gt=0, le=1)]

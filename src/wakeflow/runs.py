@@ -77,6 +77,10 @@ def run(
     """
     from filelock import FileLock, Timeout
 
+    if until not in (None, "mesh", "airflow", "tracks"):
+        raise SceneError(f"until = {until!r}: choose mesh, airflow or tracks")
+    if workers is not None and workers < 1:
+        raise SceneError(f"workers = {workers}: at least 1")
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise SceneError(f"--out {folder}: is a file; name a folder")
@@ -91,41 +95,48 @@ def run(
 
 
 def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain: Chain, redraw: bool) -> Result:
-    target = folder / "result.json"
-    key = content_key(scene.tables(), plan.summary(), options, _versions(), digest_files([Path(__file__).parent]))
-    drawn = _key_of(target) == key and not redraw
-    if not drawn:
-        target.unlink(missing_ok=True)  # an older answer must not pass for this one
+    """Make the stages that ``options`` ask for, then the report where it is not the one that stands there."""
+    from . import report
+
+    target, until = folder / "result.json", options["until"]
+    order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
+    asked = content_key(scene.tables(), order, plan.summary(), options)
+    stands = _keys_of(target)
+    if stands.get("asked") != asked:  # an older answer must not pass for this one
+        target.unlink(missing_ok=True)
+        report.clear(folder)
     table: dict[str, Any] = {
         "schema": SCHEMA,
-        "key": key,
         "scene": scene.tables(),
         "options": options,
         "plan": plan.summary(),
         "airflow": None,
     }
-    until = options["until"]
     tracked: Tracked | None = None
     if scene.air is not None:
         table["mesh"] = chain.mesh_quality
         if until != "mesh":
             table["airflow"] = chain.airflow
     if until not in ("mesh", "airflow"):
+        tracked = chain.tracks()
         if table["airflow"] is not None:
             table["airflow"]["divergence"] = chain.divergence
-        tracked = chain.tracks()
         table["fates"] = tracked.fates
-        table["injected"] = tracked.injected
+        table["met_by_law"] = tracked.injected
     if tracked is not None and until is None:
         table["separation"] = separate(scene, tracked.landings)
         table["budget"] = make_budget(chain, tracked, table["separation"])
-    table["warnings"] = plan.warnings + (_notices(scene, tracked) if tracked else [])
+    table["warnings"] = plan.warnings + _notices(scene, chain, table, tracked)
     table["seconds"] = chain.seconds
     table["versions"] = _versions()
+    drawn = content_key(
+        asked, _versions(), digest_files([Path(__file__).parent]), chain.tracks_key if tracked else None
+    )
+    table["keys"] = {"asked": asked, "drawn": drawn}
     if tracked is not None:
         _save_granules(folder / "granules.npz", scene, tracked)
-    if tracked is not None and until is None and not drawn:
-        _report(scene, chain, tracked, table, folder)
+        if until is None and (redraw or stands.get("drawn") != drawn or not report.is_whole(folder)):
+            _report(scene, chain, tracked, table, folder)
     write_json(target, table)
     return Result(folder, table)
 
@@ -153,18 +164,20 @@ def report_again(folder: Path | str) -> Path:
     source = Path(folder) / "result.json"
     try:
         table = json.loads(source.read_text())
-    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError):
+        options, scene, _ = table["options"], table["scene"], table["separation"]
+    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError, KeyError, TypeError):
         raise SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}") from None
-    options = table["options"]
-    run(Scene.parse(table["scene"]), folder, rung=options["rung"], force=options["force"], redraw=True)
+    run(Scene.parse(scene), folder, rung=options["rung"], force=options["force"], redraw=True)
     return Path(folder) / "report.html"
 
 
-def _key_of(path: Path) -> str | None:
+def _keys_of(path: Path) -> dict[str, str]:
+    """What the answer in ``path`` was made for; empty when there is none."""
     try:
-        return json.loads(path.read_text()).get("key")
-    except (FileNotFoundError, json.JSONDecodeError):
-        return None
+        keys = json.loads(path.read_text())["keys"]
+    except (FileNotFoundError, json.JSONDecodeError, KeyError, TypeError):
+        return {}
+    return keys if isinstance(keys, dict) else {}
 
 
 def _versions() -> dict[str, str]:
@@ -179,10 +192,10 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _notices(scene: Scene, tracked: Tracked) -> list[str]:
-    """What a user must know of how the tracks ended."""
-    lines = []
-    for name, fates in tracked.fates.items():
+def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
+    """What a user must know of the airflow and of how the tracks ended."""
+    lines = [] if table["airflow"] is None else _airflow_notices(scene, chain, table["airflow"])
+    for name, fates in ({} if tracked is None else tracked.fates).items():
         total = sum(fates.values())
         for fate, meaning in (
             ("airborne", "were still in the air when tracking ended"),
@@ -191,6 +204,31 @@ def _notices(scene: Scene, tracked: Tracked) -> list[str]:
         ):
             if fates.get(fate):
                 lines.append(f"{name}: {fates[fate]} of {total} granules {meaning}; they count as elsewhere")
+    return lines
+
+
+def _airflow_notices(scene: Scene, chain: Chain, airflow: dict[str, Any]) -> list[str]:
+    lines = []
+    if airflow["rung"] == "draft" and airflow["verdict"] != "steady":
+        lines.append(f"the steady airflow does not settle ({airflow['verdict']}): use rung standard")
+    if airflow["rung"] == "standard" and airflow["verdict"] == "broadband":
+        lines.append(
+            "the wake sheds irregularly: a loop of a few periods is a small sample of it; compare left and right"
+        )
+    if (airflow["loop_mismatch"] or 0.0) > 0.1:
+        lines.append(f"the stored loop joins with a mismatch of {airflow['loop_mismatch']:.2g} of the fluctuation")
+    suction = airflow["suction"]
+    if suction["width"] > 0.99 * scene.channel.width:
+        lines.append(
+            "the suction zone (Cp < -0.5) spans the channel, since the body narrows it; the reversed flow behind the "
+            f"body is {1e3 * suction['reversal_length']:.3g} mm long"
+        )
+    channel, spec = scene.channel, chain.mesh_spec
+    if spec.top > channel.top + 1e-9 or spec.bottom < channel.bottom - 1e-9:
+        lines.append(
+            f"the air is computed in a longer channel, y from {spec.bottom:.3g} to {spec.top:.3g} m, so that inlet "
+            "and outlet do not touch the wake"
+        )
     return lines
 
 

@@ -45,10 +45,10 @@ class AirflowResult:
 
     Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken
     where the vertical line through the middle of the first body meets its rear and its front. ``p_inlet`` (Pa):
-    mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel);
-    ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None when steady. ``field_time`` is the
-    ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity difference between the snapshots
-    at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
+    mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the outlet. ``flow_rate`` (m2/s,
+    per metre of depth, whole channel); ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None
+    when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity
+    difference between the snapshots at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
 
     Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the
     normal Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.

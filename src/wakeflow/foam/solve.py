@@ -24,7 +24,7 @@ __all__ = ["Listener", "MeshCheck", "Progress", "Watch", "prepare", "run_steady"
 
 Array = NDArray[np.float64]
 CHECKED, PHASE, STOP = "mesh_check.json", "phase.json", "stop"
-SAVE_EVERY = 20  # s of wall time between savings: what an interruption may cost
+SAVE_EVERY = 5  # s of wall time between savings: what an interruption may cost
 WINDOW, STANDSTILL = 300, 2e-4  # a steady run ends when Cd moved by less than this share over so many iterations
 USABLE = 0.01  # range of Cd over the window, relative, that still counts as steady
 TYPICAL_ITERATIONS = 900
@@ -81,7 +81,8 @@ def _call(
             hint=INSTALL, timeout=how.get("timeout"),
         )  # fmt: skip
     except FoamError as problem:
-        if problem.log is None or "did not end" in str(problem):
+        if problem.log is None or not problem.command or "did not end" in str(problem):
+            problem.command = problem.command or " ".join(command)  # raised by the watch: it says why itself
             raise
         raise FoamError(
             f"{command[0]} {_reason(str(problem), log, before)}; log: {log}",

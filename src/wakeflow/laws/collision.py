@@ -1,10 +1,11 @@
-"""The collision of a granule with a wall: one function for the impact of eq. (1)-(2), the tracker's walls and the labyrinth.
+"""The collision of a granule with a wall: one function for the impact of eq. (1)-(2), the tracker's walls and the
+labyrinth.
 
-Plane motion, rigid disc or sphere, Newton restitution R and Coulomb friction f. With the unit normal n (from the wall to the
-granule), the tangent t = z x n and the spin counter-clockwise positive, the contact point moves along the wall with
-s = (v - v_wall) . t - r omega. The normal impulse per mass is (1 + R) |v_n|. The tangential one changes s by (1 + 1/k) times
-itself, k = I / (m r^2), so -s / (1 + 1/k) brings the contact point to rest (rolling); Coulomb's law caps it at
-f (1 + R) |v_n|. Hence friction never reverses the contact point. A point mass has 1/k = 0 and does not turn.
+Plane motion, rigid disc or sphere, Newton restitution R and Coulomb friction f. With the unit normal n (from the wall
+to the granule), the tangent t = z x n and the spin counter-clockwise positive, the contact point moves along the wall
+with s = (v - v_wall) . t - r omega. The normal impulse per mass is (1 + R) |v_n|. The tangential one changes s by (1
++ 1/k) times itself, k = I / (m r^2), so -s / (1 + 1/k) brings the contact point to rest (rolling); Coulomb's law caps
+it at f (1 + R) |v_n|. Hence friction never reverses the contact point. A point mass has 1/k = 0 and does not turn.
 Source: Routh, E.J. 1897, Dynamics of a System of Rigid Bodies, ch. 4; Spade, Vaicis, Vutukuru & Irbe 2020, doi
 10.22616/ERDev.2020.19.TF365, eq. (1)-(2), with the parenthesis and the sign misprinted there put right.
 """
@@ -17,20 +18,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import SceneError
+
 __all__ = ["Impact", "bounce", "collide", "impact"]
 
 Array = NDArray[np.float64]
+TINY = np.finfo(float).tiny
 
 
 def collide(
     vx: Any, vy: Any, spin: Any, nx: Any, ny: Any, wx: Any, wy: Any, restitution: Any, friction: Any, mobility: Any,
     radius: Any,
 ) -> Any:  # fmt: skip
-    """One collision; returns (vx, vy, spin, normal impulse, tangential impulse along t) after it, impulses per mass in m/s.
+    """One collision; returns (vx, vy, spin, normal impulse, tangential impulse along t) after it, impulses per mass
+    in m/s.
 
-    ``n`` unit normal away from the wall, ``w`` velocity of the wall, ``mobility`` = m r^2 / I (0: point mass, 2.5: sphere, 2:
-    disc). Numpy arithmetic only: takes arrays, and scalars inside the tracker's compiled kernel. Without approach
-    (relative normal velocity >= 0) nothing changes.
+    ``n`` unit normal away from the wall, ``w`` velocity of the wall, ``mobility`` = m r^2 / I (0: point mass, 2.5:
+    sphere, 2: disc). Numpy arithmetic only: takes arrays, and scalars inside the tracker's compiled kernel. Without
+    approach (relative normal velocity >= 0) nothing changes.
     """
     rx = vx - wx
     ry = vy - wy
@@ -87,14 +92,22 @@ def impact(
 ) -> Impact:
     """A granule falling straight down at ``fall_speed`` (m/s) meets a slope that moves up at ``body_speed`` (m/s).
 
-    ``slope_angle`` (rad) is measured from the horizontal; the slope descends towards +x. ``inertia`` is I / (m r^2): None for
-    the paper's point mass, 0.4 for a sphere, 0.5 for a disc; ``radius`` (m) gives the spin its size. All broadcast. With
-    W = fall_speed + body_speed <= 0 there is no impact and the velocity stays what it was.
+    ``slope_angle`` (rad) is measured from the horizontal; the slope descends towards +x. ``inertia`` is I / (m r^2):
+    None for the paper's point mass, 0.4 for a sphere, 0.5 for a disc; ``radius`` (m) gives the spin its size. All
+    broadcast. With W = fall_speed + body_speed <= 0 there is no impact and the velocity stays what it was.
 
     >>> import numpy as np
     >>> np.round(impact(np.pi / 4, 1.4, 0.3, 0.5, 0.3).velocity, 4)
     array([0.8925, 0.2575])
     """
+    for name, given, least, most in (
+        ("restitution", restitution, 0.0, 1.0),
+        ("friction", friction, 0.0, np.inf),
+        ("inertia", 1.0 if inertia is None else inertia, TINY, np.inf),
+        ("radius", 1.0 if radius is None else radius, TINY, np.inf),
+    ):
+        if not np.all((np.asarray(given) >= least) & (np.asarray(given) <= most)):
+            raise SceneError(f"{name} = {given}: must be {'positive' if least > 0 else f'{least:g} to {most:g}'}")
     arguments = (slope_angle, fall_speed, body_speed, restitution, friction)
     mobility = 0.0 if inertia is None else 1.0 / np.asarray(inertia, dtype=float)
     arm = 1.0 if radius is None else np.asarray(radius, dtype=float)

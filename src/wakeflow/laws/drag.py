@@ -1,7 +1,7 @@
 """Drag laws: the factor f = Cd Re / 24 by which drag exceeds Stokes' (f -> 1 as Re -> 0).
 
-Drag acceleration is  f (u - v) / tau  with  tau = rho_p d^2 / (18 mu)  and  Re = rho |u - v| d / mu; d is the diameter of the
-sphere of equal volume. Laws are pure and vectorised; none divides by Re.
+Drag acceleration is  f (u - v) / tau  with  tau = rho_p d^2 / (18 mu)  and  Re = rho |u - v| d / mu; d is the
+diameter of the sphere of equal volume. Laws are pure and vectorised; none divides by Re.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ TABLE_CELLS = 96  # cells per decade
 
 @dataclass(frozen=True)
 class DragLaw:
-    """``factor(reynolds, sphericity)`` gives f = Cd Re / 24 (both broadcast); valid up to ``reynolds_max``; its ``source``."""
+    """``factor(reynolds, sphericity)`` gives f = Cd Re / 24 (both broadcast); valid up to ``reynolds_max``; its
+    ``source``.
+    """
 
     factor: Callable[[Array, ArrayLike], Array]
     reynolds_max: float
@@ -110,9 +112,9 @@ def haider_levenspiel(reynolds: Array, sphericity: ArrayLike = 1.0) -> Array:
 def drag_table(law: str, sphericity: float = 1.0) -> Array:
     """A law as piecewise cubics of log Re, (cells, 4): f = c0 + w (c1 + w (c2 + w c3)), 0 <= w < 1 within a cell.
 
-    Cells have equal width in log Re over TABLE_DECADES, TABLE_CELLS a decade, and interpolate at Chebyshev points inside
-    the cell, so a law that jumps at Re = 1000 keeps its jump. Relative error below 1e-8 for every registered law.
-    Raises SceneError for an unknown law.
+    Cells have equal width in log Re over TABLE_DECADES, TABLE_CELLS a decade, and interpolate at Chebyshev points
+    inside the cell, so a law that jumps at Re = 1000 keeps its jump. Relative error below 1e-8 for every registered
+    law. Raises SceneError for an unknown law.
     """
     low, high = TABLE_DECADES
     cells = (high - low) * TABLE_CELLS
@@ -150,8 +152,9 @@ def terminal_velocity(
 ) -> Array:
     """Speed (m/s) at which drag balances the submerged weight; positive when it sinks, negative when it rises.
 
-    Diameter m, densities kg/m3, dynamic viscosity Pa s, gravity m/s2; ``drag_scale`` multiplies the law. All broadcast. The
-    balance f(Re) v = v_Stokes / drag_scale has one root, bisected to round-off: f >= 1 bounds it above.
+    Diameter m, densities kg/m3, dynamic viscosity Pa s, gravity m/s2; ``drag_scale`` multiplies the law. All
+    broadcast. The balance f(Re) v = v_Stokes / drag_scale has one root, bisected to round-off: f >= 1 bounds it
+    above.
     """
     d, rho_p, rho, mu, phi, scale = np.broadcast_arrays(
         *(np.asarray(a, dtype=float) for a in (diameter, density, fluid_density, viscosity, sphericity, drag_scale))
@@ -182,7 +185,8 @@ def drag_factor_for_terminal_velocity(
 ) -> Array:
     """Factor c on a drag law with which a granule's terminal velocity is the measured one: c f(Re_t) v_t = v_Stokes.
 
-    Units as in :func:`terminal_velocity`. Raises SceneError where the velocity is not positive or the granule does not sink.
+    Units as in :func:`terminal_velocity`. Raises SceneError where the velocity is not positive or the granule does
+    not sink.
     """
     d, rho_p, v, rho, mu, phi = np.broadcast_arrays(
         *(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..scene import Scene
 
-__all__ = ["Outcome", "write_report"]
+__all__ = ["Outcome", "clear", "is_whole", "write_report"]
 
 
 class Outcome(Protocol):
@@ -48,7 +48,7 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     from . import figures, html, tables, vtk
 
     folder = Path(folder)
-    _clear(folder)
+    clear(folder)
     drawings = folder / "figures"
     scene, field, result = outcome.scene, outcome.field, outcome.result
     positions = {name: [track["position"] for track in part] for name, part in outcome.tracks.items()}
@@ -66,7 +66,13 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     return html.write_html(folder, result)
 
 
-def _clear(folder: Path) -> None:
+def is_whole(folder: Path) -> bool:
+    """Whether every file that each finished report has is still there."""
+    names = ("tracks.vtp", "separation.csv", "budget.csv", "report.html", "figures/tracks.png", "figures/landing.png")
+    return all((folder / name).exists() for name in names)
+
+
+def clear(folder: Path) -> None:
     """Remove what an earlier report left here, so that nothing of another scene stands beside the new one."""
     for name in ("field.vtu", "field.pvd", "tracks.vtp", "separation.csv", "budget.csv", "report.html"):
         (folder / name).unlink(missing_ok=True)

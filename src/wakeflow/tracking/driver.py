@@ -17,7 +17,7 @@ from .exponential import PATH
 from .granules import Body, Granules, Motion, Tracks
 from .kernel import fly_block
 from .prepare import FORCES, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
-from .state import AFFINE, CONSTRAINT, FATE, IMPACTS, LINE, SPIN, STEPS, STORED, VX, VY, Rules, T, Walls, X, Y
+from .state import AFFINE, CONSTRAINT, FATE, IMPACTS, LINE, STEPS, STORED, TURN, VX, VY, Rules, T, Walls, X, Y
 
 __all__ = ["track"]
 
@@ -47,14 +47,15 @@ def track(
 ) -> Tracks:
     """Follow ``grains`` through ``field`` (None: a vacuum) until each meets its fate, or the clock shows ``until`` (s).
 
-    ``tolerance`` is the landing error in units of ``length`` (m; default: width of the first body, 1 m without one). ``forces``:
-    drag, gravity (g alone), buoyancy, pressure-gradient; those of the air do nothing in a vacuum. ``bodies`` are outlines
-    (k, 2), which move by ``motion``, or Body; ``lines`` (k, 2) polylines that end a track when its centre crosses them. An
-    edge of the mesh that no body covers ends it there: BINNED when it lies on a line, else ESCAPED. A granule that reaches
-    into a wall at birth is pushed out; one born inside a body is STOPPED, one born outside the mesh ESCAPED with no step.
-    ``seed`` is for random forces; there are none in this version. ``record`` keeps each path, thinned to at most 1024
-    points. ``workers`` threads (default: all cores); results do not depend on their number. ``progress(done, total)``.
-    Raises SceneError for an unknown force or drag law, or arguments out of range.
+    ``tolerance`` is the landing error in units of ``length`` (m; default: width of the first body, 1 m without one).
+    ``forces``: drag, gravity (g alone), buoyancy, pressure-gradient; those of the air do nothing in a vacuum.
+    ``bodies`` are outlines (k, 2), which move by ``motion``, or Body; ``lines`` (k, 2) polylines that end a track
+    when its centre crosses them. An edge of the mesh that no body covers ends it there: BINNED when it lies on a
+    line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
+    one born outside the mesh ESCAPED with no step. ``seed`` is for random forces; there are none in this version.
+    ``record`` keeps each path, thinned to at most 1024 points. ``workers`` threads (default: all cores); results do
+    not depend on their number. ``progress(done, total)``. Raises SceneError for an unknown force or drag law, or
+    arguments out of range.
     """
     for force in forces:
         if force not in FORCES:
@@ -89,11 +90,14 @@ def track(
         return count
 
     done = 0
-    with ThreadPoolExecutor(max_workers=workers or os.cpu_count() or 1) as pool:
+    pool = ThreadPoolExecutor(max_workers=workers or os.cpu_count() or 1)
+    try:
         for future in as_completed([pool.submit(fly, low) for low in range(0, len(grains), BLOCK)]):
             done += future.result()
             if progress is not None:
                 progress(done, len(grains))
+    finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
+        pool.shutdown(cancel_futures=True)
     return Tracks(
         position=floats[:, [X, Y]],
         velocity=floats[:, [VX, VY]],
@@ -102,7 +106,7 @@ def track(
         steps=ints[:, STEPS].copy(),
         impacts=ints[:, IMPACTS].copy(),
         line=ints[:, LINE].copy(),
-        spin=floats[:, SPIN].copy(),
+        spin=floats[:, TURN].copy(),
         recorded=tuple(recorded) if record else None,
     )
 

@@ -16,10 +16,11 @@ from .jit import compiled
 __all__ = ["PLANE", "ROUND", "SPEED", "SPIN", "displacement", "first_below", "level"]
 
 PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
+NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED = range(7)  # what ends a step
 
 
 @compiled
-def displacement(bodies, body, t):  # type: ignore[no-untyped-def]
+def displacement(bodies, body, t):
     """Displacement, velocity and acceleration of a body at time t: harmonic, amplitude sin(omega t + phase)."""
     ax, ay, omega = bodies[body, 4], bodies[body, 5], bodies[body, 6]
     if omega == 0.0:
@@ -31,7 +32,7 @@ def displacement(bodies, body, t):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):  # type: ignore[no-untyped-def]
+def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):
     """Value and rate of an event function at time s of the step (no rate for speeds: 0)."""
     x, y, vx, vy = along(path, s)
     if body >= 0 and bodies[body, 6] != 0.0:
@@ -49,7 +50,7 @@ def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):  # type: ignore[
 
 
 @compiled
-def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_high, close):  # type: ignore[no-untyped-def]
+def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_high, close):
     """Where the function passes from above zero at ``low`` to below at ``high``: Newton kept in the bracket."""
     s = low + (high - low) * f_low / (f_low - f_high)
     for _ in range(100):
@@ -69,7 +70,7 @@ def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_
 
 
 @compiled
-def _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, r_low, high, r_high):  # type: ignore[no-untyped-def]
+def _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, r_low, high, r_high):
     """The time between ``low`` and ``high`` where the rate changes sign, and the value there (regula falsi, damped)."""
     scale = 1e-4 * min(abs(r_low), abs(r_high))
     s, f = low, 0.0
@@ -86,8 +87,9 @@ def _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, r_low, high, r_
 
 
 @compiled
-def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, fb, rb, skin):  # type: ignore[no-untyped-def]
-    """First time in [a, b] at which the function falls below zero; -1.0 if it does not. (f, r): values and rates at both ends.
+def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, fb, rb, skin):
+    """First time in [a, b] at which the function falls below zero; -1.0 if it does not. (f, r): values and rates at
+    both ends.
 
     At most one turning point inside is looked for, so steps must be short enough to be nearly straight. Within ``skin``
     of zero at ``a`` it falls at once when it goes down, and may rise and fall again when it goes up.

@@ -5,9 +5,9 @@ Within a step  v' = -B v + N(s),  x' = v  with B frozen and N quadratic in s, wh
     v(s) = e^z v0 + s phi1 N0 + s^2 phi2 N1 + 2 s^3 phi3 N2
     x(s) = x0 + s phi1 v0 + s^2 phi2 N0 + s^3 phi3 N1 + 2 s^4 phi4 N2,   z = -B s.
 
-phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann 2010, Acta
-Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y, and
-the air's velocity at its start.
+phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann
+2010, Acta Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y,
+and the air's velocity at its start.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PATH = 13  # numbers in a path
 
 
 @compiled
-def phis(z):  # type: ignore[no-untyped-def]
+def phis(z):
     """e^z and phi_1 .. phi_4 for z <= 0, to round-off for every size of z.
 
     The series of phi_4 with the downward recurrence near zero, where the upward one cancels; upward elsewhere.
@@ -47,7 +47,7 @@ def phis(z):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def along(path, s):  # type: ignore[no-untyped-def]
+def along(path, s):
     """Position and velocity at time ``s`` after the step's start."""
     e, p1, p2, p3, p4 = phis(-path[4] * s)
     a, b, c = s * p1, s * s * p2, 2.0 * s * s * s * p3

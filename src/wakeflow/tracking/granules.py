@@ -77,10 +77,10 @@ def _refuse(name: str, array: Array, bad: NDArray[np.bool_], allowed: str) -> No
 class Granules:
     """n granules: ``position`` (n, 2) m, ``velocity`` (n, 2) m/s; all else (n,) or one number for all. SI units.
 
-    ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of the
-    fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal velocity);
-    ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born.
-    Raises SceneError, naming the count and the first index, for values that are not finite or out of range.
+    ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
+    the fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal
+    velocity); ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born. Raises SceneError,
+    naming the count and the first index, for values that are not finite or out of range.
     """
 
     position: Array
@@ -181,10 +181,11 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """How n granules ended: ``position`` (n, 2) m, ``velocity`` (n, 2) m/s, ``time`` (n,) s on the clock they were born by.
+    """How n granules ended: ``position`` (n, 2) m, ``velocity`` (n, 2) m/s, ``time`` (n,) s on the clock they were
+    born by.
 
-    ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track or -1;
-    ``spin`` rad/s.
+    ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track
+    or -1; ``spin`` rad/s.
     """
 
     position: Array

@@ -1,4 +1,5 @@
-"""Where compiled kernels are kept: numba's cache does not notice edits in other files, so its folder is named by a hash.
+"""Where compiled kernels are kept: numba's cache does not notice edits in other files, so its folder is named by a
+hash.
 
 The hash is over all sources that enter the kernel; any edit there means another folder.
 """
@@ -17,7 +18,7 @@ from ..files import cache_root, digest_files
 __all__ = ["compiled", "entry", "inlined"]
 
 HERE = Path(__file__).parent
-# Without numba's reference counts: the kernel makes no arrays, and counting them at every call would cost most of its time.
+# No reference counts: the kernel makes no arrays, and counting them at every call would take most of its time.
 OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
@@ -43,6 +44,11 @@ def compiled(function: Any) -> Any:
 def inlined(function: Any) -> Any:
     """A helper with one caller that takes many arrays: a call would copy all their descriptors."""
     return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, **OPTIONS)(function)
+
+
+def merged(function: Any) -> Any:
+    """A helper that becomes part of its only caller before anything is compiled: quicker than compiling both."""
+    return numba.njit(inline="always", **OPTIONS)(function)
 
 
 def entry(function: Any) -> Any:

@@ -1,24 +1,23 @@
 """The kernel: every granule flies on its own clock until a fate ends its track.
 
-A granule's step is cut at the first of: leaving its triangle, touching a wall, crossing a line, the next snapshot, the end. Each
-is found on the dense output of the step, so a cut costs neither evaluations nor order.
+A granule's step is cut at the first of: leaving its triangle, touching a wall, crossing a line, the next snapshot,
+the end. Each is found on the dense output of the step, so a cut costs neither evaluations nor order.
 """
 
 from __future__ import annotations
 
 import math
 
-from ..laws.collision import collide
-from .events import PLANE, SPEED, SPIN, displacement, first_below
+from .contact import ends_of_slide, grip, lift_off, rescue, settle, strike
+from .events import CROSSED, EXIT, HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, WALL, displacement, first_below
 from .exponential import along
-from .jit import compiled, entry, inlined
+from .jit import compiled, entry, inlined, merged
 from .locate import air_at, barycentric, bracket, load, reproject, walk
 from .state import (
     AIRBORNE,
     ARM,
     BINNED,
     BODY,
-    CAPTURED,
     CONTACT,
     ESCAPED,
     FATE,
@@ -26,30 +25,20 @@ from .state import (
     FLYING,
     FREE,
     FRESH,
-    FRICTION,
     GAP,
     GX,
     GY,
     H_ERROR,
-    HELD,
     HOPS,
-    IMPACTS,
     KIND,
     LINE,
-    MOBILITY,
-    MU,
     NOBODY,
     NX,
     NY,
-    ON_EDGE,
     ON_VERTEX,
-    OX,
-    OY,
     RADIUS,
     RESTING,
-    RESTITUTION,
     SEEN,
-    SIGN,
     STEPS,
     STOPPED,
     STORED,
@@ -63,26 +52,19 @@ from .state import (
     T,
     X,
     Y,
-)  # fmt: skip
-from .state import (
-    SPIN as TURN,
 )
-from .step import attempt, drag_rate, exit_time, free_force
+from .step import attempt, drag_rate, exit_time
 from .walls import constrain, crossing, first_contact, grasp, inside, overlap
 
 __all__ = ["fly_block"]
 
-_collide = compiled(collide)
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
-SLOW = 1e-6  # m/s, rebounds slower than this are sliding
-STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 PROGRESS = 1e-8  # of the step tried: less is none
 HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
-NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED = range(7)
 
 
 @compiled
-def _store(state, ints, record, last):  # type: ignore[no-untyped-def]
+def _store(state, ints, record, last):
     """Keep a point of the track; when the room is full every second one goes and the stride doubles."""
     room = record.shape[0]
     if room == 0:
@@ -105,7 +87,7 @@ def _store(state, ints, record, last):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _at_boundary(state, ints, air, walls, rules, k):  # type: ignore[no-untyped-def]
+def _at_boundary(state, ints, air, walls, rules, k):
     """End the track on edge k of the mesh, or on the line that lies there."""
     tri, g = ints[TRI], air.geometry
     bx, by = g[tri, 2 + 2 * k], g[tri, 3 + 2 * k]
@@ -126,7 +108,7 @@ def _at_boundary(state, ints, air, walls, rules, k):  # type: ignore[no-untyped-
 
 
 @compiled
-def _cross(state, ints, air, walls, rules, k):  # type: ignore[no-untyped-def]
+def _cross(state, ints, air, walls, rules, k):
     """Go over edge k of the current triangle."""
     onward = air.neighbours[ints[TRI], k]
     ints[FRESH] = 0
@@ -139,7 +121,7 @@ def _cross(state, ints, air, walls, rules, k):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _hop(state, ints, air, walls, rules):  # type: ignore[no-untyped-def]
+def _hop(state, ints, air, walls, rules):
     """Cross at once an edge the granule stands on and moves out through. Returns whether it did."""
     tri, worst, edge = ints[TRI], 0.0, NOBODY
     for k in range(3):
@@ -156,185 +138,7 @@ def _hop(state, ints, air, walls, rules):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _settle(state, ints, hold, walls):  # type: ignore[no-untyped-def]
-    """Put a sliding granule exactly on its surface, moving along it."""
-    _, off = grasp(hold, walls, ints[CONTACT], ints[FEATURE], hold[ARM], state[X], state[Y], state[T])
-    nx, ny = hold[NX], hold[NY]
-    state[X] -= off * nx
-    state[Y] -= off * ny
-    _, _, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], state[T])
-    vn = (state[VX] - wx) * nx + (state[VY] - wy) * ny
-    state[VX] -= vn * nx
-    state[VY] -= vn * ny
-
-
-@compiled
-def _strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):  # type: ignore[no-untyped-def]
-    """The granule touches a feature: collision, and sliding from then on where no bounce worth following is left."""
-    body, off = grasp(hold, walls, kind, which, grain[RADIUS], state[X], state[Y], state[T])
-    nx, ny = hold[NX], hold[NY]
-    state[X] -= off * nx
-    state[Y] -= off * ny
-    ints[CONTACT] = FREE
-    if walls.members[body, 5] == 1:
-        ints[FATE] = CAPTURED
-        hold[KIND] = FREE
-        return
-    e, f = walls.bodies[body, 8], walls.bodies[body, 9]
-    e = grain[RESTITUTION] if e < 0.0 else e
-    f = grain[FRICTION] if f < 0.0 else f
-    _, _, wx, wy, px, py = displacement(walls.bodies, body, state[T])
-    vx, vy, spin, normal, _ = _collide(
-        state[VX], state[VY], state[TURN], nx, ny, wx, wy, e, f, grain[MOBILITY], grain[RADIUS]
-    )
-    if normal > 0.0:
-        ints[IMPACTS] += 1
-    state[VX], state[VY], state[TURN] = vx, vy, spin
-    fx, fy, _, _ = free_force(affine, grain, table, state[X], state[Y], vx, vy, state[T])
-    rebound = (vx - wx) * nx + (vy - wy) * ny
-    slide = -ny * (vx - wx) + nx * (vy - wy)
-    lift = (fx - px) * nx + (fy - py) * ny
-    if kind == ON_VERTEX:
-        lift += slide * slide / grain[RADIUS]
-    if lift < 0.0 and (rebound <= SLOW or rebound * rebound <= -2.0 * lift * rules.tiny):
-        ints[CONTACT], ints[FEATURE], ints[BODY] = kind, which, body
-        hold[MU] = f
-        state[VX] -= rebound * nx
-        state[VY] -= rebound * ny
-        state[H_ERROR] = math.inf
-    else:
-        hold[KIND] = FREE
-
-
-@compiled
-def _carried(state, ints, hold, affine, grain, table, walls, dt):  # type: ignore[no-untyped-def]
-    """Whether friction still holds after riding with the wall for dt, and where and how fast the granule is then."""
-    t = state[T]
-    x0, y0, _, _, _, _ = displacement(walls.bodies, ints[BODY], t)
-    x1, y1, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], t + dt)
-    x, y = state[X] + x1 - x0, state[Y] + y1 - y0
-    fx, fy, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt)
-    _, _, press, free, _ = constrain(hold, fx, fy, x, y, wx, wy, t + dt)
-    return press > 0.0 and abs(free) <= (hold[MU] + STATIC) * press, x, y, wx, wy
-
-
-@compiled
-def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):  # type: ignore[no-untyped-def]
-    """A granule at rest on a wall that friction holds: it rests for good, or rides on with the wall while it does."""
-    moving = hold[WW] != 0.0
-    if not moving and not timed:
-        ints[FATE] = RESTING
-        return
-    dt = rules.until - state[T]
-    if moving:
-        dt = min(dt, 0.05 / hold[WW])
-    if timed:
-        dt = min(dt, 0.25 / affine[15] if affine[15] != 0.0 else dt, state[T_END] - state[T])
-    end = state[T] + dt
-    held, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, dt)
-    if not held:  # let go within: find out when
-        low, high = 0.0, dt
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            held, _, _, _, _ = _carried(state, ints, hold, affine, grain, table, walls, middle)
-            if held:
-                low = middle
-            else:
-                high = middle
-        _, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, high)
-        dt, end = high, state[T] + high
-    state[HELD] += dt
-    if state[HELD] > rules.rest:
-        ints[FATE] = RESTING
-        return
-    state[X], state[Y], state[VX], state[VY], state[T] = x, y, vx, vy, end
-
-
-@compiled
-def _grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):  # type: ignore[no-untyped-def]
-    """For a granule in contact: lifted off, held by static friction, or sliding. Returns whether it was dealt with."""
-    hold[SIGN] = 0.0
-    _, _, press, free, slide = constrain(hold, fx, fy, state[X], state[Y], state[VX], state[VY], state[T])
-    if press <= 0.0:
-        state[HELD] = 0.0
-        ints[CONTACT] = FREE
-        hold[KIND] = FREE
-        return False
-    if abs(slide) <= 1e-13 * (rules.length + abs(free)):
-        if abs(free) <= (hold[MU] + STATIC) * press:
-            _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
-            return True
-        slide = free
-    hold[SIGN] = 1.0 if slide > 0.0 else -1.0
-    state[HELD] = 0.0
-    return False
-
-
-@compiled
-def _ends_of_slide(path, ints, hold, walls, rules, s, t0):  # type: ignore[no-untyped-def]
-    """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next feature)."""
-    bodies, body, skin = walls.bodies, ints[BODY], 1e-3 * rules.skin
-    event, kind, which = NOTHING, FREE, NOBODY
-    x, y, vx, vy = along(path, 0.0)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0)
-    qx, qy, rx, ry = x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
-    x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
-    ex, ey, ux, uy = x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
-    sign, feature = hold[SIGN], ints[FEATURE]
-    if hold[KIND] == ON_EDGE:
-        tx, ty, size = -hold[NY], hold[NX], walls.edges[feature, 6]
-        wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
-        if wa > 0.0 and wb < 0.0:
-            s = first_below(
-                path, t0, bodies, body, SPEED, 0.0, 0.0, 0.0, sign * tx, sign * ty, 0.0, wa, 0.0, s, wb, 0.0, 0.0
-            )
-            event = HALTED
-        for end in range(2):
-            q0 = 0.0 if end == 0 else size
-            dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
-            fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
-            ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
-            if fa < -rules.skin and ra >= 0.0:
-                continue
-            found = first_below(
-                path, t0, bodies, body, PLANE, hold[OX], hold[OY], q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
-            )
-            if 0.0 <= found <= s and (fb < 0.0 or found < s):
-                s, event = found, SLID_OFF
-                which = walls.edge_links[feature, 1 + end]
-                kind = ON_VERTEX if which >= 0 else FREE
-        return s, event, kind, which
-    wa, wb = sign * (qx * ry - qy * rx), sign * (ex * uy - ey * ux)
-    if wa > 0.0 and wb < 0.0:
-        s = first_below(path, t0, bodies, body, SPIN, hold[OX], hold[OY], sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
-        event = HALTED
-    for end in range(2):  # beyond the direction of the edge that ends here, before that of the edge that starts here
-        e = walls.vertex_links[feature, 1 + end]
-        if e < 0:
-            continue
-        tx, ty = -walls.edges[e, 5], walls.edges[e, 4]
-        dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
-        fa, fb = dx * qx + dy * qy, dx * ex + dy * ey
-        ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
-        found = first_below(
-            path, t0, bodies, body, PLANE, hold[OX], hold[OY], 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
-        )
-        if 0.0 <= found <= s and (fb < 0.0 or found < s):
-            s, event, kind, which = found, SLID_OFF, ON_EDGE, e
-    return s, event, kind, which
-
-
-@compiled
-def _pressed(path, s, t0, affine, grain, table, hold):  # type: ignore[no-untyped-def]
-    x, y, vx, vy = along(path, s)
-    fx, fy, _, _ = free_force(affine, grain, table, x, y, vx, vy, t0 + s)
-    _, _, press, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0 + s)
-    return press
-
-
-@compiled
-def _begin(state, ints, hold, air, grain, walls, rules):  # type: ignore[no-untyped-def]
+def _begin(state, ints, hold, air, grain, walls, rules):
     """The start of a track: inside a body it stops, reaching into one it is pushed out, outside the mesh it ends."""
     for body in range(walls.bodies.shape[0]):
         dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[T])
@@ -366,7 +170,7 @@ def _begin(state, ints, hold, air, grain, walls, rules):  # type: ignore[no-unty
 
 
 @inlined
-def _longest(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge):  # type: ignore[no-untyped-def]
+def _longest(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge):
     """The longest step worth trying: end, snapshot, triangle, last error, and nearly straight where there are walls."""
     h = min(rules.until - state[T], state[H_ERROR])
     if timed:
@@ -395,7 +199,7 @@ def _longest(state, ints, path, hold, air, grain, walls, rules, timed, speed, pu
 
 
 @inlined
-def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):  # type: ignore[no-untyped-def]
+def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):
     """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
     shortest = 1e-13 * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
     for rejected in range(60):
@@ -412,7 +216,7 @@ def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):  # 
 
 
 @inlined
-def _leaves(path, h, ints, air):  # type: ignore[no-untyped-def]
+def _leaves(path, h, ints, air):
     """When and across which edge the step leaves the triangle: (time, edge), edge -1 when it does not."""
     g, tri = air.geometry, ints[TRI]
     x, y, vx, vy = along(path, h)
@@ -431,23 +235,8 @@ def _leaves(path, h, ints, air):  # type: ignore[no-untyped-def]
     return s, edge
 
 
-@compiled
-def _lift(path, s, t0, affine, grain, table, hold):  # type: ignore[no-untyped-def]
-    """When the wall stops pressing within [0, s] (bisection); s when it presses to the end."""
-    if _pressed(path, s, t0, affine, grain, table, hold) > 0.0:
-        return s, False
-    low, high = 0.0, s
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        if _pressed(path, middle, t0, affine, grain, table, hold) > 0.0:
-            low = middle
-        else:
-            high = middle
-    return high, True
-
-
 @inlined
-def _advance(end, s, h, state, ints, rules):  # type: ignore[no-untyped-def]
+def _advance(end, s, h, state, ints, rules):
     """Move to time s of the step; clocks that were aimed at are met exactly."""
     t0 = state[T]
     state[X], state[Y], state[VX], state[VY] = end
@@ -463,18 +252,10 @@ def _advance(end, s, h, state, ints, rules):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _rescue(state, ints, hold, affine, grain, table, walls, rules):  # type: ignore[no-untyped-def]
-    """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
-    for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[T])
-        within, nearest = inside(walls, body, state[X] - dx, state[Y] - dy)
-        if within:
-            _strike(state, ints, hold, affine, grain, table, walls, rules, ON_EDGE, nearest)
-
-
-@inlined
-def _refresh(state, ints, affine, air, grain, timed):  # type: ignore[no-untyped-def]
-    """Load the affine field of the current place and snapshot interval where they changed; length of a boundary edge."""
+def _refresh(state, ints, affine, air, grain, timed):
+    """Load the affine field of the current place and snapshot interval where they changed; length of a boundary
+    edge.
+    """
     edge = 0.0
     if ints[GAP] >= 0:
         edge = reproject(state, ints, air)
@@ -485,8 +266,8 @@ def _refresh(state, ints, affine, air, grain, timed):  # type: ignore[no-untyped
     return edge
 
 
-@inlined
-def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):  # type: ignore[no-untyped-def]
+@merged
+def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):
     """One step and what ends it."""
     x, y, vx, vy, t0 = state[X], state[Y], state[VX], state[VY], state[T]
     ux, uy, ax, ay = air_at(affine, x, y, t0)
@@ -495,7 +276,9 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     pull = math.sqrt(affine[8] ** 2 + affine[11] ** 2)
     speed = math.sqrt(max(vx * vx + vy * vy, wind2 if rate > 0.0 else 0.0))
     if hold[KIND] != FREE:
-        if _grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
+        if grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
+            ints[STEPS] += 1
+            _store(state, ints, record, 0)
             return
         if hold[KIND] != FREE:
             fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
@@ -513,9 +296,9 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         s, which = _leaves(path, h, ints, air)
         event = EXIT if which >= 0 else NOTHING
     if hold[KIND] != FREE:
-        s, lifted = _lift(path, s, t0, affine, grain, table, hold)
+        s, lifted = lift_off(path, s, t0, affine, grain, table, hold)
         event = LIFTED if lifted else event
-        s, slid, next_kind, next_which = _ends_of_slide(path, ints, hold, walls, rules, s, t0)
+        s, slid, next_kind, next_which = ends_of_slide(path, ints, hold, walls, rules, s, t0)
         if slid != NOTHING:
             event, kind, which = slid, next_kind, next_which
     end = along(path, s)
@@ -531,7 +314,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     ints[STEPS] += 1
     _advance(end, s, h, state, ints, rules)
     if hold[KIND] != FREE:
-        _settle(state, ints, hold, walls)
+        settle(state, ints, hold, walls)
     if event == CROSSED:
         ints[FATE], ints[LINE] = BINNED, line
         return
@@ -541,10 +324,10 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         _cross(state, ints, air, walls, rules, which)
     elif event == WALL:
         ints[STUCK] += 1
-        _strike(state, ints, hold, affine, grain, table, walls, rules, kind, which)
-        if ints[STUCK] == HOP_LIMIT and walls.bodies[ints[BODY], 6] == 0.0 and ints[CONTACT] != FREE:
-            if state[VX] ** 2 + state[VY] ** 2 <= 1e-8 * rules.length * pull:  # pressed into a corner
-                ints[FATE] = RESTING
+        strike(state, ints, hold, affine, grain, table, walls, rules, kind, which)
+        slow = state[VX] ** 2 + state[VY] ** 2 <= 1e-8 * rules.length * pull
+        if ints[STUCK] == HOP_LIMIT and slow and walls.bodies[ints[BODY], 6] == 0.0 and ints[CONTACT] != FREE:
+            ints[FATE] = RESTING  # pressed into a corner
     elif event == HALTED:
         _, _, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], state[T])
         state[VX], state[VY] = wx, wy
@@ -559,7 +342,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         else:
             grasp(hold, walls, kind, which, grain[RADIUS], state[X], state[Y], state[T])
     if ints[FATE] == FLYING and walls.bodies.shape[0] > 0 and event != WALL and hold[KIND] == FREE:
-        _rescue(state, ints, hold, affine, grain, table, walls, rules)
+        rescue(state, ints, hold, affine, grain, table, walls, rules)
     if meshed and blind and ints[FATE] == FLYING:
         found_tri, code = walk(air.geometry, air.neighbours, ints[TRI], state[X], state[Y])
         ints[TRI], ints[FRESH] = found_tri, 0
@@ -571,7 +354,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
 
 
 @inlined
-def _born(state, ints, affine, hold, air, grain, walls, rules, timed):  # type: ignore[no-untyped-def]
+def _born(state, ints, affine, hold, air, grain, walls, rules, timed):
     """Scratch and state of a new granule."""
     affine[:] = 0.0
     hold[:] = 0.0
@@ -585,7 +368,7 @@ def _born(state, ints, affine, hold, air, grain, walls, rules, timed):  # type: 
 
 
 @entry
-def fly_block(states, counts, grains, tables, table_of, air, walls, rules, records, path, affine, hold):  # type: ignore[no-untyped-def]
+def fly_block(states, counts, grains, tables, table_of, air, walls, rules, records, path, affine, hold):
     """Track a block of granules, each from birth to its fate; path, affine and hold are the block's scratch."""
     timed = air.times.shape[0] > 1 and air.corners.shape[0] > 0
     for i in range(states.shape[0]):
@@ -599,8 +382,8 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
                 ints[FATE] = STOPPED
             else:
                 edge = _refresh(state, ints, affine, air, grain, timed)
-                if air.corners.shape[0] > 0 and ints[GAP] < 0 and ints[HOPS] < HOP_LIMIT:
-                    if _hop(state, ints, air, walls, rules):
-                        continue
+                meshed = air.corners.shape[0] > 0 and ints[GAP] < 0 and ints[HOPS] < HOP_LIMIT
+                if meshed and _hop(state, ints, air, walls, rules):
+                    continue
                 _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record)
         _store(state, ints, record, 1)

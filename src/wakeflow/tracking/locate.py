@@ -13,14 +13,14 @@ INSIDE = -1e-12
 
 
 @compiled
-def barycentric(geometry, tri, k, x, y):  # type: ignore[no-untyped-def]
+def barycentric(geometry, tri, k, x, y):
     """Barycentric coordinate k of a point in triangle ``tri``."""
     value = geometry[tri, 2 + 2 * k] * (x - geometry[tri, 0]) + geometry[tri, 3 + 2 * k] * (y - geometry[tri, 1])
     return value + 1.0 if k == 0 else value
 
 
 @compiled
-def walk(geometry, neighbours, tri, x, y):  # type: ignore[no-untyped-def]
+def walk(geometry, neighbours, tri, x, y):
     """Triangle that holds the point, from ``tri`` across the edge it lies farthest beyond; also the last boundary code.
 
     Returns (triangle, 0) when found, else (last triangle, code < 0) where the straight walk meets the boundary.
@@ -41,8 +41,10 @@ def walk(geometry, neighbours, tri, x, y):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def bracket(state, ints, affine, times, period):  # type: ignore[no-untyped-def]
-    """Choose the two snapshots around the granule's clock; before the first and after the last the field stands still."""
+def bracket(state, ints, affine, times, period):
+    """Choose the two snapshots around the granule's clock; before the first and after the last the field stands
+    still.
+    """
     t, last = state[T], times.shape[0] - 1
     shift = 0.0
     if period > 0.0:
@@ -72,14 +74,14 @@ def bracket(state, ints, affine, times, period):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _plane(affine, at, f0, f1, f2, geometry, tri):  # type: ignore[no-untyped-def]
+def _plane(affine, at, f0, f1, f2, geometry, tri):
     affine[at] = f0
     affine[at + 1] = f0 * geometry[tri, 2] + f1 * geometry[tri, 4] + f2 * geometry[tri, 6]
     affine[at + 2] = f0 * geometry[tri, 3] + f1 * geometry[tri, 5] + f2 * geometry[tri, 7]
 
 
 @inlined
-def load(state, ints, affine, air, grain):  # type: ignore[no-untyped-def]
+def load(state, ints, affine, air, grain):
     """Velocity and acceleration (gravity, pressure gradient) as affine functions in the current triangle and interval.
 
     In the gap between a boundary of the mesh and the body that moved away from it, the values of the nearest boundary
@@ -114,7 +116,7 @@ def load(state, ints, affine, air, grain):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def air_at(affine, x, y, t):  # type: ignore[no-untyped-def]
+def air_at(affine, x, y, t):
     """Air velocity and the acceleration by gravity and pressure at a point and time, from the loaded triangle."""
     dx, dy = x - affine[0], y - affine[1]
     ux = affine[2] + affine[3] * dx + affine[4] * dy
@@ -131,7 +133,7 @@ def air_at(affine, x, y, t):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _on_edge(air, gap, x, y):  # type: ignore[no-untyped-def]
+def _on_edge(air, gap, x, y):
     """Nearest point of a covered boundary edge, and where along it the foot lies (0..1 on it)."""
     tri, k = air.covered[gap, 0], air.covered[gap, 1]
     ax, ay = _corner(air, tri, (k + 1) % 3)
@@ -143,8 +145,10 @@ def _on_edge(air, gap, x, y):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _corner(air, tri, k):  # type: ignore[no-untyped-def]
-    """Coordinates of corner k, from the first one and the gradients (their inverse), which are all the kernel carries."""
+def _corner(air, tri, k):
+    """Coordinates of corner k, from the first one and the gradients (their inverse), which are all the kernel
+    carries.
+    """
     g = air.geometry
     x, y = g[tri, 0], g[tri, 1]
     if k == 0:
@@ -156,8 +160,10 @@ def _corner(air, tri, k):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def reproject(state, ints, air):  # type: ignore[no-untyped-def]
-    """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's length."""
+def reproject(state, ints, air):
+    """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
+    length.
+    """
     x, y = state[X], state[Y]
     gap, came = ints[GAP], NOBODY
     for _ in range(air.covered.shape[0]):

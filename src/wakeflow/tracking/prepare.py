@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +23,8 @@ from .state import (
     GAP,
     INTS,
     LINE,
-    SPIN,
     TRI,
+    TURN,
     VX,
     VY,
     Air,
@@ -42,7 +44,12 @@ MOST_TABLES = 4096
 
 def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index]) -> Walls:
     """Edges, convex corners and motions of all bodies, one after the other."""
-    edges, edge_links, vertices, vertex_links, rows, members = [], [], [], [], [], []
+    edges: list[Any] = []
+    vertices: list[Any] = []
+    edge_links: list[list[int]] = []
+    vertex_links: list[list[int]] = []
+    rows: list[list[float]] = []
+    members: list[list[int]] = []
     for number, body in enumerate(bodies):
         start = body.outline[:-1] if body.open else body.outline
         end = body.outline[1:] if body.open else np.roll(body.outline, -1, axis=0)
@@ -100,7 +107,7 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
         points = np.asarray(line, dtype=float)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.all(np.isfinite(points)):
             raise SceneError(f"line {number}: shape {points.shape}, expected at least two finite points (k, 2)")
-        for a, b in zip(points[:-1], points[1:], strict=True):
+        for a, b in pairwise(points):
             if np.array_equal(a, b):
                 raise SceneError(f"line {number}: two points that follow each other are equal")
             segments.append([*a, *b])
@@ -109,7 +116,9 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 
 
 def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, pressure: bool) -> Air:
-    """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by it."""
+    """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by
+    it.
+    """
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)
         return Air(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), np.zeros(0), np.zeros(1), _ints([], 4))
@@ -148,10 +157,10 @@ def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach:
         near[number] = distance_to(body, field.points[nodes]) <= reach
     both = (near[:, place[: len(start)]] & near[:, place[len(start) :]]).any(axis=0)
     triangle, edge, start, end = triangle[both], edge[both], start[both], end[both]
-    number = np.arange(len(start))
-    neighbours[triangle, edge] = -2 - number
-    from_node = dict(zip(start.tolist(), number.tolist(), strict=True))
-    to_node = dict(zip(end.tolist(), number.tolist(), strict=True))
+    place = np.arange(len(start))
+    neighbours[triangle, edge] = -2 - place
+    from_node = dict(zip(start.tolist(), place.tolist(), strict=True))
+    to_node = dict(zip(end.tolist(), place.tolist(), strict=True))
     before = [to_node.get(node, -1) for node in start.tolist()]
     after = [from_node.get(node, -1) for node in end.tolist()]
     return _ints(list(zip(triangle.tolist(), edge.tolist(), before, after, strict=True)), 4)
@@ -203,12 +212,16 @@ def pack_tables(law: str, sphericity: Array) -> tuple[Array, Index]:
     return np.stack([drag_table(law, float(value)) for value in values]), which.astype(np.int64)
 
 
-def pack_state(grains: Granules, field: FlowField | None, air: Air, bodies: Sequence[Body], reach: float) -> tuple:  # type: ignore[type-arg]
-    """State arrays at birth; a granule in the room a vibrating body has left begins at the boundary edge it is next to."""
+def pack_state(
+    grains: Granules, field: FlowField | None, air: Air, bodies: Sequence[Body], reach: float
+) -> tuple[Array, Index]:
+    """State arrays at birth; a granule in the room a vibrating body has left begins at the boundary edge it is next
+    to.
+    """
     floats = np.zeros((len(grains), FLOATS))
     floats[:, X], floats[:, Y] = grains.position.T
     floats[:, VX], floats[:, VY] = grains.velocity.T
-    floats[:, SPIN], floats[:, T], floats[:, BORN] = grains.spin, grains.time, grains.time
+    floats[:, TURN], floats[:, T], floats[:, BORN] = grains.spin, grains.time, grains.time
     ints = np.zeros((len(grains), INTS), dtype=np.int64)
     ints[:, [FATE, LINE, FEATURE, GAP, TRI]] = -1
     ints[:, FATE] = FLYING
@@ -222,7 +235,14 @@ def pack_state(grains: Granules, field: FlowField | None, air: Air, bodies: Sequ
 
 def _nearest_covered(x: Array, field: FlowField, air: Air, bodies: Sequence[Body], reach: float) -> Index:
     """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
-    swing = max((float(np.hypot(*body.motion.amplitude)) for body in bodies if body.motion is not None), default=0.0)
+    swing = max(
+        (
+            float(np.hypot(body.motion.amplitude[0], body.motion.amplitude[1]))
+            for body in bodies
+            if body.motion is not None
+        ),
+        default=0.0,
+    )
     triangle, edge = air.covered[:, 0], air.covered[:, 1]
     a = field.points[field.triangles[triangle, (edge + 1) % 3]]
     along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a

@@ -5,7 +5,7 @@ One signature only: float64 and int64 arrays, C-contiguous, so that the kernel i
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class Rules(NamedTuple):
 
 
 # Float state of a granule
-X, Y, VX, VY, SPIN, T, T_END, H_ERROR, HELD, BORN = range(10)
+X, Y, VX, VY, TURN, T, T_END, H_ERROR, HELD, BORN = range(10)
 FLOATS = 10
 # Integer state
 (
@@ -90,7 +90,9 @@ AFFINE = 28  # x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the sa
 KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP = range(12)
 CONSTRAINT = 12
 # numpy scalars: numba would compile every helper anew for each literal int it is called with
-FREE, ON_EDGE, ON_VERTEX = np.int64(0), np.int64(1), np.int64(2)
-NOBODY = np.int64(-1)
+FREE: Any = np.int64(0)
+ON_EDGE: Any = np.int64(1)
+ON_VERTEX: Any = np.int64(2)
+NOBODY: Any = np.int64(-1)
 FLYING = -1
 BINNED, ESCAPED, RESTING, CAPTURED, AIRBORNE, STOPPED = range(6)

@@ -1,11 +1,12 @@
 """One exponential step of third order, its error, and how long it may be.
 
-x' = v, v' = F(t, x, v) with the drag rate B at the step's start as linear part and N = F + B v as polynomial in time, which
-integrates exactly (see ``exponential``). N is built up by Picard iteration: constant, linear through h/2, quadratic through
-h/2 and h; each makes the path one order better, everywhere in the step, so that a step may be cut at any event. The
-exponential quadrature is that of Cox & Matthews (2002, J. Comput. Phys. 176, 430). The defect of the last path, between
-its nodes, gives the error: it sees the error of the quadrature and that of the stages. Exact when N is constant,
-whatever B: constant forces and drag coefficient, and ballistic flight at B = 0. In the stiff limit x' = u + a / B.
+x' = v, v' = F(t, x, v) with the drag rate B at the step's start as linear part and N = F + B v as polynomial in time,
+which integrates exactly (see ``exponential``). N is built up by Picard iteration: constant, linear through h/2,
+quadratic through h/2 and h; each makes the path one order better, everywhere in the step, so that a step may be cut
+at any event. The exponential quadrature is that of Cox & Matthews (2002, J. Comput. Phys. 176, 430). The defect of
+the last path, between its nodes, gives the error: it sees the error of the quadrature and that of the stages. Exact
+when N is constant, whatever B: constant forces and drag coefficient, and ballistic flight at B = 0. In the stiff
+limit x' = u + a / B.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then f
 
 
 @compiled
-def drag_rate(grain, table, slip2):  # type: ignore[no-untyped-def]
+def drag_rate(grain, table, slip2):
     """B = f(Re) / tau (1/s) at a squared slip velocity, from the table of the drag law."""
     if grain[STOKES] == 0.0:
         return 0.0
@@ -47,7 +48,7 @@ def drag_rate(grain, table, slip2):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def free_force(affine, grain, table, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
+def free_force(affine, grain, table, x, y, vx, vy, t):
     """Acceleration of a granule in free flight, the drag rate, and the air's speed squared."""
     ux, uy, ax, ay = air_at(affine, x, y, t)
     sx, sy = ux - vx, uy - vy
@@ -56,7 +57,7 @@ def free_force(affine, grain, table, x, y, vx, vy, t):  # type: ignore[no-untype
 
 
 @compiled
-def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t, lag, wx, wy):  # type: ignore[no-untyped-def]
+def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t, lag, wx, wy):
     """N = F + B0 v, the drag rate and the air's velocity at a stage.
 
     ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it.
@@ -73,8 +74,9 @@ def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t, lag, wx, wy):  #
 
 
 @compiled
-def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no-untyped-def]
-    """Fill in N1, N2 of a step h from the rest of the path; returns the estimated position error and the speed^2 at the end.
+def attempt(path, h, t, affine, grain, table, hold, horizon):
+    """Fill in N1, N2 of a step h from the rest of the path; returns the estimated position error and the speed^2 at
+    the end.
 
     Error: what the defect at 3/4 of the step displaces, had it that size throughout, its velocity carried on for
     min(1/B, horizon); and what a drag rate frozen over a velocity transient that the stages step over may displace.
@@ -112,7 +114,7 @@ def attempt(path, h, t, affine, grain, table, hold, horizon):  # type: ignore[no
 
 
 @compiled
-def _nearest_exit(geometry, tri, x, y, wx, wy, least):  # type: ignore[no-untyped-def]
+def _nearest_exit(geometry, tri, x, y, wx, wy, least):
     """Time to leave the triangle at a constant velocity; inf when never. Coordinates below ``least`` count as it."""
     time = math.inf
     for k in range(3):
@@ -123,8 +125,10 @@ def _nearest_exit(geometry, tri, x, y, wx, wy, least):  # type: ignore[no-untype
 
 
 @compiled
-def exit_time(geometry, tri, path, least):  # type: ignore[no-untyped-def]
-    """Estimated time to leave the triangle, a little too long: straight first, then along the mean velocity till then."""
+def exit_time(geometry, tri, path, least):
+    """Estimated time to leave the triangle, a little too long: straight first, then along the mean velocity till
+    then.
+    """
     x, y, vx, vy, rate = path[0], path[1], path[2], path[3], path[4]
     fx, fy = path[5] - rate * vx, path[6] - rate * vy
     h = _nearest_exit(geometry, tri, x, y, vx, vy, least)

@@ -1,7 +1,8 @@
-"""Bodies: first contact of a granule's surface with the outline on the dense output, and the constraint while it slides.
+"""Bodies: first contact of a granule's surface with the outline on the dense output, and the constraint while it
+slides.
 
-A granule of radius r touches where its centre meets the outline offset by r: edges shifted outward, circles about convex
-corners. Everything is done in the frame of the body, which may vibrate.
+A granule of radius r touches where its centre meets the outline offset by r: edges shifted outward, circles about
+convex corners. Everything is done in the frame of the body, which may vibrate.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ TURN = 0.4  # rad of a body's vibration looked at in one piece
 
 
 @compiled
-def _overlaps(lo, hi, a, b, margin):  # type: ignore[no-untyped-def]
+def _overlaps(lo, hi, a, b, margin):
     return lo - margin <= b and hi + margin >= a
 
 
 @compiled
-def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):  # type: ignore[no-untyped-def]
+def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):
     """First contact with edge e within [sa, sb], or -1.0. q: position and velocity at both ends in the body's frame."""
     edges = walls.edges
     px, py, nx, ny, size = edges[e, 0], edges[e, 1], edges[e, 4], edges[e, 5], edges[e, 6]
@@ -71,7 +72,7 @@ def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):  # type: i
 
 
 @compiled
-def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):  # type: ignore[no-untyped-def]
+def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):
     """First contact with the circle about vertex v within [sa, sb], or -1.0."""
     px, py = walls.vertices[v, 0], walls.vertices[v, 1]
     margin = 1.01 * r + skin
@@ -90,14 +91,14 @@ def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):  # type:
 
 
 @compiled
-def _seen_from(at, t, bodies, body):  # type: ignore[no-untyped-def]
+def _seen_from(at, t, bodies, body):
     """Position and velocity in the frame of a body."""
     dx, dy, wx, wy, _, _ = displacement(bodies, body, t)
     return at[0] - dx, at[1] - dy, at[2] - wx, at[3] - wy
 
 
 @compiled
-def _hull(qa, qb, span):  # type: ignore[no-untyped-def]
+def _hull(qa, qb, span):
     """Box of the four Bezier points of the cubic with these ends, grown by a tenth: holds the path."""
     third = span / 3.0
     x1, x2 = qa[0] + third * qa[2], qb[0] - third * qb[2]
@@ -109,7 +110,7 @@ def _hull(qa, qb, span):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def first_contact(path, span, end, t0, r, skin, walls, ints):  # type: ignore[no-untyped-def]
+def first_contact(path, span, end, t0, r, skin, walls, ints):
     """First contact within the step: (time, ON_EDGE or ON_VERTEX, which); time -1.0 for none.
 
     The feature the granule slides on, and those it is joined to, are left out.
@@ -166,7 +167,7 @@ def first_contact(path, span, end, t0, r, skin, walls, ints):  # type: ignore[no
 
 
 @inlined
-def crossing(path, span, end, lines, line_ids, skin):  # type: ignore[no-untyped-def]
+def crossing(path, span, end, lines, line_ids, skin):
     """First crossing of a line by the granule's centre within the step: (time, line id); time -1.0 for none."""
     best, which = -1.0, NOBODY
     if lines.shape[0] == 0:
@@ -205,7 +206,7 @@ def crossing(path, span, end, lines, line_ids, skin):  # type: ignore[no-untyped
 
 
 @compiled
-def inside(walls, body, x, y):  # type: ignore[no-untyped-def]
+def inside(walls, body, x, y):
     """Whether a point (body frame) lies inside a closed body (even-odd rule), and the edge nearest to it."""
     bodies, edges = walls.bodies, walls.edges
     if walls.members[body, 4] == 0 or not (
@@ -226,8 +227,10 @@ def inside(walls, body, x, y):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def overlap(walls, body, x, y, r):  # type: ignore[no-untyped-def]
-    """How far a granule outside the body reaches into it (body frame), on which feature: (depth, kind, which); depth <= 0: no."""
+def overlap(walls, body, x, y, r):
+    """How far a granule outside the body reaches into it (body frame), on which feature: (depth, kind, which); depth
+    <= 0: no.
+    """
     edges = walls.edges
     depth, kind, which = 0.0, FREE, NOBODY
     for e in range(walls.members[body, 0], walls.members[body, 1]):
@@ -245,8 +248,9 @@ def overlap(walls, body, x, y, r):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def grasp(hold, walls, kind, which, r, x, y, t):  # type: ignore[no-untyped-def]
-    """Fill the constraint with a feature's geometry and motion for a granule at (x, y); returns body and overlap distance.
+def grasp(hold, walls, kind, which, r, x, y, t):
+    """Fill the constraint with a feature's geometry and motion for a granule at (x, y); returns body and overlap
+    distance.
 
     The distance is that of the granule's surface from the feature, negative when it reaches in.
     """
@@ -270,7 +274,7 @@ def grasp(hold, walls, kind, which, r, x, y, t):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def constrain(hold, fx, fy, x, y, vx, vy, t):  # type: ignore[no-untyped-def]
+def constrain(hold, fx, fy, x, y, vx, vy, t):
     """Acceleration of a granule that slides on the surface under the free acceleration f, and what presses it on.
 
     Returns (ax, ay, pressing acceleration, free tangential acceleration, sliding speed), relative to the moving wall;

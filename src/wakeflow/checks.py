@@ -1,0 +1,124 @@
+"""What the tables of a scene must agree on: bodies, feed and bins inside the channel, shares that add up."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .geometry import contains, edges, segments_cross
+from .registry import nearest
+from .tables import SceneTables
+
+__all__ = ["CHECKS", "RESERVED_BIN"]
+
+RESERVED_BIN = "elsewhere"  # where everything counts that reaches no bin
+Array = NDArray[np.float64]
+
+
+def _one_body(scene: SceneTables) -> Iterator[str]:
+    if len(scene.body) > 1:
+        yield f"body: {len(scene.body)} bodies given, this version computes one"
+
+
+def _body_fits(scene: SceneTables) -> Iterator[str]:
+    channel = scene.channel
+    if not channel.bottom < channel.top:
+        yield f"channel.bottom = {channel.bottom:g} m must be below channel.top = {channel.top:g} m"
+    swing_x, swing_y = np.abs(scene.motion[0])
+    for name, body in scene.body.items():
+        (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
+        if swing_x > 0.5 * min(left + channel.width / 2, channel.width / 2 - right) or swing_y > 0.5 * min(
+            low - channel.bottom, channel.top - high
+        ):
+            amplitude = math.hypot(swing_x, swing_y)
+            yield f"vibration: an amplitude of {amplitude:.3g} m brings body.{name} too near to the channel's ends"
+        if max(-left, right) >= 0.49 * channel.width:
+            reach = max(-left, right)
+            yield f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m"
+        if low <= channel.bottom or high >= channel.top:
+            yield f"body.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
+
+
+def _feed_fits(scene: SceneTables) -> Iterator[str]:
+    feed, half = scene.feed, scene.channel.width / 2
+    sizes_of = {name: float(fraction.diameters(np.array([0.99]))[0]) for name, fraction in scene.fraction.items()}
+    for name, size in sizes_of.items():
+        if size > scene.width:
+            yield f"fraction.{name}: granules of {size:.3g} m are wider than the body ({scene.width:.3g} m)"
+    if abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
+        yield f"feed.width = {feed.width:g} m at feed.position = {feed.position:g} m touches the channel's walls"
+    x = next(iter(scene.body.values())).outline()[:, 0]
+    if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
+        reach = f"x from {x.min():g} to {x.max():g} m"
+        yield f"feed.position = {feed.position:g} m: the curtain falls past the body ({reach})"
+
+
+def _shares_add_up(scene: SceneTables) -> Iterator[str]:
+    given = [f.mass_share for f in scene.fraction.values()]
+    if any(s is not None for s in given) and any(s is None for s in given):
+        yield "fraction: give mass_share for every fraction or for none"
+    total = sum(scene.mass_shares().values())
+    if abs(total - 1.0) > 1e-6:
+        yield f"fraction: mass_share values add up to {total:g}, they must add up to 1"
+
+
+def _bins_exist(scene: SceneTables) -> Iterator[str]:
+    if RESERVED_BIN in scene.bin:
+        yield f"bin.{RESERVED_BIN}: this name is reserved for granules that reach no bin"
+    for name, fraction in scene.fraction.items():
+        known = list(scene.bin)
+        if len(set(fraction.targets)) < len(fraction.targets):
+            yield f"fraction.{name}.target names a bin twice"
+        for target in fraction.targets:
+            if target not in known:
+                hint = f"no such bin{nearest(target, known)} (known: {', '.join(known)})"
+                yield f"fraction.{name}.target = {target!r}: {hint}"
+    for name, collector in scene.bin.items():
+        half, slack = scene.channel.width / 2, 1e-9 * scene.channel.width
+        x, y = collector.line(scene.channel).T
+        if (
+            np.abs(x).max() > half + slack
+            or y.min() < scene.channel.bottom - slack
+            or y.max() > scene.channel.top + slack
+        ):
+            yield f"bin.{name} lies outside the channel"
+        bodies = scene.body.values()
+        if collector.points is not None and any(_meets(body.outline(), collector.points) for body in bodies):
+            yield f"bin.{name} runs through a body"
+
+
+def _meets(outline: Array, points: list[list[float]]) -> bool:
+    """Whether a polyline touches or enters an outline."""
+    line = np.asarray(points)
+    sides = list(zip(*edges(outline), strict=True))
+    crosses = any(segments_cross(a, b, c, d) for a, b in itertools.pairwise(line) for c, d in sides)
+    return crosses or bool(contains(outline, line).any())
+
+
+def _bins_apart(scene: SceneTables) -> Iterator[str]:
+    placed = [(n, b) for n, b in scene.bin.items() if b.points is None]
+    for i, (name, one) in enumerate(placed):
+        for other_name, other in placed[i + 1 :]:
+            assert one.start is not None and one.to is not None and other.start is not None and other.to is not None  # noqa: PT018
+            if one.on == other.on and min(one.to, other.to) - max(one.start, other.start) > 1e-9:
+                yield f"bin.{name} and bin.{other_name} overlap"
+
+
+def _rung_fits(scene: SceneTables) -> Iterator[str]:
+    if scene.air is None and scene.numerics.rung not in ("auto", "none"):
+        yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
+
+
+CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
+    _one_body,
+    _body_fits,
+    _feed_fits,
+    _shares_add_up,
+    _bins_exist,
+    _bins_apart,
+    _rung_fits,
+)
