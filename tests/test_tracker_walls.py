@@ -469,3 +469,21 @@ def test_bad_bodies_are_named() -> None:
         Motion((0.0, 1.0), -1.0)
     with pytest.raises(SceneError, match="amplitude"):
         Motion((0.0,), 1.0)
+
+
+def test_rattling_in_a_notch_of_a_vibrating_body_ends_and_is_counted() -> None:
+    notch = np.array([(-0.02, -0.02), (0.02, -0.02), (0.02, 0.02), (0.0, 0.0), (-0.02, 0.02)])
+    body = Body(notch, motion=Motion((0.0, 2e-3), 20.0))
+    grains = Granules(
+        position=np.stack([np.linspace(0.004, 0.018, 8), np.full(8, 0.1)], axis=1),
+        velocity=np.zeros((8, 2)),
+        diameter=2e-3,
+        density=1e3,
+        restitution=0.1,
+        friction=0.6,
+    )
+    floor = np.array([(-1.0, -0.1), (1.0, -0.1)])
+    tracks = track(None, grains, until=5.0, tolerance=1e-4, bodies=[body], lines=[floor])
+    assert tracks.impacts.max() <= 5000
+    assert set(tracks.fate) <= {Fate.BINNED, Fate.RESTING, Fate.AIRBORNE, Fate.STOPPED}
+    assert np.any(tracks.fate != Fate.BINNED)  # some stay in the notch: said, not lost

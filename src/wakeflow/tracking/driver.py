@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 BLOCK = 512  # granules handed to a thread at a time
 ROOM = 1024  # points kept of a recorded track
 MOST_STEPS = 1_000_000
+MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good
 
 
 def track(
@@ -138,4 +139,5 @@ def _rules(
         bottom=float(np.min(box[:, 1] - swing[:, 1], initial=0.0)),
         top=float(np.max(box[:, 3] + swing[:, 1], initial=0.0)),
         steps=MOST_STEPS,
+        impacts=MOST_IMPACTS,
     )

@@ -51,7 +51,7 @@ ADVICE = {
     Fate.RESTING: "lies still on a wall: a steeper slope or less friction would let it slide",
     Fate.CAPTURED: "touched a body that captures",
     Fate.AIRBORNE: "was still moving at the end: give it more time, or look whether a vortex holds it",
-    Fate.STOPPED: "was born inside a body, or took more steps than allowed: look at its start and its path",
+    Fate.STOPPED: "was born inside a body, or took more steps or impacts than allowed: look at its start and its path",
 }
 
 

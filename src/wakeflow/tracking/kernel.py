@@ -30,6 +30,7 @@ from .state import (
     GY,
     H_ERROR,
     HOPS,
+    IMPACTS,
     KIND,
     LINE,
     NOBODY,
@@ -378,7 +379,7 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
         while ints[FATE] == FLYING:
             if state[T] >= rules.until:
                 ints[FATE] = AIRBORNE
-            elif ints[STEPS] >= rules.steps:
+            elif ints[STEPS] >= rules.steps or ints[IMPACTS] >= rules.impacts:
                 ints[FATE] = STOPPED
             else:
                 edge = _refresh(state, ints, affine, air, grain, timed)

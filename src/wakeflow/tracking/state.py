@@ -56,6 +56,7 @@ class Rules(NamedTuple):
     bottom: float
     top: float
     steps: int
+    impacts: int
 
 
 # Float state of a granule
