@@ -1,7 +1,7 @@
 """Write one scene a slope angle, to run one by one or in a batch:
 
-    .venv/bin/python cases/slope_angles.py runs/angles
-    for scene in runs/angles/*.toml; do .venv/bin/wakeflow run "$scene"; done
+.venv/bin/python cases/slope_angles.py runs/angles
+for scene in runs/angles/*.toml; do .venv/bin/wakeflow run "$scene"; done
 """
 
 from __future__ import annotations
