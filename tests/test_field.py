@@ -245,3 +245,19 @@ def test_an_edge_of_three_triangles_is_refused() -> None:
     field = FlowField.from_arrays(points, [[0, 1, 2], [0, 1, 3], [0, 4, 1]], np.zeros((5, 2)))
     with pytest.raises(SceneError, match="more than two triangles"):
         field.neighbours  # noqa: B018
+
+
+def test_a_reflected_field_is_the_mirror_image_everywhere() -> None:
+    rng = np.random.default_rng(5)
+    points = np.array([(-1.0, 0.0), (2.0, 0.0), (2.0, 1.0), (-1.0, 1.0), (0.3, 0.4)])
+    triangles = np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)])
+    field = FlowField.from_arrays(
+        points, triangles, rng.normal(size=(3, 5, 2)), rng.normal(size=(3, 5)), times=[0.0, 1.0, 2.0], period=3.0
+    )
+    x = rng.uniform((-0.9, 0.1), (1.9, 0.9), size=(50, 2))
+    velocity, pressure, gradient = field.sample(x, 0.7)
+    image = field.reflected()
+    mirrored = image.sample(x * (-1.0, 1.0), 0.7)
+    np.testing.assert_allclose(mirrored[0], velocity * (-1.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(mirrored[1], pressure, atol=1e-12)
+    np.testing.assert_allclose(mirrored[2], gradient * (-1.0, 1.0), atol=1e-9)

@@ -308,6 +308,15 @@ class FlowField:
             triangles=np.concatenate([self.triangles, image[self.triangles[:, ::-1]]]),
         )
 
+    def reflected(self, x: float = 0.0) -> FlowField:
+        """The mirror image of the field about the vertical line at ``x``."""
+
+        def flip(nodal: Array) -> Array:
+            return nodal * (-1.0, 1.0) if nodal.ndim == self.velocity.ndim else nodal
+
+        points = (2 * x, 0.0) + self.points * (-1.0, 1.0)
+        return replace(self._mapped(flip), points=points, triangles=np.ascontiguousarray(self.triangles[:, ::-1]))
+
     def _mapped(self, function: Any) -> FlowField:
         """The same field with ``function`` applied to every nodal array."""
         names = ("velocity", "pressure", "k", "dissipation", "given_gradient")

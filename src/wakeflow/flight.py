@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,20 @@ class Flight:
                 chosen = np.linspace(0, len(feed.replicate) - 1, min(DRAWN, len(feed.replicate))).astype(int)
                 shown = self.fly(name, feed.granules[chosen], record=True)
                 _save_drawn(folder / f"{name}.drawn.npz", [shown.path(i) for i in range(len(chosen))])
-            _save_landings(folder / f"{name}.npz", feed, self.fly(name, feed.granules), len(self.scene.bin))
+            _save_landings(folder / f"{name}.npz", feed, self._fly_ensemble(name, feed), len(self.scene.bin))
+
+    def _fly_ensemble(self, name: str, feed: Feedstock) -> Tracks:
+        """Every granule of a fraction; in a time-resolved symmetric airflow odd replicates fly in its mirror image.
+
+        A few periods of shedding are a small sample, and their mean wake may lean to one side. In a symmetric channel
+        its mirror image is as likely: the mean over both does not lean, and the spread between replicates shows how
+        much either does.
+        """
+        if self.field is None or self.field.times is None or not self.plan.symmetric:
+            return self.fly(name, feed.granules)
+        odd = feed.replicate % 2 == 1
+        other = replace(self, field=self.field.reflected())
+        return _interleaved(odd, self.fly(name, feed.granules[~odd]), other.fly(name, feed.granules[odd]))
 
     def fly(self, name: str, grains: Granules, *, record: bool = False) -> Tracks:
         """Track granules of one fraction through the scene."""
@@ -84,6 +98,19 @@ class Flight:
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
         )
+
+
+def _interleaved(odd: NDArray[np.bool_], even_tracks: Tracks, odd_tracks: Tracks) -> Tracks:
+    """Tracks of two complementary parts of the granules, in the granules' own order."""
+
+    def merge(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+        whole = np.empty((len(odd), *one.shape[1:]), dtype=one.dtype)
+        whole[~odd], whole[odd] = one, other
+        return whole
+
+    names = [f.name for f in fields(Tracks) if f.name != "recorded"]
+    parts: dict[str, Any] = {name: merge(getattr(even_tracks, name), getattr(odd_tracks, name)) for name in names}
+    return Tracks(**parts)
 
 
 def solids(scene: Scene) -> list[Body]:

@@ -57,6 +57,7 @@ class Plan:
 
     rung: str  # none | draft | standard
     turbulence: str | None  # laminar | kOmegaSST
+    symmetric: bool  # the airflow's geometry is its own mirror image about x = 0
     half: bool  # only half of the channel is solved, the other half is its mirror image
     forces: tuple[str, ...]
     fractions: dict[str, FractionPlan]
@@ -84,15 +85,17 @@ def make_plan(scene: Scene, *, rung: str | None = None, force: Mapping[str, bool
         turbulence = "laminar" if scene.reynolds < LAMINAR_BELOW else "kOmegaSST"
     fractions = {name: _fraction_plan(scene, name, fraction) for name, fraction in scene.fraction.items()}
     forces = _forces(scene, force or {})
-    half = chosen == "draft" and all(is_symmetric(body.outline()) for body in scene.body.values())
+    symmetric = all(is_symmetric(body.outline()) for body in scene.body.values())
+    half = chosen == "draft" and symmetric
     flights = {} if scene.air is None else {n: _flight(scene, scene.fraction[n], p) for n, p in fractions.items()}
     plan = Plan(
         rung=chosen,
         turbulence=turbulence,
+        symmetric=symmetric,
         half=half,
         forces=forces,
         fractions=fractions,
-        used=_used(scene, chosen, turbulence, half, forces, fractions),
+        used=_used(scene, chosen, turbulence, symmetric, half, forces, fractions),
         left_out=_left_out(scene, forces, flights),
         estimate=_estimate(scene, chosen, half),
     )
@@ -198,6 +201,7 @@ def _used(
     scene: Scene,
     rung: str,
     turbulence: str | None,
+    symmetric: bool,
     half: bool,
     forces: tuple[str, ...],
     fractions: dict[str, FractionPlan],
@@ -207,7 +211,8 @@ def _used(
         part = ", half of the channel mirrored" if half else ""
         lines.insert(0, f"airflow: steady, {turbulence}{part} (Re {scene.reynolds:.3g})")
     elif rung == "standard":
-        lines.insert(0, f"airflow: time-resolved, {turbulence} (Re {scene.reynolds:.3g})")
+        part = "; half of the granules in its mirror image" if symmetric else ""
+        lines.insert(0, f"airflow: time-resolved, {turbulence} (Re {scene.reynolds:.3g}){part}")
     for name, how in fractions.items():
         resolved = "released above the body, impacts resolved"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
