@@ -193,7 +193,7 @@ class Watch:
         if not np.isfinite(drag) or (abs(drag) > ABSURD and len(rows) > IMPULSE):
             self._diverged(f"the drag coefficient reached {drag:.3g}")
         rate = (time.monotonic() - self.started) / max(now - self.begin, 1e-300)
-        left = max(self.expected - now, 0.0) * rate if now > self.begin else None
+        left = (self.expected - now) * rate if self.begin < now < self.expected else None  # past it: no idea
         self.listener(Progress(self.stage, now, drag, dict(self.residuals), left))
         if not self.stopping and self.finished(rows):
             (self.folder / STOP).touch()
