@@ -310,7 +310,7 @@ class TestInterruption:
 
         seen: list[Progress] = []
         result = solve_airflow(spec, tmp_path / "mesh.msh", case, listener=seen.append)
-        assert seen[0].time > saved
+        assert seen[0].time > whole
         history = np.array([row[0] for row in _rows(case)])
         assert (np.diff(history) == 1).all()
         assert history[0] == 1
@@ -331,13 +331,13 @@ class TestInterruption:
             solve_airflow(spec, tmp_path / "mesh.msh", case, listener=stop)
         assert not (case / "airflow.json").exists()
         begin = json.loads((case / "phase.json").read_text())["begin"]
-        saved = float(time_folders(case)[-1].name)
-        assert saved > begin
+        whole = float(time_folders(case)[-2].name)  # the last may be half-written and is then made again
+        assert whole >= begin
 
         seen: list[Progress] = []
         result = solve_airflow(spec, tmp_path / "mesh.msh", case, listener=seen.append)
         assert {now.stage for now in seen} == {"recording"}
-        assert seen[0].time > saved
+        assert seen[0].time > whole
         assert (np.diff(_rows(case)[:, 0]) > 0).all()
         assert result.verdict == "periodic"
         assert result.strouhal == pytest.approx(0.2, rel=0.08)
