@@ -31,16 +31,16 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
     swing_x, swing_y = np.abs(scene.motion[0])
     for name, body in scene.body.items():
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
-        if swing_x > 0.5 * min(left + channel.width / 2, channel.width / 2 - right) or swing_y > 0.5 * min(
+        reach = max(-left, right)
+        if reach >= 0.49 * channel.width:
+            yield f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m"
+        elif low <= channel.bottom or high >= channel.top:
+            yield f"body.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
+        elif swing_x > 0.5 * (channel.width / 2 - reach) or swing_y > 0.5 * min(
             low - channel.bottom, channel.top - high
         ):
             amplitude = math.hypot(swing_x, swing_y)
             yield f"vibration: an amplitude of {amplitude:.3g} m brings body.{name} too near to the channel's ends"
-        if max(-left, right) >= 0.49 * channel.width:
-            reach = max(-left, right)
-            yield f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m"
-        if low <= channel.bottom or high >= channel.top:
-            yield f"body.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
 
 
 def _feed_fits(scene: SceneTables) -> Iterator[str]:

@@ -168,7 +168,8 @@ def _fraction_plan(scene: Scene, name: str, fraction: Fraction) -> FractionPlan:
     factor = scale * float(entry.factor(np.array([reynolds]), phi)[0])
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
     stokes = tau * fall / (0.5 * scene.width)
-    mode = wanted if wanted != "auto" else ("injected" if stokes > INJECTED_ABOVE else "resolved")
+    falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
+    mode = wanted if wanted != "auto" else ("injected" if stokes > INJECTED_ABOVE and falls_into_calm else "resolved")
     return FractionPlan(mode, law, scale, settling, tau, stokes)
 
 

@@ -79,7 +79,7 @@ def run(
         child = subprocess.Popen(
             guard + words,
             cwd=cwd,
-            env=None if env is None else dict(env),
+            env={**(os.environ if env is None else env), "PWD": str(cwd)},  # some programs believe PWD, not the folder
             stdin=subprocess.DEVNULL,
             stdout=sink,
             stderr=subprocess.STDOUT,

@@ -102,9 +102,6 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
     asked = content_key(scene.tables(), order, plan.summary(), options)
     stands = _keys_of(target)
-    if stands.get("asked") != asked:  # an older answer must not pass for this one
-        target.unlink(missing_ok=True)
-        report.clear(folder)
     table: dict[str, Any] = {
         "schema": SCHEMA,
         "scene": scene.tables(),
@@ -133,6 +130,10 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
         asked, _versions(), digest_files([Path(__file__).parent]), chain.tracks_key if tracked else None
     )
     table["keys"] = {"asked": asked, "drawn": drawn}
+    if stands.get("drawn") != drawn:  # the new answer is there: the older one goes whole, so that no mixture is left
+        target.unlink(missing_ok=True)
+        report.clear(folder)
+        (folder / "granules.npz").unlink(missing_ok=True)
     if tracked is not None:
         _save_granules(folder / "granules.npz", scene, tracked)
         if until is None and (redraw or stands.get("drawn") != drawn or not report.is_whole(folder)):
@@ -195,6 +196,13 @@ def _versions() -> dict[str, str]:
 def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
     """What a user must know of the airflow and of how the tracks ended."""
     lines = [] if table["airflow"] is None else _airflow_notices(scene, chain, table["airflow"])
+    for name, met in ({} if tracked is None else tracked.injected).items():
+        count = len(tracked.landings[name].bin) if tracked else 0
+        if chain.plan.fractions[name].mode == "injected" and met < count:
+            lines.append(
+                f"{name}: {count - met} of {count} granules do not reach the body by falling straight; they are "
+                "released above it, their impacts resolved"
+            )
     for name, fates in ({} if tracked is None else tracked.fates).items():
         total = sum(fates.values())
         for fate, meaning in (

@@ -63,7 +63,9 @@ class Scene(SceneTables):
             data = tomllib.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
             raise SceneError(f"no scene file {str(path)!r}; make one with: wakeflow new rhombus {path.name}") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, IsADirectoryError) as problem:
+        except IsADirectoryError:
+            raise SceneError(f"{path} is a folder; name a scene file") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
             raise SceneError(f"{path}: not valid TOML: {problem}") from None
         return cls.parse(_changed(data, changes or {}), path.name)
 

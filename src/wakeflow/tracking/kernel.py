@@ -253,13 +253,16 @@ def _advance(end, s, h, state, ints, rules):
 
 
 @inlined
-def _refresh(state, ints, affine, air, grain, timed):
+def _refresh(state, ints, affine, air, grain, walls, timed):
     """Load the affine field of the current place and snapshot interval where they changed; length of a boundary
     edge.
     """
     edge = 0.0
     if ints[GAP] >= 0:
-        edge = reproject(state, ints, air)
+        buried = False
+        for body in range(walls.bodies.shape[0]):
+            buried = buried or inside(walls, body, state[X], state[Y])[0]
+        edge = reproject(state, ints, air, buried)
     if timed and state[T] >= state[T_END]:
         bracket(state, ints, affine, air.times, air.period[0])
     if ints[FRESH] == 0:
@@ -382,7 +385,7 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
             elif ints[STEPS] >= rules.steps or ints[IMPACTS] >= rules.impacts:
                 ints[FATE] = STOPPED
             else:
-                edge = _refresh(state, ints, affine, air, grain, timed)
+                edge = _refresh(state, ints, affine, air, grain, walls, timed)
                 meshed = air.corners.shape[0] > 0 and ints[GAP] < 0 and ints[HOPS] < HOP_LIMIT
                 if meshed and _hop(state, ints, air, walls, rules):
                     continue

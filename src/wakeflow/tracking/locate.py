@@ -7,7 +7,7 @@ import math
 from .jit import compiled, inlined
 from .state import FRESH, GAP, GX, GY, H_ERROR, NOBODY, PRESSURE, SNAP_A, SNAP_B, T_END, TRI, T, X, Y
 
-__all__ = ["air_at", "barycentric", "bracket", "load", "reproject", "walk"]
+__all__ = ["air_at", "anywhere", "barycentric", "bracket", "load", "reproject", "walk"]
 
 INSIDE = -1e-12
 
@@ -160,9 +160,22 @@ def _corner(air, tri, k):
 
 
 @compiled
-def reproject(state, ints, air):
+def anywhere(geometry, x, y):
+    """The triangle that holds a point, by looking at all of them; -1 for none. For granules that nothing else finds."""
+    for tri in range(geometry.shape[0]):
+        if (
+            barycentric(geometry, tri, 0, x, y) >= INSIDE
+            and barycentric(geometry, tri, 1, x, y) >= INSIDE
+            and barycentric(geometry, tri, 2, x, y) >= INSIDE
+        ):
+            return tri
+    return -1
+
+
+@compiled
+def reproject(state, ints, air, buried):
     """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
-    length.
+    length. ``buried``: it lies inside the outline at rest of a body, so that no triangle can hold it.
     """
     x, y = state[X], state[Y]
     gap, came = ints[GAP], NOBODY
@@ -183,4 +196,9 @@ def reproject(state, ints, air):
             state[H_ERROR] = math.inf
         elif code <= -2:
             ints[GAP], ints[TRI] = -2 - code, found
+    if ints[GAP] >= 0 and not buried:  # beside a corner the nearest edge and the walk from it may miss the mesh
+        found = anywhere(air.geometry, x, y)
+        if found >= 0:
+            ints[GAP], ints[TRI] = -1, found
+            state[H_ERROR] = math.inf
     return math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
