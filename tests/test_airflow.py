@@ -298,6 +298,7 @@ class TestInterruption:
             while not time_folders(case) and parent.poll() is None and time.monotonic() < deadline:
                 time.sleep(0.02)
             assert alive_in(case)
+            time.sleep(0.3)  # the folder just seen is written to its end
         finally:
             parent.send_signal(signal.SIGKILL)
             parent.communicate()

@@ -98,7 +98,7 @@ class Chain:
             stepping="steady" if self.plan.rung == "draft" else "time-resolved",
             intensity=air.turbulence,
         )
-        code = content_key(_sources("foam"), digest_files([case_template()]), version())
+        code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
         key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
 
         def work(part: Path) -> None:

@@ -262,9 +262,9 @@ def _loading(scene: Scene) -> str:
 def _estimate(scene: Scene, rung: str, half: bool) -> dict[str, float]:
     """Seconds, memory and disk, from runs of the shipped scenes on two cores of 2020s hardware; good to a factor 3."""
     count = scene.feed.count * len(scene.fraction)
-    airflow = {"none": 0.0, "draft": 60.0 if half else 120.0, "standard": 240.0}[rung]
+    airflow = {"none": 0.0, "draft": 15.0 if half else 40.0, "standard": 200.0}[rung]
     return {
-        "seconds": 5.0 + airflow + 60e-6 * count,
+        "seconds": 5.0 + airflow + 300e-6 * count,  # tracking and its companion for the budget
         "memory": 4e8 + 600.0 * count,
         "disk": {"none": 1e6, "draft": 5e7, "standard": 3e8}[rung] + 100.0 * count,
     }

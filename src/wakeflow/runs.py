@@ -100,8 +100,6 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
 
     target, until = folder / "result.json", options["until"]
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
-    asked = content_key(scene.tables(), order, plan.summary(), options)
-    stands = _keys_of(target)
     table: dict[str, Any] = {
         "schema": SCHEMA,
         "scene": scene.tables(),
@@ -126,17 +124,17 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     table["warnings"] = plan.warnings + _notices(scene, chain, table, tracked)
     table["seconds"] = chain.seconds
     table["versions"] = _versions()
-    drawn = content_key(
-        asked, _versions(), digest_files([Path(__file__).parent]), chain.tracks_key if tracked else None
-    )
-    table["keys"] = {"asked": asked, "drawn": drawn}
-    if stands.get("drawn") != drawn:  # the new answer is there: the older one goes whole, so that no mixture is left
+    code = digest_files([Path(__file__).parent])
+    asked = (scene.tables(), order, plan.summary(), options)
+    table["key"] = content_key(*asked, chain.tracks_key if tracked else None, _versions(), code)
+    stands = _key_of(target) == table["key"]
+    if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
         target.unlink(missing_ok=True)
         report.clear(folder)
         (folder / "granules.npz").unlink(missing_ok=True)
     if tracked is not None:
         _save_granules(folder / "granules.npz", scene, tracked)
-        if until is None and (redraw or stands.get("drawn") != drawn or not report.is_whole(folder)):
+        if until is None and (redraw or not stands or not report.is_whole(folder)):
             _report(scene, chain, tracked, table, folder)
     write_json(target, table)
     return Result(folder, table)
@@ -172,13 +170,13 @@ def report_again(folder: Path | str) -> Path:
     return Path(folder) / "report.html"
 
 
-def _keys_of(path: Path) -> dict[str, str]:
-    """What the answer in ``path`` was made for; empty when there is none."""
+def _key_of(path: Path) -> str | None:
+    """What the answer in ``path`` was made for; None when there is none."""
     try:
-        keys = json.loads(path.read_text())["keys"]
+        key = json.loads(path.read_text())["key"]
     except (FileNotFoundError, json.JSONDecodeError, KeyError, TypeError):
-        return {}
-    return keys if isinstance(keys, dict) else {}
+        return None
+    return key if isinstance(key, str) else None
 
 
 def _versions() -> dict[str, str]:
