@@ -24,8 +24,8 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 def _folder() -> Path:
     """A writable folder for this version of the sources; a temporary one where the cache is not writable."""
-    laws = HERE.parent / "laws" / "collision.py"
-    name = digest_files([*sorted(HERE.glob("*.py")), laws])[:20]
+    laws = [HERE.parent / "laws" / name for name in ("collision.py", "drag.py")]
+    name = digest_files([*sorted(HERE.glob("*.py")), *laws])[:20]
     folder = cache_root() / "numba" / name
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from ..laws.drag import TABLE_CELLS, TABLE_DECADES
 from .exponential import along, phis
 from .jit import compiled
 from .locate import air_at, barycentric
@@ -21,10 +22,10 @@ from .walls import constrain
 
 __all__ = ["attempt", "drag_rate", "exit_time", "free_force"]
 
-# The table of drag factors: constants of laws.drag, checked in tests
-LOG_LOW = -8.0
-LOG_HIGH = 7.0
-PER_HALF_NATURAL_LOG = 0.5 / math.log(10.0) * 96.0
+# Where a Reynolds number stands in the table of drag factors, and the inverse of the table's last
+FIRST_CELL = float(TABLE_DECADES[0] * TABLE_CELLS)
+PER_HALF_NATURAL_LOG = 0.5 / math.log(10.0) * TABLE_CELLS
+BEYOND = 10.0 ** -TABLE_DECADES[1]
 OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step
 
 
@@ -36,11 +37,11 @@ def drag_rate(grain, table, slip2):
     re2 = grain[REYNOLDS2] * slip2
     if re2 <= 1e-16:
         return grain[STOKES] * table[0, 0]
-    at = PER_HALF_NATURAL_LOG * math.log(re2) - LOG_LOW * 96.0
+    at = PER_HALF_NATURAL_LOG * math.log(re2) - FIRST_CELL
     cells = table.shape[0]
     extra = 1.0
     if at >= cells:
-        extra = math.sqrt(re2) * 1e-7
+        extra = math.sqrt(re2) * BEYOND
         at = cells - 1e-9
     i = int(at)
     w = at - i
