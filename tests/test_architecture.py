@@ -12,8 +12,8 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "tables", "checks",
-    "scene", "bounds", "planning", "meshing", "reconstruction", "foam", "field", "tracking", "injection", "separation",
-    "flight", "pipeline", "budget", "report", "runs", "doctor", "progress", "cli",
+    "scene", "bounds", "scales", "gate", "planning", "meshing", "reconstruction", "foam", "field", "tracking",
+    "injection", "separation", "flight", "pipeline", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {
     "gmsh": {"meshing"},

@@ -17,7 +17,7 @@ def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.Captur
     assert plan["fractions"]["wheat"]["mode"] == "injected"
     assert plan["fractions"]["dust"]["mode"] == "resolved"
     names = {row["name"] for row in plan["left_out"]}
-    assert {"added-mass", "basset-history", "saffman-lift", "brownian-motion", "turbulent-dispersion"} <= names
+    assert {"buoyancy", "basset-history", "lift", "brownian", "vibration-of-the-air"} <= names
     assert all(row["why"] for row in plan["left_out"])
 
 
@@ -50,6 +50,10 @@ def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str])
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=-3"], "air.speed = -3"),
         (["run", "{cases}/rhombus.toml", "--force", "gravitation=off"], "unknown term"),
         (["run", "{cases}/rhombus.toml", "--force", "basset-history=on"], "cannot compute it"),
+        (["run", "{cases}/rhombus.toml", "--force", "chaf.lift=on"], "no fraction 'chaf'"),
+        (["run", "{cases}/rhombus.toml", "--force", "drag=off"], "always acts"),
+        (["run", "{cases}/vacuum.toml", "--force", "lift=on"], "add an [air] table"),
+        (["run", "{cases}/rhombus.toml", "--target-error", "0.002"], "--force chaff.basset-history=off"),
         (["run", "{cases}/rhombus.toml", "--force", "buoyancy=maybe"], "write on or off"),
         (["run", "{cases}/vacuum.toml", "--out", "{cases}/vacuum.toml"], "is a file"),
         (["plan", "{cases}/rhombus.toml", "--set", "fraction.wheat.terminal_velocity=100"], "times a sphere's drag"),

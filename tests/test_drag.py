@@ -14,6 +14,7 @@ from wakeflow.laws.drag import (
     drag_laws,
     drag_table,
     relaxation_time,
+    slip_correction,
     table_factor,
     terminal_velocity,
 )
@@ -35,6 +36,48 @@ def test_published_drag_coefficients(law: str) -> None:
     np.testing.assert_allclose(cd, COEFFICIENTS[law], rtol=5e-5, atol=6e-5)
 
 
+SHAPED = {  # Cd at Re 1, 100, 1000 by sphericity, computed independently from the published formulas
+    ("haider-levenspiel", 0.9): [29.355, 1.1326, 0.7024],
+    ("haider-levenspiel", 0.7): [32.909, 1.7187, 1.9239],
+    ("haider-levenspiel", 0.5): [42.036, 3.2341, 3.5920],
+    ("ganser", 0.9): [29.198, 1.1892, 0.7559],
+    ("ganser", 0.7): [34.291, 1.9274, 1.6485],
+    ("ganser", 0.5): [42.198, 3.2530, 3.4191],
+}
+
+
+@pytest.mark.parametrize(("law", "sphericity"), sorted(SHAPED))
+def test_published_drag_coefficients_of_shapes(law: str, sphericity: float) -> None:
+    reynolds = np.array([1.0, 100.0, 1000.0])
+    cd = drag_laws[law].factor(reynolds, sphericity) * 24.0 / reynolds
+    np.testing.assert_allclose(cd, SHAPED[law, sphericity], rtol=5e-5, atol=6e-5)
+
+
+@pytest.mark.parametrize("law", [name for name in drag_laws if drag_laws[name].uses_sphericity])
+def test_shape_slows_and_the_two_fits_agree_within_their_scatter(law: str) -> None:
+    reynolds = 10.0 ** np.linspace(-2, 4.4, 60)[:, None]
+    cd = drag_laws[law].factor(reynolds, np.array([0.9, 0.8, 0.7, 0.6, 0.5]))
+    assert np.all(np.diff(cd, axis=1) > 0.0)  # the less round, the more drag
+    np.testing.assert_allclose(cd, drag_laws["haider-levenspiel"].factor(reynolds, [0.9, 0.8, 0.7, 0.6, 0.5]), rtol=0.3)
+
+
+def test_gansers_creeping_limit_is_his_shape_factor_and_his_logarithm_has_base_10() -> None:
+    phi = np.array([1.0, 0.9, 0.67, 0.3])
+    np.testing.assert_allclose(drag_laws["ganser"].factor(np.zeros(4), phi), 1 / 3 + 2 / 3 / np.sqrt(phi), rtol=1e-15)
+    v = float(terminal_velocity(160e-6, 2600, 1.2, 1.8e-5, 9.81, "ganser", 0.67))
+    reynolds = 1.2 * v * 160e-6 / 1.8e-5
+    assert (v, reynolds) == (pytest.approx(0.8129, abs=5e-5), pytest.approx(8.671, abs=5e-4))
+    assert float(drag_laws["ganser"].factor(np.array([reynolds]), 0.67)[0]) * 24 / reynolds == pytest.approx(
+        6.859, abs=5e-4
+    )
+
+
+def test_ganser_is_not_for_spheres() -> None:
+    re = np.array([255.0])
+    ratio = drag_laws["ganser"].factor(re, 1.0) / drag_laws["clift-gauvin"].factor(re, 1.0)
+    assert ratio[0] == pytest.approx(0.73, abs=0.005)
+
+
 @pytest.mark.parametrize(("law", "oracle"), [("clift-gauvin", Clift_Gauvin), ("haider-levenspiel", Haider_Levenspiel)])
 def test_laws_agree_with_the_fluids_package(law: str, oracle: object) -> None:
     reynolds = 10.0 ** np.linspace(-3, 5, 60)
@@ -45,10 +88,12 @@ def test_laws_agree_with_the_fluids_package(law: str, oracle: object) -> None:
 @pytest.mark.parametrize("law", list(drag_laws))
 def test_every_law_tends_to_stokes_and_never_lies_below_it(law: str) -> None:
     entry = drag_laws[law]
-    phi = 0.7 if entry.uses_sphericity else 1.0
-    assert entry.factor(np.array([0.0]), phi)[0] == 1.0
-    np.testing.assert_allclose(entry.factor(np.array([1e-12]), phi), 1.0, atol=1e-5)
-    assert np.all(entry.factor(10.0 ** np.linspace(-12, 7, 200), phi) >= 1.0)
+    assert entry.factor(np.array([0.0]), 1.0)[0] == 1.0
+    for phi in (1.0, 0.7) if entry.uses_sphericity else (1.0,):
+        creeping = entry.factor(np.array([0.0]), phi)
+        np.testing.assert_allclose(entry.factor(np.array([1e-12]), phi), creeping, atol=1e-5)
+        assert np.all(entry.factor(10.0 ** np.linspace(-12, 7, 200), phi) >= creeping)
+        assert creeping[0] >= 1.0
     assert entry.source
     assert entry.reynolds_max > 0
 
@@ -116,6 +161,21 @@ def test_calibrated_wheat_has_the_drag_coefficient_of_its_weight() -> None:
     cd = float((scale * drag_laws["brown-lawler"].factor(reynolds, 1.0) * 24 / reynolds)[0])
     assert cd == pytest.approx(4 * d * 9.81 * (rho_p - rho) / (3 * rho * v**2), rel=1e-12)
     assert math.isclose(cd, 0.90, abs_tol=0.005)
+
+
+def test_slip_correction_of_air() -> None:
+    np.testing.assert_allclose(slip_correction([5e-6, 10e-6]), [1.033, 1.017], atol=5e-4)  # published values
+    assert float(slip_correction(1.0)) - 1.0 < 2e-7
+    free = 2 * 0.066e-6 / 1e-10 * 1.657  # free molecules: the exponential is 1
+    assert float(slip_correction(1e-10)) == pytest.approx(1 + free, rel=1e-3)
+    assert np.all(np.diff(slip_correction(10.0 ** np.linspace(-9, -2, 100))) < 0.0)
+    assert float(slip_correction(1e-6, 0.132e-6)) == float(slip_correction(0.5e-6))  # of d / L alone
+
+
+def test_slip_scales_the_terminal_velocity_of_fine_dust() -> None:
+    d = np.array([0.5e-6, 1e-6, 5e-6])
+    slipping = terminal_velocity(d, 1500, drag_scale=1.0 / slip_correction(d), law="stokes")
+    np.testing.assert_allclose(slipping, slip_correction(d) * terminal_velocity(d, 1500, law="stokes"), rtol=1e-12)
 
 
 def test_bad_input_is_refused() -> None:

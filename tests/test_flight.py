@@ -30,7 +30,7 @@ def leaning(scene: Scene) -> FlowField:
 
 
 def test_half_of_the_granules_fly_in_the_mirror_image_of_a_time_resolved_airflow(scene: Scene, tmp_path: Path) -> None:
-    plan = make_plan(scene, rung="standard")
+    plan = make_plan(scene, rung="standard", force={"dispersion": False})
     Flight(scene, plan, leaning(scene), 1e-4).fly_all(tmp_path, drawn=False)
     for name, landing in load(tmp_path, scene).landings.items():
         odd = landing.replicate % 2 == 1
@@ -40,7 +40,7 @@ def test_half_of_the_granules_fly_in_the_mirror_image_of_a_time_resolved_airflow
 
 
 def test_an_unsymmetric_geometry_has_no_mirror_image(scene: Scene, tmp_path: Path) -> None:
-    plan = replace(make_plan(scene, rung="standard"), symmetric=False)
+    plan = replace(make_plan(scene, rung="standard", force={"dispersion": False}), symmetric=False)
     Flight(scene, plan, leaning(scene), 1e-4).fly_all(tmp_path, drawn=False)
     for landing in load(tmp_path, scene).landings.values():
         assert landing.position[landing.replicate % 2 == 1, 0].mean() > 5e-3
@@ -48,7 +48,9 @@ def test_an_unsymmetric_geometry_has_no_mirror_image(scene: Scene, tmp_path: Pat
 
 def test_a_fraction_that_is_there_is_not_flown_again(scene: Scene, tmp_path: Path) -> None:
     told: list[str] = []
-    flight = Flight(scene, make_plan(scene, rung="standard"), leaning(scene), 1e-4, tell=told.append)
+    flight = Flight(
+        scene, make_plan(scene, rung="standard", force={"dispersion": False}), leaning(scene), 1e-4, tell=told.append
+    )
     flight.fly_all(tmp_path, drawn=False)
     (tmp_path / "chaff.npz").unlink()
     told.clear()

@@ -12,7 +12,6 @@ import pytest
 from wakeflow.errors import SceneError
 from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
-from wakeflow.laws.size import sizes
 from wakeflow.scene import Scene
 
 SHIPPED = ["rhombus", "prism", "vacuum"]
@@ -119,34 +118,6 @@ def test_own_terminal_velocity_and_material_each_bring_their_diameter(rhombus: S
     assert own.measured_settling == (pytest.approx(3e-3), source.density, 8.0)
     sphere = rhombus.replace({"fraction.wheat.sphericity": 0.8}).fraction["wheat"]
     assert sphere.properties.terminal_velocity is None
-
-
-SIZE_PARAMETERS = {
-    "single": {"diameter": 1e-3},
-    "uniform": {"low": 1e-3, "high": 2e-3},
-    "normal": {"mean": 1e-3, "std": 2e-4},
-    "lognormal": {"median": 1e-3, "geometric_std": 1.5},
-}
-
-
-@pytest.mark.parametrize("name", list(sizes))
-def test_size_quantiles_increase_and_stay_positive(name: str) -> None:
-    p = np.linspace(0.001, 0.999, 999)
-    diameters = sizes[name](p, **SIZE_PARAMETERS[name])
-    assert np.all(diameters > 0)
-    assert np.all(np.diff(diameters) >= 0)
-
-
-def test_size_moments_are_the_ones_asked_for() -> None:
-    p = (np.arange(200_000) + 0.5) / 200_000
-    normal = sizes["normal"](p, mean=1e-3, std=2e-4)
-    assert normal.mean() == pytest.approx(1e-3, rel=1e-4)
-    assert normal.std() == pytest.approx(2e-4, rel=1e-3)
-    log = np.log(sizes["lognormal"](p, median=1e-3, geometric_std=1.5))
-    assert np.exp(log.mean()) == pytest.approx(1e-3, rel=1e-6)
-    assert np.exp(log.std()) == pytest.approx(1.5, rel=1e-3)
-    with pytest.raises(SceneError, match="below zero"):
-        sizes["normal"](p, mean=1e-3, std=1e-3)
 
 
 SHAPE_PARAMETERS = {

@@ -531,7 +531,10 @@ def test_bad_granules_are_named(changes: dict[str, object], message: str) -> Non
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"forces": ("drag", "lift")}, r"unknown force 'lift' \(known: drag, gravity, buoyancy, pressure-gradient\)"),
+        ({"forces": ("drag", "lifft")}, r"unknown force 'lifft'; did you mean 'lift'\? \(known: drag, gravity, "),
+        ({"forces": ("drag", "basset-history")}, "'basset-history' is only bounded, not computed"),
+        ({"forces": ("dispersion",)}, "dispersion needs a field with k and dissipation; a laminar airflow has none"),
+        ({"seed": -1}, "seed = -1 must lie between 0"),
         ({"forces": ("gravitiy",)}, "did you mean 'gravity'"),
         ({"drag": "brown"}, "unknown drag law 'brown'"),
         ({"until": np.inf}, "until = inf s must be finite"),

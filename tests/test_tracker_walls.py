@@ -313,6 +313,91 @@ def shower(n: int, radius: float) -> Granules:
     )
 
 
+# -- rolling ---------------------------------------------
+
+
+@pytest.mark.parametrize("inertia", [0.4, 0.5, 1.0])
+@pytest.mark.parametrize("angle", [10.0, 30.0, 60.0])
+def test_rolling_down_a_slope_takes_the_share_of_the_spin(inertia: float, angle: float) -> None:
+    """a = g sin b / (1 + k), spin v / r clockwise, for friction of at least tan b k / (1 + k) (Routh 1897, ch. 4)."""
+    b, r = np.radians(angle), 1e-3
+    wedge, down, out = slope(b)
+    friction = 1.01 * np.tan(b) * inertia / (1 + inertia)
+    grains = one(wedge[1] + 0.1 * down + r * out, [0.0, 0.0], r, restitution=0.3, friction=friction, inertia=inertia)
+    tracks = track(None, grains, until=0.3, bodies=[wedge])
+    a = G * np.sin(b) / (1 + inertia)
+    np.testing.assert_allclose(tracks.velocity[0], 0.3 * a * down, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(tracks.position[0] - grains.position[0], 0.045 * a * down, rtol=1e-9, atol=1e-12)
+    assert tracks.spin[0] == pytest.approx(-0.3 * a / r, rel=1e-9)
+
+
+@pytest.mark.parametrize("inertia", [0.4, 0.5])
+def test_with_too_little_friction_it_slips_and_spins_up(inertia: float) -> None:
+    b, r = np.radians(45.0), 1e-3
+    wedge, down, out = slope(b)
+    friction = 0.5 * inertia / (1 + inertia)
+    grains = one(wedge[1] + 0.1 * down + r * out, [0.0, 0.0], r, restitution=0.3, friction=friction, inertia=inertia)
+    tracks = track(None, grains, until=0.2, bodies=[wedge])
+    a = G * (np.sin(b) - friction * np.cos(b))
+    np.testing.assert_allclose(tracks.velocity[0], 0.2 * a * down, rtol=1e-9)
+    assert tracks.spin[0] == pytest.approx(-0.2 * friction * G * np.cos(b) / (inertia * r), rel=1e-9)
+
+
+@pytest.mark.parametrize("spin", [0.0, 300.0, -2000.0])
+def test_a_thrown_ball_slips_until_it_rolls(spin: float) -> None:
+    """The bowling ball: v = (v0 - k r w0) / (1 + k) once friction has brought its contact point to rest."""
+    k, r, f, v0 = 0.4, 1e-3, 0.2, 1.0
+    grains = one([-0.8, r], [v0, 0.0], r, restitution=0.0, friction=f, inertia=k, spin=spin)
+    end = (v0 - k * r * spin) / (1 + k)
+    change = abs(v0 - end) / (f * G)
+    early = track(None, grains, until=0.5 * change, bodies=[FLOOR])
+    push = -np.sign(v0 - end) * f * G
+    assert early.velocity[0, 0] == pytest.approx(v0 + 0.5 * push * change, rel=1e-9)
+    assert early.spin[0] == pytest.approx(spin + 0.5 * push * change / (k * r), rel=1e-9)
+    late = track(None, grains, until=1.5 * change, bodies=[FLOOR])
+    assert late.velocity[0, 0] == pytest.approx(end, rel=1e-9)
+    assert late.spin[0] == pytest.approx(-end / r, rel=1e-9)
+    x = -0.8 + 0.5 * (v0 + end) * change + 0.5 * end * change
+    assert late.position[0, 0] == pytest.approx(x, abs=1e-9)
+
+
+def test_a_rolling_ball_pivots_over_an_edge_and_falls_off() -> None:
+    """Rolled off slowly it turns about the edge: m g d = (1 + k) m v^2 / 2 until the edge no longer presses, at
+    cos = 2 / (3 + k) from rest (energy, and m g cos = m v^2 / r).
+    """
+    r, k = 1e-2, 0.4
+    table = np.array([[-1.0, -0.2], [0.0, -0.2], [0.0, 0.0], [-1.0, 0.0]])
+    grains = one([-1e-5, r], [1e-4, 0.0], r, restitution=0.0, friction=50.0, inertia=k, spin=-1e-4 / r)
+    tracks = track(
+        None, grains, until=10.0, bodies=[table], lines=[np.array([[-1.0, -0.15], [1.0, -0.15]])], record=True
+    )
+    _, x, v = tracks.path(0)
+    cos = 2 / (3 + k)
+    off = np.argmin(np.abs(x[:, 1] - r * cos))
+    assert x[off, 0] == pytest.approx(r * np.sqrt(1 - cos**2), rel=2e-2)
+    assert v[-1, 0] == pytest.approx(np.sqrt(G * r * cos) * cos, rel=1e-3)  # as it left: nothing pushes it any more
+
+
+@pytest.mark.parametrize("name", list(MOTIONS))
+@pytest.mark.parametrize("friction", [0.1, 0.5, 10.0])
+def test_granules_that_can_roll_all_get_past_the_body(name: str, friction: float) -> None:
+    rng = np.random.default_rng(8)
+    x = np.stack([rng.uniform(-0.03, 0.03, 300), np.full(300, 0.06)], axis=1)
+    grains = Granules(
+        x, np.tile([0.0, -1.0], (300, 1)), 2e-3, 1000.0, restitution=0.2, friction=friction, inertia=0.4,
+        spin=rng.uniform(-500, 500, 300), time=rng.uniform(0, 0.1, 300),
+    )  # fmt: skip
+    floor = np.array([[-5.0, -0.5], [5.0, -0.5]])
+    tracks = track(None, grains, until=20.0, bodies=[Body(RHOMBUS, motion=MOTIONS[name])], lines=[floor])
+    assert np.all(tracks.fate == Fate.BINNED)
+    if MOTIONS[name] is None:
+        energy = (
+            0.5 * (tracks.velocity**2).sum(axis=1) + 0.5 * 0.4 * (1e-3 * tracks.spin) ** 2 + G * tracks.position[:, 1]
+        )
+        start = 0.5 + 0.5 * 0.4 * (1e-3 * grains.spin) ** 2 + G * 0.06
+        assert np.all(energy <= start + 1e-9)
+
+
 @pytest.mark.parametrize("name", list(MOTIONS))
 @pytest.mark.parametrize("radius", [5e-10, 5e-4, 4e-3])
 def test_every_granule_gets_past_the_body_and_none_is_lost(name: str, radius: float) -> None:

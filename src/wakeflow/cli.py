@@ -32,7 +32,11 @@ Settings = Annotated[
     list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
 ]
 Forced = Annotated[
-    list[str], Parameter(name="--force", negative="", help="Switch a force: pressure-gradient=off. Repeatable.")
+    list[str],
+    Parameter(name="--force", negative="", help="Switch a term: lift=on, chaff.basset-history=off. Repeatable."),
+]
+Target = Annotated[
+    float | None, Parameter(help="Error of a bin's share that is asked for, instead of the scene's own (0.01).")
 ]
 
 
@@ -82,6 +86,7 @@ def run(
     rung: Rung | None = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
+    target_error: Target = None,
     workers: int | None = None,
     quiet: bool = False,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
@@ -112,8 +117,8 @@ def run(
     asked = Scene.load(scene, _changes(settings))
     with live(enabled=not (quiet or as_json)) as listener:
         result = runs.run(
-            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=_switches(force), workers=workers,
-            listener=listener,
+            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=_switches(force),
+            target_error=target_error, workers=workers, listener=listener,
         )  # fmt: skip
     if as_json:
         print(json.dumps(result.table, indent=2))
@@ -133,6 +138,7 @@ def plan(
     rung: Rung | None = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
+    target_error: Target = None,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> None:
     """Say what a scene needs, what is left out and why, and what it will cost; starts nothing heavy.
@@ -151,7 +157,8 @@ def plan(
     from .planning import make_plan
     from .scene import Scene
 
-    made = make_plan(Scene.load(scene, _changes(settings)), rung=rung, force=_switches(force))
+    asked = Scene.load(scene, _changes(settings))
+    made = make_plan(asked, rung=rung, force=_switches(force), target_error=target_error)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     else:
@@ -231,6 +238,34 @@ def report(run_folder: Path) -> None:
     from . import runs
 
     print(runs.report_again(run_folder))
+
+
+@app.command
+def verify(
+    what: str | None = None, *, slow: bool = False, as_json: Annotated[bool, Parameter(name="--json")] = False
+) -> None:
+    """Prove it: landing error against run time beside other trackers, and problems whose exact answers are known.
+
+    Parameters
+    ----------
+    what
+        tracker or problems; default both. Reports go to runs/verify.
+    slow
+        Finer settings, a computed time-resolved wake and 1e7 granules as well: most of an hour.
+    as_json
+        Print JSON instead of tables.
+    """
+    from functools import partial
+
+    from .progress import live
+    from .verify import proofs
+
+    with live(enabled=not as_json) as listener:
+        reports = proofs.prove(what, slow=slow, tell=partial(listener, "verify"))
+    if as_json:
+        print(json.dumps(reports, indent=2))
+    else:
+        proofs.show(reports)
 
 
 @app.command

@@ -146,10 +146,15 @@ class FlowField:
         across = np.roll(p, -2, axis=1) - np.roll(p, -1, axis=1)
         return np.stack([-across[..., 1], across[..., 0]], axis=2) / (2 * self.area)[:, None, None]
 
-    def locate(self, points: ArrayLike) -> Index:
-        """The triangle that holds each point (n, 2); -1 outside the mesh. A point on the boundary is inside."""
+    @cached_property
+    def _centres(self) -> Any:
+        """Tree of the triangles' centroids."""
         from scipy.spatial import cKDTree
 
+        return cKDTree(self.points[self.triangles].mean(axis=1))
+
+    def locate(self, points: ArrayLike) -> Index:
+        """The triangle that holds each point (n, 2); -1 outside the mesh. A point on the boundary is inside."""
         x = np.atleast_2d(np.asarray(points, dtype=float))
         found = np.full(len(x), -1, dtype=np.int64)
         low, high = self.points.min(axis=0), self.points.max(axis=0)
@@ -157,8 +162,7 @@ class FlowField:
         todo = np.flatnonzero(np.all((x >= low - slack) & (x <= high + slack), axis=1))
         if not len(todo):
             return found
-        tree = cKDTree(self.points[self.triangles].mean(axis=1))
-        at = tree.query(x[todo])[1].astype(np.int64)
+        at = self._centres.query(x[todo])[1].astype(np.int64)
         for _ in range(len(self.triangles)):
             coordinate = self.barycentric(at, x[todo])
             lowest = coordinate.argmin(axis=1)
@@ -177,19 +181,46 @@ class FlowField:
         return found
 
     def _search(self, x: Array) -> Index:
-        """Every triangle tried, for points whose walk met the boundary."""
-        p = self.points[self.triangles]
-        low, high = p.min(axis=1), p.max(axis=1)
-        slack = 1e-9 * (high - low).max(axis=1, keepdims=True)
-        low, high = low - slack, high + slack
+        """Every triangle that may hold them tried, for points whose walk met the boundary: those whose boxes do.
+
+        Boxes are looked up on a regular grid, about one triangle a cell.
+        """
+        start, member, low, pitch, side = self._grid
+        place = np.clip(((x - low) / pitch).astype(np.int64), 0, side - 1)
+        cell = place[:, 1] * side + place[:, 0]
+        count = start[cell + 1] - start[cell]
+        point = np.repeat(np.arange(len(x)), count)
+        inner = np.arange(len(point)) - np.repeat(np.cumsum(count) - count, count)
+        near = member[np.repeat(start[cell], count) + inner]
+        least = self.barycentric(near, x[point]).min(axis=1)
         found = np.full(len(x), -1, dtype=np.int64)
-        for i, point in enumerate(x):
-            near = np.flatnonzero(np.all((low <= point) & (point <= high), axis=1))
-            if len(near):
-                least = self.barycentric(near, np.broadcast_to(point, (len(near), 2))).min(axis=1)
-                best = int(least.argmax())
-                found[i] = near[best] if least[best] >= INSIDE else -1
+        order = np.argsort(least, kind="stable")  # the last one written, the deepest inside, stays
+        order = order[least[order] >= INSIDE]
+        found[point[order]] = near[order]
         return found
+
+    @cached_property
+    def _grid(self) -> tuple[Index, Index, Array, Array, int]:
+        """Triangles by the cells of a regular grid that their boxes touch: first member of each cell, members, corner
+        and pitch of the grid, cells a side.
+        """
+        p = self.points[self.triangles]
+        corner, top = self.points.min(axis=0), self.points.max(axis=0)
+        side = max(1, int(np.sqrt(len(p))))
+        pitch = (top - corner) / side
+        slack = 1e-9 * np.ptp(p, axis=1).max(axis=1, keepdims=True)
+        low = np.clip(((p.min(axis=1) - slack - corner) / pitch).astype(np.int64), 0, side - 1)
+        high = np.clip(((p.max(axis=1) + slack - corner) / pitch).astype(np.int64), 0, side - 1)
+        wide = high - low + 1
+        count = wide.prod(axis=1)
+        owner = np.repeat(np.arange(len(p)), count)
+        inner = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        column = low[owner, 0] + inner % wide[owner, 0]
+        row = low[owner, 1] + inner // wide[owner, 0]
+        cell = row * side + column
+        order = np.argsort(cell, kind="stable")
+        start = np.searchsorted(cell[order], np.arange(side * side + 1))
+        return start, owner[order], corner, pitch, side
 
     def barycentric(self, triangle: Index, x: Array) -> Array:
         """Barycentric coordinates (n, 3) of points ``x`` (n, 2) in the given triangles (n,)."""

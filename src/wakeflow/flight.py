@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from .field import FlowField
 from .files import atomic_write
 from .injection import Feedstock, feedstock
-from .planning import Plan
+from .planning import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import GRAVITY, Scene
 from .separation import Landings
 from .tracking import Body, Fate, Granules, Motion, Tracks, track
@@ -24,13 +26,17 @@ Array = NDArray[np.float64]
 DRAWN = 48  # tracks kept for pictures, a fraction
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
+KEPT = 2**20  # granules of a fraction whose landings stay in memory
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """What the tracker found: landings and drawn tracks by fraction, how many were injected, counts of fates."""
+    """What the tracker found: landings and drawn tracks by fraction, how many were injected, counts of fates.
 
-    landings: dict[str, Landings]
+    ``landings`` of very many granules are read from their file each time they are asked for.
+    """
+
+    landings: Mapping[str, Landings]
     drawn: dict[str, list[dict[str, Array]]]
     injected: dict[str, int]
     fates: dict[str, dict[str, int]]
@@ -55,31 +61,49 @@ class Flight:
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
         for name in self.scene.fraction:
-            if (folder / f"{name}.npz").exists():
-                continue
-            self.tell(f"{name}: injecting")
-            feed = feedstock(self.scene, self.plan, name, None if self.field is None else self.field.period)
-            if drawn:
-                chosen = np.linspace(0, len(feed.replicate) - 1, min(DRAWN, len(feed.replicate))).astype(int)
-                shown = self.fly(name, feed.granules[chosen], record=True)
-                _save_drawn(folder / f"{name}.drawn.npz", [shown.path(i) for i in range(len(chosen))])
-            _save_landings(folder / f"{name}.npz", feed, self._fly_ensemble(name, feed), len(self.scene.bin))
+            if not (folder / f"{name}.npz").exists():
+                self._fly_fraction(name, folder, drawn=drawn)
 
-    def _fly_ensemble(self, name: str, feed: Feedstock) -> Tracks:
-        """Every granule of a fraction; in a time-resolved symmetric airflow odd replicates fly in its mirror image.
+    def _fly_fraction(self, name: str, folder: Path, *, drawn: bool) -> None:
+        """Whole replicates at a time, so that memory does not grow with the number of granules."""
+        size, period = replicate_size(self.scene.feed.count), None if self.field is None else self.field.period
+        count, step = REPLICATES * size, max(1, AT_ONCE // size)
+        chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
+        parts, shown = [], []
+        for first in range(0, REPLICATES, step):
+            self.tell(f"{name}: injecting {first * size} of {count}")
+            feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, REPLICATES)))
+            here = chosen[(chosen >= first * size) & (chosen < first * size + len(feed.replicate))] - first * size
+            tracks = self.fly(name, feed.granules[here], record=True, stream=REPLICATES + first)
+            shown += [tracks.path(i) for i in range(len(here))]
+            told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < REPLICATES else self
+            tracks = told._fly_ensemble(name, feed, first)
+            parts.append(_columns(feed, tracks, len(self.scene.bin)))
+        if drawn:
+            _save_drawn(folder / f"{name}.drawn.npz", shown)
+        columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
+        with atomic_write(folder / f"{name}.npz", "wb") as stream:
+            np.savez(stream, **columns)
+
+    def _tell_part(self, done: int, count: int, text: str) -> None:
+        self.tell(f"{text} after {done}, of {count}")
+
+    def _fly_ensemble(self, name: str, feed: Feedstock, stream: int) -> Tracks:
+        """Every granule of some replicates; in a time-resolved symmetric airflow odd ones fly in its mirror image.
 
         A few periods of shedding are a small sample, and their mean wake may lean to one side. In a symmetric channel
         its mirror image is as likely: the mean over both does not lean, and the spread between replicates shows how
         much either does.
         """
-        if self.field is None or self.field.times is None or not self.plan.symmetric:
-            return self.fly(name, feed.granules)
         odd = feed.replicate % 2 == 1
+        if self.field is None or self.field.times is None or not self.plan.symmetric:
+            return self.fly(name, feed.granules, stream=stream)
         other = replace(self, field=self.field.reflected())
-        return _interleaved(odd, self.fly(name, feed.granules[~odd]), other.fly(name, feed.granules[odd]))
+        even_tracks = self.fly(name, feed.granules[~odd], stream=stream)
+        return _interleaved(odd, even_tracks, other.fly(name, feed.granules[odd], stream=2 * REPLICATES + stream))
 
-    def fly(self, name: str, grains: Granules, *, record: bool = False) -> Tracks:
-        """Track granules of one fraction through the scene."""
+    def fly(self, name: str, grains: Granules, *, record: bool = False, stream: int = 0) -> Tracks:
+        """Track granules of one fraction through the scene; ``stream`` tells the random forces of calls apart."""
         scene = self.scene
         height = scene.channel.top - scene.channel.bottom
         speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
@@ -89,8 +113,9 @@ class Flight:
             until=float(np.max(grains.time, initial=0.0)) + max(5.0, PATIENCE * height / speed),
             tolerance=self.tolerance,
             length=scene.width,
-            forces=self.plan.forces,
+            forces=self.plan.fractions[name].forces,
             drag=self.plan.fractions[name].drag,
+            seed=_seed(scene.feed.seed, name, stream),
             bodies=solids(scene),
             lines=ends(scene),
             gravity=(0.0, -GRAVITY),
@@ -98,6 +123,12 @@ class Flight:
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
         )
+
+
+def _seed(seed: int, name: str, stream: int) -> int:
+    """A number of the tracker's random streams, of the scene's ``seed``, the fraction and a part of its granules."""
+    state = np.random.SeedSequence([seed, zlib.crc32(name.encode()), stream]).generate_state(1, np.uint64)
+    return int(state[0] >> np.uint64(1))
 
 
 def _interleaved(odd: NDArray[np.bool_], even_tracks: Tracks, odd_tracks: Tracks) -> Tracks:
@@ -140,20 +171,19 @@ def ends(scene: Scene) -> list[Array]:
     return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
 
 
-def _save_landings(path: Path, feed: Feedstock, tracks: Tracks, bins: int) -> None:
+def _columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
+    """What is kept of each landing, 33 bytes a granule."""
     binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
-    with atomic_write(path, "wb") as stream:
-        np.savez(
-            stream,
-            position=tracks.position,
-            bin=np.where(binned, tracks.line, -1),
-            replicate=feed.replicate,
-            diameter=feed.granules.diameter,
-            fate=np.where((tracks.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, tracks.fate),
-            time=tracks.time - feed.granules.time,
-            impacts=tracks.impacts + feed.injected,  # the tracker did not see the first impact of these
-            injected=feed.injected,
-        )
+    return {
+        "position": tracks.position,
+        "bin": np.where(binned, tracks.line, -1).astype(np.int16),
+        "replicate": feed.replicate.astype(np.uint8),
+        "diameter": feed.granules.diameter.astype(np.float32),
+        "fate": np.where((tracks.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, tracks.fate).astype(np.int8),
+        "time": (tracks.time - feed.granules.time).astype(np.float32),
+        "impacts": (tracks.impacts + feed.injected).astype(np.int32),  # the tracker did not see these' first impact
+        "injected": feed.injected,
+    }
 
 
 def _save_drawn(path: Path, paths: list[tuple[Array, Array, Array]]) -> None:
@@ -164,22 +194,44 @@ def _save_drawn(path: Path, paths: list[tuple[Array, Array, Array]]) -> None:
         np.savez(stream, split=split, time=joined[0], position=joined[1], velocity=joined[2])
 
 
+@dataclass(frozen=True)
+class _Kept(Mapping[str, Landings]):
+    """Landings by fraction in a folder, held in memory unless they are very many."""
+
+    folder: Path
+    names: tuple[str, ...]
+    held: dict[str, Landings]
+
+    def __getitem__(self, name: str) -> Landings:
+        if name in self.held:
+            return self.held[name]
+        if name not in self.names:
+            raise KeyError(name)
+        with np.load(self.folder / f"{name}.npz") as data:
+            found = Landings(**{key: data[key] for key in data.files if key != "injected"})
+        if len(found.bin) <= KEPT:
+            self.held[name] = found
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
 def load(folder: Path, scene: Scene) -> Tracked:
     """What ``fly_all`` kept in a folder."""
-    landings: dict[str, Landings] = {}
+    landings = _Kept(folder, tuple(scene.fraction), {})
     drawn: dict[str, list[dict[str, Array]]] = {}
     injected: dict[str, int] = {}
+    fates: dict[str, dict[str, int]] = {}
     for name in scene.fraction:
         with np.load(folder / f"{name}.npz") as data:
-            columns = {key: data[key] for key in data.files}
-        injected[name] = int(columns.pop("injected").sum())
-        landings[name] = Landings(**columns)
+            injected[name] = int(data["injected"].sum())
+            fates[name] = {fate.name.lower(): int(np.sum(data["fate"] == fate)) for fate in Fate}
         file = folder / f"{name}.drawn.npz"
         drawn[name] = _load_drawn(file) if file.exists() else []
-    fates = {
-        name: {fate.name.lower(): int(np.sum(landing.fate == fate)) for fate in Fate}
-        for name, landing in landings.items()
-    }
     return Tracked(landings, drawn, injected, fates)
 
 

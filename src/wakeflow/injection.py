@@ -10,7 +10,7 @@ Resolved: it is released above the body and the tracker does the impact; for gra
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,17 +18,19 @@ from numpy.typing import NDArray
 
 from .field import FlowField
 from .geometry import edges, normals
-from .laws.collision import bounce
-from .planning import FractionPlan, Plan
+from .laws.collision import collide
+from .laws.drag import slip_correction
+from .planning import REPLICATES, FractionPlan, Plan, replicate_size
+from .scales import release
 from .scene import GRAVITY, Fraction, Scene
 from .tracking import Granules, track
 
-__all__ = ["REPLICATES", "Feedstock", "arrival", "feedstock", "first_contact"]
+__all__ = ["Feedstock", "arrival", "feedstock", "first_contact"]
 
 Array = NDArray[np.float64]
-REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
-CLEARANCE = 1e-3  # of the body's width: how far above a contact a resolved granule may start at the least
+CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
+CALM = ("drag", "gravity", "buoyancy", "added-mass")  # terms that act in uniform air without turbulence
 
 
 @dataclass(frozen=True)
@@ -40,21 +42,21 @@ class Feedstock:
     injected: NDArray[np.bool_]
 
 
-def _samples(name: str, count: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
-    """Scrambled Sobol points (n, 4) in the unit cube, and the replicate each belongs to; n >= count.
+def _samples(
+    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES)
+) -> tuple[Array, NDArray[np.int64]]:
+    """Scrambled Sobol points (n, 4) in the unit cube of some ``replicates``, and the one each belongs to.
 
-    Sobol sets are balanced for powers of two, so each replicate has that many; the stream depends on the
-    fraction's own name only, not on the other fractions.
+    The stream depends on the fraction's own name and on the replicate, not on the other fractions.
     """
     from scipy.stats import qmc
 
-    power = max(0, int(np.ceil(np.log2(count / REPLICATES))))
-    parts = []
-    for replicate in range(REPLICATES):
+    size, parts = replicate_size(count), []
+    for replicate in replicates:
         source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-        parts.append(qmc.Sobol(4, scramble=True, rng=source).random_base2(power))
+        parts.append(qmc.Sobol(4, scramble=True, rng=source).random(size))
     points = np.clip(np.concatenate(parts), 1e-12, 1 - 1e-12)
-    return points, np.repeat(np.arange(REPLICATES), 2**power)
+    return points, np.repeat(np.asarray(replicates), size)
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -83,13 +85,16 @@ def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Arra
     return height, normal
 
 
-def arrival(scene: Scene, plan: Plan, how: FractionPlan, grains: Granules, drop: Array, speed: float) -> Array:
-    """Downward speed (n,) m/s of granules after falling ``drop`` (n,) m from ``speed`` in the channel's uniform air.
+def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, speed: Array) -> Array:
+    """Downward speed (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
     uniform flow.
     """
-    reach = float(drop.max()) + 1.0
+    reach = max(float(np.ptp(next(iter(scene.body.values())).outline()[:, 1])) + release(scene)[0], scene.width) + 1.0
+    reach *= 2.0 ** max(
+        0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
+    )  # the same for any part of the granules
     if scene.air is None:
         column = None
     else:
@@ -105,13 +110,13 @@ def arrival(scene: Scene, plan: Plan, how: FractionPlan, grains: Granules, drop:
         )
     still = grains.replace(
         position=np.stack([np.full(drop.shape, 0.3), drop], axis=1),  # off the column's diagonal and its nodes
-        velocity=np.tile([0.0, -speed], (len(drop), 1)),
+        velocity=np.stack([np.zeros(drop.shape), -speed], axis=1),
         time=np.zeros(len(drop)),
     )
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
     tracks = track(
-        column, still, until=1e3, tolerance=1e-6, length=scene.width, forces=plan.forces, drag=how.drag, lines=(level,),
-        gravity=(0.0, -GRAVITY),
+        column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=how.drag, lines=(level,),
+        forces=[force for force in how.forces if force in CALM], gravity=(0.0, -GRAVITY),
     )  # fmt: skip
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
 
@@ -164,18 +169,12 @@ def _first_descent(
     return low, high
 
 
-def _start(scene: Scene, top: float, radius: float) -> tuple[float, float]:
-    """Height (m) of the centres where the fall begins, and the fall speed (m/s) there.
-
-    With feed.speed the curtain begins at most one body width above the body, with the speed that makes
-    feed.speed of it at the body's top.
-    """
-    least = (1.0 + CLEARANCE) * radius
-    if scene.feed.height is not None:
-        return top + max(scene.feed.height, least), 0.0
-    assert scene.feed.speed is not None
-    above = float(np.clip(scene.feed.speed**2 / (2 * GRAVITY), least, max(least, scene.width)))
-    return top + above, float(np.sqrt(max(0.0, scene.feed.speed**2 - 2 * GRAVITY * above)))
+def _start(scene: Scene, top: float, radius: Array) -> tuple[Array, Array]:
+    """Heights (n,) m of the centres where the fall begins, clear of the body, and the fall speeds (n,) m/s there."""
+    above, _ = release(scene)
+    level = np.maximum(above, (1.0 + CLEARANCE) * radius)
+    fall = scene.feed.speed or 0.0
+    return top + level, np.sqrt(np.maximum(0.0, fall**2 - 2 * GRAVITY * level) if fall else np.zeros(radius.shape))
 
 
 def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
@@ -190,6 +189,7 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
 def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granules:
     origin = np.zeros((len(diameter), 2))
     properties = fraction.properties
+    correction = slip_correction(diameter)
     return Granules(
         position=origin,
         velocity=origin,
@@ -198,44 +198,60 @@ def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granule
         sphericity=fraction.sphericity or 1.0,
         restitution=properties.restitution,
         friction=properties.friction,
-        drag_scale=how.drag_scale,
+        drag_scale=how.drag_scale / correction,
+        inertia=fraction.inertia,
     )
 
 
-def feedstock(scene: Scene, plan: Plan, name: str, field_period: float | None) -> Feedstock:
-    """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow."""
+def feedstock(
+    scene: Scene, plan: Plan, name: str, field_period: float | None, replicates: Sequence[int] = range(REPLICATES)
+) -> Feedstock:
+    """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow.
+
+    ``replicates``: only those, the same granules as among all.
+    """
     fraction, how = scene.fraction[name], plan.fractions[name]
     outline = next(iter(scene.body.values())).outline()
-    points, replicate = _samples(name, scene.feed.count, scene.feed.seed)
+    points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates)
     x = scene.feed.position + scene.feed.width * (points[:, 0] - 0.5)
     diameter = fraction.diameters(points[:, 1])
     grains = _granules(fraction, how, diameter)
-    level, speed = _start(scene, float(outline[:, 1].max()), 0.5 * float(diameter.max()))
-    position, velocity = _released(scene, plan, how, grains, x, level, speed)
-    time = _times(scene, points[:, 2:], field_period)
+    level, speed = _start(scene, float(outline[:, 1].max()), 0.5 * diameter)
+    position, velocity = _released(scene, how, grains, x, level, speed)
+    time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
     if how.mode == "injected":
         height, normal = contact_points(outline, x, diameter / 2)
         meets = np.isfinite(height)
-        fall = arrival(scene, plan, how, grains, level - np.where(meets, height, level - 1.0), speed)
+        fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
         i = np.flatnonzero(injected)
         amplitude, omega = scene.motion
         passing = time[i].copy()
         time[i], wall = first_contact(fall[i], normal[i], passing, amplitude, omega)
         position[i] = np.stack([x[i], height[i] - fall[i] * (time[i] - passing)], axis=1)
-        falling = np.stack([np.zeros(len(i)), -fall[i]], axis=1)
-        velocity[i] = bounce(falling, normal[i], wall, grains.restitution[i], grains.friction[i])
-    return Feedstock(grains.replace(position=position, velocity=velocity, time=time), replicate, injected)
+        velocity[i], spin[i] = _rebound(grains[i], fall[i], normal[i], wall)
+    entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin)
+    return Feedstock(entered, replicate, injected)
+
+
+def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:
+    """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2)."""
+    vx, vy, spin, _, _ = collide(
+        0.0, -fall, 0.0, normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1], grains.restitution, grains.friction,
+        1.0 / grains.inertia, grains.diameter / 2,
+    )  # fmt: skip
+    return np.stack([vx, vy], axis=1), spin
 
 
 def _released(
-    scene: Scene, plan: Plan, how: FractionPlan, grains: Granules, x: Array, level: float, speed: float
+    scene: Scene, how: FractionPlan, grains: Granules, x: Array, level: Array, speed: Array
 ) -> tuple[Array, Array]:
     """Where granules that the tracker takes from the start begin: at ``level``, or at the channel's top below it."""
     top = scene.channel.top - 1e-6 * scene.width
-    velocity = np.tile([0.0, -speed], (len(x), 1))
-    if level > top:
-        fall = arrival(scene, plan, how, grains, np.full(len(x), level - top), speed)
-        velocity[:, 1] = -np.nan_to_num(fall, nan=0.0)
-    return np.stack([x, np.full(len(x), min(level, top))], axis=1), velocity
+    velocity = np.stack([np.zeros(len(x)), -speed], axis=1)
+    above = np.flatnonzero(level > top)
+    if len(above):
+        fall = arrival(scene, how, grains[above], level[above] - top, speed[above])
+        velocity[above, 1] = -np.nan_to_num(fall, nan=0.0)
+    return np.stack([x, np.minimum(level, top)], axis=1), velocity

@@ -115,7 +115,7 @@ class Chain:
 
     def _draft(self) -> Path:
         """The case folder of the same scene's draft airflow."""
-        plan = make_plan(self.scene, rung="draft")
+        plan = make_plan(self.scene, rung="draft", force=self.plan.force, target_error=self.plan.target_error)
         draft = replace(self, plan=plan, seconds={}, listener=lambda stage, text: self.listener(f"draft {stage}", text))
         folder = draft.solution[1] / "case"
         self.seconds.update({f"draft {stage}": spent for stage, spent in draft.seconds.items()})
@@ -161,13 +161,13 @@ class Chain:
             del tables["feed"][key]
         del tables["numerics"]
         upstream = None if self.scene.air is None else self.field[0]
-        how = {name: asdict(row) for name, row in self.plan.fractions.items()}
-        code = _sources("laws", "tracking", "field.py", "injection.py", "flight.py", "geometry.py", "tables.py")
+        how = {name: row.tracked for name, row in self.plan.fractions.items()}
+        code = _sources(
+            "laws", "tracking", "field.py", "scales.py", "injection.py", "flight.py", "geometry.py", "tables.py"
+        )
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
-        return content_key(
-            "tracks", tables, order, self.plan.forces, self.plan.symmetric, repr(how), upstream, code, versions
-        )
+        return content_key("tracks", tables, order, self.plan.symmetric, repr(how), upstream, code, versions)
 
     def tracks(self, tolerance: float | None = None) -> Tracked:
         """Every granule's landing. Another ``tolerance`` than the scene's is a companion run for the budget."""

@@ -1,33 +1,41 @@
 """The plan: what a scene needs, what is left out and by which bound, and what it will cost. Starts nothing heavy.
 
-A bound is the largest landing shift (in body widths) that a left-out term could cause, taken over the fractions.
+``gate`` chooses the forces of each fraction: a bound on each term's landing shift against the accuracy asked for.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from .bounds import Flight, neglected
 from .errors import SceneError
+from .gate import Gate, LeftOut, check_switches, open_gate
 from .geometry import is_symmetric
-from .laws.drag import drag_factor_for_terminal_velocity, drag_laws, relaxation_time, terminal_velocity
+from .laws.drag import (
+    drag_factor_for_terminal_velocity,
+    drag_laws,
+    relaxation_time,
+    slip_correction,
+    terminal_velocity,
+)
 from .registry import nearest
-from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
+from .scales import flights
+from .scene import GRAVITY, STANDARD_AIR, Scene
 
-__all__ = ["FractionPlan", "Plan", "make_plan"]
+__all__ = ["AT_ONCE", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
 
 LAMINAR_BELOW = 300.0  # Reynolds number; above it the k-omega SST model runs
 SHEDDING_ABOVE = 30.0  # no sharp-edged body of the kind sheds below (flat plate 27.8, triangle 34.3: Jackson 1987)
 INJECTED_ABOVE = (
     10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
 )
+REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
+AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
 RUNGS = ("auto", "none", "draft", "standard", "reference")
-SWITCHES = ("buoyancy", "pressure-gradient")  # terms that --force may switch; drag and gravity always act
 
 
 @dataclass(frozen=True)
@@ -36,19 +44,19 @@ class FractionPlan:
 
     mode: str  # injected | resolved
     drag: str  # name of the drag law
-    drag_scale: float  # factor on the law that gives the measured terminal velocity; 1 without one
+    drag_scale: float  # factor on the law that gives the measured terminal velocity; 1 without one. A granule's own
+    # slip correction divides it
     terminal_velocity: float | None  # m/s in the scene's air; None in a vacuum
     relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
     stokes: float  # approach Stokes number: relaxation time x arrival speed / half width
+    forces: tuple[str, ...] = ()  # the terms it is flown with
+    bounds: dict[str, float] = field(default_factory=dict)  # body widths each term could move it by
+    limit: float | None = None  # body widths: what a term must be able to move to be used
 
-
-@dataclass(frozen=True)
-class LeftOut:
-    """A term that is not computed: the bound on what it would move (body widths; None: not a shift) and why."""
-
-    name: str
-    bound: float | None
-    why: str
+    @property
+    def tracked(self) -> dict[str, Any]:
+        """What its tracks depend on: everything but the bounds that chose the forces."""
+        return {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit")}
 
 
 @dataclass(frozen=True)
@@ -59,12 +67,18 @@ class Plan:
     turbulence: str | None  # laminar | kOmegaSST
     symmetric: bool  # the airflow's geometry is its own mirror image about x = 0
     half: bool  # only half of the channel is solved, the other half is its mirror image
-    forces: tuple[str, ...]
+    target_error: float  # of a bin's share: what the bounds were compared with
+    force: dict[str, bool]  # terms switched by hand
     fractions: dict[str, FractionPlan]
     used: list[str]
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+
+    def with_forces(self, forces: Sequence[str]) -> Plan:
+        """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
+        rows = {name: replace(how, forces=tuple(forces)) for name, how in self.fractions.items()}
+        return replace(self, fractions=rows)
 
     def summary(self) -> dict[str, Any]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
@@ -74,33 +88,72 @@ class Plan:
         return table
 
 
-def make_plan(scene: Scene, *, rung: str | None = None, force: Mapping[str, bool] | None = None) -> Plan:
-    """Decide what ``scene`` needs. ``rung`` overrides the scene's; ``force`` switches single terms on or off.
+def make_plan(
+    scene: Scene,
+    *,
+    rung: str | None = None,
+    force: Mapping[str, bool] | None = None,
+    target_error: float | None = None,
+) -> Plan:
+    """Decide what ``scene`` needs. ``rung`` and ``target_error`` (a share) override the scene's; ``force`` switches
+    terms on or off, {"lift": True} for all fractions, {"chaff.lift": True} for one.
 
-    Raises SceneError when a rung or term is asked for that cannot be had.
+    Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
+    could move a fraction by more than the accuracy asked for.
     """
-    chosen = _rung(scene, rung or scene.numerics.rung)
+    chosen, switches = _rung(scene, rung or scene.numerics.rung), dict(force or {})
+    target = scene.numerics.target_error if target_error is None else target_error
+    if not 0.0 < target <= 0.5:
+        raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
     turbulence = None
     if scene.reynolds is not None:
         turbulence = "laminar" if scene.reynolds < LAMINAR_BELOW else "kOmegaSST"
-    fractions = {name: _fraction_plan(scene, name, fraction) for name, fraction in scene.fraction.items()}
-    forces = _forces(scene, force or {})
+    check_switches(scene, switches, turbulence)
     symmetric = all(is_symmetric(body.outline()) for body in scene.body.values())
     half = chosen == "draft" and symmetric
-    flights = {} if scene.air is None else {n: _flight(scene, scene.fraction[n], p) for n, p in fractions.items()}
     plan = Plan(
         rung=chosen,
         turbulence=turbulence,
         symmetric=symmetric,
         half=half,
-        forces=forces,
-        fractions=fractions,
-        used=_used(scene, chosen, turbulence, symmetric, half, forces, fractions),
-        left_out=_left_out(scene, forces, flights),
-        estimate=_estimate(scene, chosen, half),
+        target_error=target,
+        force=switches,
+        fractions={},
+        used=[],
+        left_out=[],
+        estimate={},
     )
-    plan.warnings.extend(_warnings(scene, plan, flights))
+    gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name)) is not None}
+    plan.warnings.extend(_missing(gates))
+    plan.estimate.update(_estimate(scene, plan))
+    if scene.air is None:
+        plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
+    plan.used.extend(_used(scene, plan))
+    plan.warnings.extend(_warnings(scene, plan))
     return plan
+
+
+def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
+    """Decide how fraction ``name`` is computed, and with which forces; None in a vacuum, where there is no choice."""
+    how = _fraction_plan(scene, name)
+    if scene.air is None:
+        plan.fractions[name] = replace(how, forces=("gravity",))
+        return None
+    found = flights(
+        scene, name, how.drag, how.drag_scale, injected=how.mode == "injected", turbulent=plan.turbulence != "laminar"
+    )
+    gate = open_gate(scene, name, found, plan.force, plan.target_error, plan.turbulence)
+    plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
+    plan.left_out.extend(gate.left_out)
+    return gate
+
+
+def _missing(gates: Mapping[str, Gate]) -> Iterator[str]:
+    """A line for each term that could matter and is not computed, with what it could move."""
+    terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
+    for term, why in terms:
+        moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
+        yield f"{term}, left out, could move {', '.join(moved)} body widths: {why}"
 
 
 def _rung(scene: Scene, asked: str) -> str:
@@ -120,22 +173,12 @@ def _rung(scene: Scene, asked: str) -> str:
     return asked
 
 
-def _forces(scene: Scene, force: Mapping[str, bool]) -> tuple[str, ...]:
-    for term, on in force.items():
-        if term in neglected and on:
-            raise SceneError(f"--force {term}=on: this version cannot compute it; its bound is in the plan")
-        if term not in SWITCHES and term not in neglected:
-            raise SceneError(f"--force {term}: unknown term (known: {', '.join([*SWITCHES, *neglected])})")
-    if scene.air is None:
-        return ("gravity",)
-    return ("drag", "gravity", *(term for term in SWITCHES if force.get(term, True)))
-
-
 def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
     """The factor on the drag law that gives a measured terminal velocity. Raises SceneError where none can be."""
     if density <= STANDARD_AIR[0]:
         raise SceneError(f"fraction.{name}.density = {density:g} kg/m3: lighter than air, it has no terminal velocity")
     scale = float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, law))
+    scale *= float(slip_correction(diameter))  # the granule that was measured slipped as well
     if not 0.5 <= scale <= 100.0:
         sphere = float(terminal_velocity(diameter, density, *STANDARD_AIR, GRAVITY, law))
         raise SceneError(
@@ -145,9 +188,9 @@ def _calibration(name: str, law: str, diameter: float, density: float, speed: fl
     return scale
 
 
-def _fraction_plan(scene: Scene, name: str, fraction: Fraction) -> FractionPlan:
-    granule = fraction.properties
-    law = "haider-levenspiel" if fraction.sphericity is not None else "brown-lawler"
+def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
+    fraction = scene.fraction[name]
+    granule, law = fraction.properties, fraction.drag_law
     entry, phi = drag_laws[law], fraction.sphericity or 1.0
     scale = 1.0
     if fraction.measured_settling is not None:
@@ -156,16 +199,16 @@ def _fraction_plan(scene: Scene, name: str, fraction: Fraction) -> FractionPlan:
     if scene.air is None:
         mode = "injected" if wanted == "auto" else wanted
         return FractionPlan(mode, law, scale, None, math.inf, math.inf)
-    air = scene.air
+    air, own = scene.air, scale / float(slip_correction(granule.diameter))
     settling = float(
         terminal_velocity(
-            granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=scale
+            granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=own
         )
     )
     along = air.speed if air.direction == "down" else -air.speed
     fall = scene.feed.fall_speed
     reynolds = air.density * abs(fall - along) * granule.diameter / air.viscosity
-    factor = scale * float(entry.factor(np.array([reynolds]), phi)[0])
+    factor = own * float(entry.factor(np.array([reynolds]), phi)[0])
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
     stokes = tau * fall / (0.5 * scene.width)
     falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
@@ -173,104 +216,47 @@ def _fraction_plan(scene: Scene, name: str, fraction: Fraction) -> FractionPlan:
     return FractionPlan(mode, law, scale, settling, tau, stokes)
 
 
-def _flight(scene: Scene, fraction: Fraction, how: FractionPlan) -> Flight:
-    """The scales of one fraction in a scene with air."""
-    air, granule = scene.air, fraction.properties
-    assert air is not None
-    assert how.terminal_velocity is not None
-    along = air.speed if air.direction == "down" else -air.speed
-    fall = scene.feed.fall_speed
-    down = how.terminal_velocity + along  # where the velocity tends to, downwards
-    distance = abs(scene.channel.bottom) if down > 0 else scene.channel.top
-    return Flight(
-        diameter=granule.diameter,
-        density=granule.density,
-        tau=how.relaxation_time,
-        settling=how.terminal_velocity,
-        arrival=max(fall, abs(down)),
-        slip=abs(fall - along),
-        time=distance / max(min(fall, abs(down)), 0.1 * air.speed),
-        air_density=air.density,
-        viscosity=air.viscosity,
-        air_speed=air.speed,
-        width=scene.width,
-        intensity=air.turbulence,
-    )
-
-
-def _used(
-    scene: Scene,
-    rung: str,
-    turbulence: str | None,
-    symmetric: bool,
-    half: bool,
-    forces: tuple[str, ...],
-    fractions: dict[str, FractionPlan],
-) -> list[str]:
-    lines = ["forces: " + ", ".join(forces)]
-    if rung == "draft":
-        part = ", half of the channel mirrored" if half else ""
-        lines.insert(0, f"airflow: steady, {turbulence}{part} (Re {scene.reynolds:.3g})")
-    elif rung == "standard":
-        part = "; half of the granules in its mirror image" if symmetric else ""
-        lines.insert(0, f"airflow: time-resolved, {turbulence} (Re {scene.reynolds:.3g}){part}")
-    for name, how in fractions.items():
+def _used(scene: Scene, plan: Plan) -> list[str]:
+    lines = []
+    if plan.rung == "draft":
+        part = ", half of the channel mirrored" if plan.half else ""
+        lines.append(f"airflow: steady, {plan.turbulence}{part} (Re {scene.reynolds:.3g})")
+    elif plan.rung == "standard":
+        part = "; half of the granules in its mirror image" if plan.symmetric else ""
+        lines.append(f"airflow: time-resolved, {plan.turbulence} (Re {scene.reynolds:.3g}){part}")
+    for name, how in plan.fractions.items():
         resolved = "released above the body, impacts resolved"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
         stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g})"
         drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
-        lines.append(f"{name}: {impact}{stokes}{drag}")
+        lines.append(f"{name}: {impact}{stokes}{drag}; forces {', '.join(how.forces)}")
     if scene.vibration is not None:
         peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
         lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; the air sees a body at rest")
     return lines
 
 
-def _left_out(scene: Scene, forces: tuple[str, ...], flights: dict[str, Flight]) -> list[LeftOut]:
-    if scene.air is None:
-        return [LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed")]
-    rows = []
-    for name in neglected:
-        bound, why = neglected[name]
-        worst = max(flights, key=lambda fraction: bound(flights[fraction]))
-        widest = scene.channel.width / scene.width  # nothing lands farther off
-        rows.append(
-            LeftOut(name, min(bound(flights[worst]), widest), f"{why}; largest for {worst}; not in this version")
-        )
-    rows += [LeftOut(term, None, "switched off by --force") for term in SWITCHES if term not in forces]
-    if scene.vibration is not None:
-        peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
-        rows.append(LeftOut("vibration-of-the-air", None, f"body speed over air speed is {peak / scene.air.speed:.2g}"))
-    rows.append(LeftOut("collisions-between-granules", None, _loading(scene)))
-    return rows
+def replicate_size(count: int) -> int:
+    """Granules in each of the REPLICATES when ``count`` are asked for: the next power of two, since Sobol sets are
+    balanced for these.
+    """
+    return int(2 ** max(0, math.ceil(math.log2(count / REPLICATES))))
 
 
-def _loading(scene: Scene) -> str:
-    """How dense the curtain is: volume fraction and collisions a granule meets over one body width of fall."""
-    feed, volume, rate = scene.feed, 0.0, 0.0
-    speed = max(feed.fall_speed, 0.1)
-    for name, share in scene.mass_shares().items():
-        granule = scene.fraction[name].properties
-        flux = feed.mass_flow * share / granule.density / (feed.width * feed.depth * speed)  # volume fraction
-        volume += flux
-        rate += 6.0 * flux / granule.diameter  # number density x pi d^2, per metre of relative path
-    return (
-        f"volume fraction {volume:.2g} in the curtain, about {rate * scene.width:.2g} meetings a granule per body width"
-    )
-
-
-def _estimate(scene: Scene, rung: str, half: bool) -> dict[str, float]:
+def _estimate(scene: Scene, plan: Plan) -> dict[str, float]:
     """Seconds, memory and disk, from runs of the shipped scenes on two cores of 2020s hardware; good to a factor 3."""
-    count = scene.feed.count * len(scene.fraction)
-    airflow = {"none": 0.0, "draft": 15.0 if half else 40.0, "standard": 200.0}[rung]
+    count = REPLICATES * replicate_size(scene.feed.count)
+    at_once = max(min(count, AT_ONCE), count // REPLICATES)
+    airflow = {"none": 0.0, "draft": 15.0 if plan.half else 40.0, "standard": 200.0}[plan.rung]
+    noisy = sum("dispersion" in how.forces for how in plan.fractions.values())
     return {
-        "seconds": 5.0 + airflow + 300e-6 * count,  # tracking and its companion for the budget
-        "memory": 4e8 + 600.0 * count,
-        "disk": {"none": 1e6, "draft": 5e7, "standard": 3e8}[rung] + 100.0 * count,
+        "seconds": 5.0 + airflow + 300e-6 * count * (len(plan.fractions) + 2.0 * noisy),  # with the budget's companion
+        "memory": 4e8 + 1500.0 * at_once + 120.0 * count,
+        "disk": {"none": 1e6, "draft": 5e7, "standard": 3e8}[plan.rung] + 80.0 * count * len(plan.fractions),
     }
 
 
-def _warnings(scene: Scene, plan: Plan, flights: dict[str, Flight]) -> list[str]:
+def _warnings(scene: Scene, plan: Plan) -> list[str]:
     """Where the model's assumptions strain, with numbers."""
     lines = []
     for name, fraction in scene.fraction.items():
@@ -286,9 +272,6 @@ def _warnings(scene: Scene, plan: Plan, flights: dict[str, Flight]) -> list[str]
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
         if how.mode == "injected" and how.stokes < INJECTED_ABOVE:
             lines.append(f"{name}: injected at an approach Stokes number of {how.stokes:.2g}; the air turns many aside")
-    large = [f"{row.name} {row.bound:.2g}" for row in plan.left_out if row.bound is not None and row.bound > 0.1]
-    if large:
-        lines.append("left out, and could move granules by up to so many body widths: " + ", ".join(large))
     if plan.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
         lines.append(
             "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"

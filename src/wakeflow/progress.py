@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .planning import Plan
+    from rich.table import Table
+
+    from .planning import LeftOut, Plan
     from .runs import Result
 
 __all__ = ["live", "show_plan", "show_result"]
@@ -46,7 +48,7 @@ def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
 
 
 def show_plan(plan: Plan) -> None:
-    """Print what is used, what is left out with its bound, and the cost."""
+    """Print what is used, the bound on every term for every fraction, what is left out, and the cost."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -54,9 +56,12 @@ def show_plan(plan: Plan) -> None:
     console = Console()
     for line in plan.used:
         console.print(f"• {line}", highlight=False, markup=False)
-    table = Table("left out", "bound (body widths)", "why", title=None, pad_edge=False)
-    for row in plan.left_out:
-        table.add_row(row.name, "–" if row.bound is None else f"{row.bound:.2g}", Text(row.why))
+    if any(how.bounds for how in plan.fractions.values()):
+        console.print(_bounds_table(plan))
+    table = Table("left out", "fraction", "bound (body widths)", "why", title=None, pad_edge=False)
+    for (name, why), rows in _grouped(plan.left_out).items():
+        bounds = "\n".join("–" if row.bound is None else f"{row.bound:.2g}" for row in rows)
+        table.add_row(name, "\n".join(row.fraction or "all" for row in rows), bounds, Text(why))
     console.print(table)
     cost = plan.estimate
     console.print(
@@ -64,6 +69,36 @@ def show_plan(plan: Plan) -> None:
         highlight=False,
     )
     _warn(console, plan.warnings)
+
+
+def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:
+    """Rows with the same name and reason together, whatever their fraction."""
+    groups: dict[tuple[str, str], list[LeftOut]] = {}
+    for row in rows:
+        groups.setdefault((row.name, row.why), []).append(row)
+    return groups
+
+
+def _bounds_table(plan: Plan) -> Table:
+    """Terms by fractions: what each could move, in body widths; bold where it is computed."""
+    from rich.table import Table
+
+    title = f"how far each term could move a fraction, body widths (accuracy {plan.target_error:.2g} of a share)"
+    table = Table(
+        "term", title=title, title_justify="left", pad_edge=False, caption="bold: computed; the rest left out"
+    )
+    for name in plan.fractions:
+        table.add_column(name, justify="right")
+    terms = list(next(iter(plan.fractions.values())).bounds)
+    for term in terms:
+        cells = [
+            f"[bold]{how.bounds[term]:.2g}[/]" if term in how.forces else f"{how.bounds[term]:.2g}"
+            for how in plan.fractions.values()
+        ]
+        table.add_row(term, *cells)
+    table.add_section()
+    table.add_row("left out below", *(f"{how.limit:.2g}" for how in plan.fractions.values()))
+    return table
 
 
 def show_result(result: Result) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .budget import make_budget
+from .budget import make_budget, together
 from .errors import SceneError
 from .files import atomic_write, content_key, digest_files, write_json
 from .pipeline import Chain, Listener, silent
@@ -65,14 +65,16 @@ def run(
     until: str | None = None,
     rung: str | None = None,
     force: Mapping[str, bool] | None = None,
+    target_error: float | None = None,
     workers: int | None = None,
     listener: Listener = silent,
     redraw: bool = False,
 ) -> Result:
     """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
 
-    ``until`` stops after "mesh", "airflow" or "tracks" (no separation then); ``rung`` and ``force`` override the plan;
-    ``workers`` threads track. ``listener(stage, text)`` hears of progress; ``redraw`` draws a finished report anew.
+    ``until`` stops after "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and ``target_error``
+    override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)`` hears of progress;
+    ``redraw`` draws a finished report anew.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
@@ -84,11 +86,11 @@ def run(
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise SceneError(f"--out {folder}: is a file; name a folder")
-    plan = make_plan(scene, rung=rung, force=force)
+    plan = make_plan(scene, rung=rung, force=force, target_error=target_error)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
-            options = {"until": until, "rung": rung, "force": dict(force or {})}
+            options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
             return _run(scene, plan, folder, options, Chain(scene, plan, listener, workers), redraw)
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
@@ -122,6 +124,7 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
         table["separation"] = separate(scene, tracked.landings)
         table["budget"] = make_budget(chain, tracked, table["separation"])
     table["warnings"] = plan.warnings + _notices(scene, chain, table, tracked)
+    table["warnings"] += together(table.get("budget", []), plan.target_error)
     table["seconds"] = chain.seconds
     table["versions"] = _versions()
     code = digest_files([Path(__file__).parent])
@@ -148,7 +151,7 @@ def _report(scene: Scene, chain: Chain, tracked: Tracked, table: dict[str, Any],
         name: {
             "x": landing.position[:, 0],
             "y": landing.position[:, 1],
-            "weight": np.full(len(landing.bin), 1.0 / len(landing.bin)),
+            "weight": np.broadcast_to(1.0 / len(landing.bin), landing.bin.shape),
             "bin": landing.bin,
         }
         for name, landing in tracked.landings.items()
@@ -166,7 +169,8 @@ def report_again(folder: Path | str) -> Path:
         options, scene, _ = table["options"], table["scene"], table["separation"]
     except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError, KeyError, TypeError):
         raise SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}") from None
-    run(Scene.parse(scene), folder, rung=options["rung"], force=options["force"], redraw=True)
+    target = options.get("target_error")
+    run(Scene.parse(scene), folder, rung=options["rung"], force=options["force"], target_error=target, redraw=True)
     return Path(folder) / "report.html"
 
 

@@ -7,6 +7,7 @@ quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,26 +24,27 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Landings:
-    """Where the granules of one fraction ended; one entry a granule, every granule stands for the same mass.
+    """Where the granules of one fraction ended; one entry a granule, every granule stands for the same mass; integers
+    and lesser columns in few bytes, since there may be very many.
 
     ``position`` (n, 2) m, ``bin`` (n,) index into the scene's bins or -1 for elsewhere, ``replicate`` (n,),
     ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies.
     """
 
     position: Array
-    bin: NDArray[np.int64]
-    replicate: NDArray[np.int64]
-    diameter: Array
-    fate: NDArray[np.int64]
-    time: Array
-    impacts: NDArray[np.int64]
+    bin: NDArray[Any]
+    replicate: NDArray[Any]
+    diameter: NDArray[Any]
+    fate: NDArray[Any]
+    time: NDArray[Any]
+    impacts: NDArray[Any]
 
     def counts(self, bins: int) -> Array:
         """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""
         replicates = int(self.replicate.max()) + 1
-        place = np.where(self.bin >= 0, self.bin, bins)
-        table = np.zeros((replicates, bins + 1))
-        np.add.at(table, (self.replicate, place), 1.0)
+        place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
+        place += self.replicate.astype(np.int64) * (bins + 1)
+        table = np.bincount(place, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
         return table / table.sum(axis=1, keepdims=True)
 
 
@@ -92,12 +94,15 @@ def _purity(name: str, masses: dict[str, Array], shares: dict[str, dict[str, flo
     return {"value": value, "low": max(0.0, low), "high": min(1.0, high)}
 
 
-def separate(scene: Scene, landings: dict[str, Landings]) -> dict[str, Any]:
+def separate(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Any]:
     """The ``separation`` table of result.json: shares, purity, recovery, throughput (kg/h) per bin."""
     bins = [*scene.bin, RESERVED_BIN]
     mass = scene.mass_shares()
-    shares = {name: landing.counts(len(scene.bin)) for name, landing in landings.items()}  # (replicates, bins)
-    count = {name: len(landing.bin) for name, landing in landings.items()}
+    shares, count = {}, {}
+    for name in landings:
+        landing = landings[name]
+        shares[name] = landing.counts(len(scene.bin))  # (replicates, bins)
+        count[name] = len(landing.bin)
     fractions = {
         name: {b: _share(table[:, i], count[name], "share") for i, b in enumerate(bins)}
         for name, table in shares.items()

@@ -13,6 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from .errors import SceneError
 from .geometry import is_simple
+from .laws.drag import drag_laws
 from .laws.material import Material, materials
 from .laws.shape import shapes
 from .laws.size import sizes
@@ -188,6 +189,12 @@ class Size(Table):
     std: Diameter | None = None
     median: Diameter | None = None
     geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
+    scale: Diameter | None = Field(None, description="rosin-rammler: 63.2 % of the mass is finer")
+    spread: Annotated[float, Field(ge=0.5, le=50)] | None = Field(None, description="rosin-rammler: its exponent")
+    diameters: list[Diameter] | None = Field(None, description="table: the sieves, finest first")
+    passing: list[Annotated[float, Field(ge=0, le=1)]] | None = Field(
+        None, description="table: mass fraction finer than each sieve, from 0 to 1"
+    )
 
     @model_validator(mode="after")
     def _has_quantiles(self) -> Size:
@@ -223,8 +230,12 @@ class Fraction(Table):
     terminal_velocity: PositiveSpeed | None = Field(
         None, description="measured in air at 20 C, of the median size; drag is calibrated to it"
     )
+    drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
     friction: Annotated[float, Field(ge=0, le=10)] | None = None
+    inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
+        None, description="I / (m r^2): 0.4 sphere, 0.5 disc; default: a point mass, as in the paper, gets no spin"
+    )
     mass_share: Share | None = Field(None, description="of the feed; shares add up to 1; default: equal")
     target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
         None, description="the bin, or bins, where it should land"
@@ -240,6 +251,9 @@ class Fraction(Table):
                 raise SceneError(f"without a material give also: {', '.join(missing)}")
         if self.sphericity is not None and self.terminal_velocity is not None:
             raise SceneError("give sphericity or terminal_velocity, not both")
+        if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
+            verb = "has no" if self.sphericity is not None else "needs a"
+            raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
         return self
 
     def _or_material(self, name: str) -> Any:
@@ -264,6 +278,11 @@ class Fraction(Table):
             confidence="given" if self.material is None else materials[self.material].confidence,
             source="scene" if self.material is None else materials[self.material].source,
         )
+
+    @property
+    def drag_law(self) -> str:
+        """Its name: the one given, else Haider & Levenspiel's with a sphericity, Brown & Lawler's without."""
+        return self.drag or ("brown-lawler" if self.sphericity is None else "haider-levenspiel")
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -337,6 +356,9 @@ class Numerics(Table):
 
     rung: Literal["auto", "none", "draft", "standard", "reference"] = "auto"
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(1e-4, description="landing error in body widths")
+    target_error: Annotated[float, Field(gt=0, le=0.5)] = Field(
+        0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
+    )
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )

@@ -44,7 +44,7 @@ forces.add("lift", Force(
 ))  # fmt: skip
 forces.add("magnus", Force(
     "spin lift across the slip, and the air's torque on the spin",
-    "Rubinow, S.I. & Keller, J.B. 1961, J. Fluid Mech. 11, 447; Oesterle, B. & Bui Dinh, T. 1998, Exp. Fluids 25, 16",
+    "Rubinow, S.I. & Keller, J.B. 1961, J. Fluid Mech. 11, 447; Loth, E. 2008, AIAA J. 46, 801",
 ))  # fmt: skip
 forces.add("dispersion", Force(
     "the turbulent velocity that the mean field does not hold, as a Langevin process",

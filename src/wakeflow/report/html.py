@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..files import atomic_write
-from .tables import NONE, UNKNOWN, budget_sources, error_text, expected, percent, source_seconds, targets
+from .tables import NONE, UNKNOWN, budget_sources, condensed, error_text, expected, percent, source_seconds, targets
 
 __all__ = ["render", "write_html"]
 
@@ -54,7 +54,7 @@ SCALE = {"mm": 1e3, "cm²": 1e4}
 HOW = {
     "measured": "from this run",
     "companion": "from a second, finer run",
-    "calibrated": "from earlier runs of this kind",
+    "calibrated": "a bound on the shift times the landing density found",
     "unknown": "not known",
 }
 
@@ -82,6 +82,7 @@ def render(result: Result, pictures: Mapping[str, str], title: str = "result") -
     )
     environment.filters.update(percent=percent, number=_number, seconds=_seconds)
     template = environment.get_template("report.html.j2")
+    budget = {"budget": condensed(result.get("budget") or [])}
     return template.render(
         result=result,
         title=title,
@@ -91,9 +92,9 @@ def render(result: Result, pictures: Mapping[str, str], title: str = "result") -
         expected=lambda place: expected(result, place),
         pictures=[(name, pictures[name], text) for name, text in FIGURES.items() if name in pictures],
         airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
-        budget=result.get("budget") or [],
-        sources=budget_sources(result) if result.get("budget") else [],
-        spent=source_seconds(result) if result.get("budget") else {},
+        budget=budget["budget"],
+        sources=budget_sources(budget),
+        spent=source_seconds(budget),
         error_text=error_text,
         unknown=UNKNOWN,
         dash=NONE,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ __all__ = [
     "budget_rows",
     "budget_sources",
     "budget_table",
+    "condensed",
     "error_text",
     "expected",
     "percent",
@@ -47,6 +48,7 @@ SEPARATION_COLUMNS = (  # low and high: the 95 % interval
     "bin throughput (kg/h)",
 )
 BUDGET_COLUMNS = ("quantity", "source", "error", "unit of error", "run time (s)", "how")
+KINDS = {"left-out": "terms left out", "not-computed": "terms not computed"}  # in a budget's table
 NONE = "–"
 UNKNOWN = "unknown"
 POINTS = "1"  # the unit of shares: fractions of 1 in result.json
@@ -160,6 +162,7 @@ def budget_table(result: Result) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
+    result = {**result, "budget": condensed(result["budget"])}
     errors = {
         s: [p["error"] for e in result["budget"] for p in e["parts"] if p["source"] == s]
         for s in budget_sources(result)
@@ -181,10 +184,38 @@ def budget_table(result: Result) -> Table:
         table.add_section()
         cost = source_seconds(result)
         table.add_row("run time (s)", *(_seconds(cost[source]) for source in sources), "")
+    notes = dict.fromkeys(_term_notes(result))
     if unknown:
-        table.caption = f"unknown, so that no total is claimed: {', '.join(unknown)}"
-        table.caption_justify = "left"
+        notes[f"unknown, so that no total is claimed: {', '.join(unknown)}"] = None
+    table.caption, table.caption_justify = "\n".join(notes) or None, "left"
     return table
+
+
+def _term_notes(result: Result) -> Iterator[str]:
+    """Which terms stand behind the parts that :func:`condensed` made, for each fraction."""
+    for entry in result["budget"]:
+        for part in entry["parts"]:
+            if part["source"] in KINDS.values():
+                fraction = entry["quantity"].split(".")[1]
+                yield f"{fraction}, {part['source']}: {part['note']}"
+
+
+def condensed(budget: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The budget with the terms that are left out added up: one part for those that were left out as small enough for
+    the accuracy asked for, one for those that could matter and are not computed.
+    """
+    rows = []
+    for entry in budget:
+        parts = [part for part in entry["parts"] if "kind" not in part]
+        for kind, title in KINDS.items():
+            terms = [part for part in entry["parts"] if part.get("kind") == kind]
+            if terms:
+                names = ", ".join(part["source"] for part in terms)
+                error = min(1.0, sum(part["error"] for part in terms))
+                parts.append({**terms[0], "source": title, "error": error, "note": names})
+        known = [part for part in parts if part["error"] is not None]
+        rows.append({**entry, "parts": known + [part for part in parts if part["error"] is None]})
+    return rows
 
 
 def budget_sources(result: Result) -> list[str]:
@@ -197,7 +228,7 @@ def error_text(entry: Mapping[str, Any], error: float | None) -> str:
     if error is None:
         return UNKNOWN
     if _unit(entry) == POINTS:
-        return "0" if error == 0 else f"{100 * error:.2g}"
+        return "0" if error == 0 else f"{100 * error:.0f}" if error >= 0.1 else f"{100 * error:.2g}"
     return f"{error:.2g} {_unit(entry)}"
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 
 from ..laws.collision import collide
-from .events import HALTED, NOTHING, PLANE, SLID_OFF, SPEED, SPIN, displacement, first_below
+from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
 from .exponential import along
 from .jit import compiled, inlined
+from .seen import mirror
 from .state import (
     ARM,
     BODY,
@@ -27,6 +28,7 @@ from .state import (
     MOBILITY,
     MU,
     NOBODY,
+    NOISE,
     NX,
     NY,
     ON_EDGE,
@@ -36,8 +38,10 @@ from .state import (
     RADIUS,
     RESTING,
     RESTITUTION,
+    ROLL,
     SIGN,
     T_END,
+    T_NOISE,
     TURN,
     VX,
     VY,
@@ -49,7 +53,7 @@ from .state import (
 from .step import free_force
 from .walls import constrain, grasp, inside
 
-__all__ = ["ends_of_slide", "grip", "lift_off", "rescue", "settle", "strike"]
+__all__ = ["ends_of_slide", "friction_turn", "grip", "lets_go", "rescue", "settle", "strike", "takes_hold"]
 
 _collide = compiled(collide)
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
@@ -57,8 +61,8 @@ STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced 
 
 
 @compiled
-def settle(state, ints, hold, walls):
-    """Put a sliding granule exactly on its surface, moving along it."""
+def settle(state, ints, hold, walls, rolls):
+    """Put a granule in contact exactly on its surface, moving along it; where it rolls its contact point is at rest."""
     _, off = grasp(hold, walls, ints[CONTACT], ints[FEATURE], hold[ARM], state[X], state[Y], state[T])
     nx, ny = hold[NX], hold[NY]
     state[X] -= off * nx
@@ -67,6 +71,8 @@ def settle(state, ints, hold, walls):
     vn = (state[VX] - wx) * nx + (state[VY] - wy) * ny
     state[VX] -= vn * nx
     state[VY] -= vn * ny
+    if rolls:
+        state[TURN] = (nx * (state[VY] - wy) - ny * (state[VX] - wx)) / hold[ARM]
 
 
 @compiled
@@ -88,10 +94,12 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     vx, vy, spin, normal, _ = _collide(
         state[VX], state[VY], state[TURN], nx, ny, wx, wy, e, f, grain[MOBILITY], grain[RADIUS]
     )
+    if grain[NOISE] != 0.0:
+        mirror(state, ints, nx, ny)
     if normal > 0.0:
         ints[IMPACTS] += 1
     state[VX], state[VY], state[TURN] = vx, vy, spin
-    fx, fy, _, _ = free_force(affine, grain, table, state[X], state[Y], vx, vy, state[T])
+    fx, fy, _, _, _ = free_force(affine, grain, table, state[X], state[Y], vx, vy, state[T], spin)
     rebound = (vx - wx) * nx + (vy - wy) * ny
     slide = -ny * (vx - wx) + nx * (vy - wy)
     lift = (fx - px) * nx + (fy - py) * ny
@@ -108,22 +116,29 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
 
 
 @compiled
+def _held(hold, grain, press, free):
+    """Whether friction holds a granule at rest against the free tangential acceleration; what can roll, does."""
+    friction = 0.0 if grain[MOBILITY] > 0.0 else hold[MU]
+    return press > 0.0 and abs(free) <= (friction + STATIC) * press
+
+
+@compiled
 def _carried(state, ints, hold, affine, grain, table, walls, dt):
     """Whether friction still holds after riding with the wall for dt, and where and how fast the granule is then."""
     t = state[T]
     x0, y0, _, _, _, _ = displacement(walls.bodies, ints[BODY], t)
     x1, y1, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], t + dt)
     x, y = state[X] + x1 - x0, state[Y] + y1 - y0
-    fx, fy, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt)
+    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt, 0.0)
     _, _, press, free, _ = constrain(hold, fx, fy, x, y, wx, wy, t + dt)
-    return press > 0.0 and abs(free) <= (hold[MU] + STATIC) * press, x, y, wx, wy
+    return _held(hold, grain, press, free), x, y, wx, wy
 
 
 @compiled
 def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
     """A granule at rest on a wall that friction holds: it rests for good, or rides on with the wall while it does."""
     moving = hold[WW] != 0.0
-    if not moving and not timed:
+    if not moving and not timed and grain[NOISE] == 0.0:
         ints[FATE] = RESTING
         return
     dt = rules.until - state[T]
@@ -131,6 +146,8 @@ def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
         dt = min(dt, 0.05 / hold[WW])
     if timed:
         dt = min(dt, 0.25 / affine[15] if affine[15] != 0.0 else dt, state[T_END] - state[T])
+    if grain[NOISE] != 0.0:
+        dt = min(dt, state[T_NOISE] - state[T])
     end = state[T] + dt
     held, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, dt)
     if not held:  # let go within: find out when
@@ -153,29 +170,91 @@ def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
 
 @compiled
 def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
-    """For a granule in contact: lifted off, held by static friction, or sliding. Returns whether it was dealt with."""
-    hold[SIGN] = 0.0
+    """For a granule in contact: lifted off, held by static friction, rolling or sliding. Returns whether it was dealt
+    with.
+
+    Rolling takes the friction force free / (1 + m r^2 / I) (Routh 1897, ch. 4); where the wall cannot give that, the
+    contact point slips.
+    """
+    hold[SIGN] = hold[ROLL] = 0.0
     _, _, press, free, slide = constrain(hold, fx, fy, state[X], state[Y], state[VX], state[VY], state[T])
     if press <= 0.0:
         state[HELD] = 0.0
         ints[CONTACT] = FREE
         hold[KIND] = FREE
         return False
-    if abs(slide) <= 1e-13 * (rules.length + abs(free)):
-        if abs(free) <= (hold[MU] + STATIC) * press:
-            _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
-            return True
-        slide = free
-    hold[SIGN] = 1.0 if slide > 0.0 else -1.0
+    mobility, around = grain[MOBILITY], grain[RADIUS] * state[TURN]
+    slip = slide - around if mobility > 0.0 else slide
+    still = 1e-13 * (rules.length + abs(free))
+    if abs(slide) <= still and abs(slip) <= still and _held(hold, grain, press, free):
+        state[TURN] = 0.0 if mobility > 0.0 else state[TURN]
+        _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
+        return True
     state[HELD] = 0.0
+    if abs(slip) <= still + (1e-12 * (abs(slide) + abs(around)) if mobility > 0.0 else 0.0):
+        part = 1.0 / (1.0 + mobility)
+        if mobility > 0.0 and abs(free) * part <= hold[MU] * press:
+            hold[ROLL] = part
+            state[TURN] = slide / grain[RADIUS]
+            return False
+        slip = free
+    hold[SIGN] = 1.0 if slip > 0.0 else -1.0
     return False
 
 
 @compiled
-def ends_of_slide(path, ints, hold, walls, rules, s, t0):
-    """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
-    feature).
+def friction_turn(path, h, state, affine, grain, table, hold):
+    """Coefficients of s, s^2, s^3 of the spin that friction gives a slipping granule over a step h (Simpson's rule)."""
+    if hold[ROLL] != 0.0 or grain[MOBILITY] == 0.0:
+        return 0.0, 0.0, 0.0
+    spin, t0 = state[TURN], state[T]
+    a, _ = _pressed(path, 0.0, t0, affine, grain, table, hold, spin)
+    b, _ = _pressed(path, 0.5 * h, t0, affine, grain, table, hold, spin)
+    c, _ = _pressed(path, h, t0, affine, grain, table, hold, spin)
+    size = hold[SIGN] * hold[MU] * grain[MOBILITY] / grain[RADIUS]
+    return size * a, size * (4.0 * b - 3.0 * a - c) / (2.0 * h), size * (a - 2.0 * b + c) * 2.0 / (3.0 * h * h)
+
+
+@compiled
+def _slip(path, s, t0, hold, walls, body, spin, radius):
+    """Velocity of the contact point along the moving wall."""
+    x, y, vx, vy = along(path, s)
+    dx, dy, wx, wy, _, _ = displacement(walls.bodies, body, t0 + s)
+    nx, ny = hold[NX], hold[NY]
+    if hold[KIND] == ON_VERTEX:
+        nx, ny = x - dx - hold[OX], y - dy - hold[OY]
+        d = math.sqrt(nx * nx + ny * ny)
+        nx, ny = nx / d, ny / d
+    return nx * (vy - wy) - ny * (vx - wx) - radius * spin
+
+
+@compiled
+def takes_hold(path, s, state, ints, hold, grain, walls, turn):
+    """When within [0, s] the contact point of a slipping granule that can turn comes to rest (bisection): (time, did
+    it).
     """
+    if hold[ROLL] != 0.0 or grain[MOBILITY] == 0.0:
+        return s, False
+    a, b, c = turn
+    spin, body, radius, sign = state[TURN], ints[BODY], grain[RADIUS], hold[SIGN]
+    if sign * _slip(path, s, state[T], hold, walls, body, spin + s * (a + s * (b + s * c)), radius) > 0.0:
+        return s, False
+    low, high = 0.0, s
+    for _ in range(60):
+        m = 0.5 * (low + high)
+        if sign * _slip(path, m, state[T], hold, walls, body, spin + m * (a + m * (b + m * c)), radius) > 0.0:
+            low = m
+        else:
+            high = m
+    return high, True
+
+
+@compiled
+def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
+    """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
+    feature). What can turn does not stop when it stops sliding.
+    """
+    stops = grain[MOBILITY] == 0.0
     bodies, body, skin = walls.bodies, ints[BODY], 1e-3 * rules.skin
     event, kind, which = NOTHING, FREE, NOBODY
     x, y, vx, vy = along(path, 0.0)
@@ -188,7 +267,7 @@ def ends_of_slide(path, ints, hold, walls, rules, s, t0):
     if hold[KIND] == ON_EDGE:
         tx, ty, size = -hold[NY], hold[NX], walls.edges[feature, 6]
         wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
-        if wa > 0.0 and wb < 0.0:
+        if stops and wa > 0.0 and wb < 0.0:
             s = first_below(
                 path, t0, bodies, body, SPEED, 0.0, 0.0, 0.0, sign * tx, sign * ty, 0.0, wa, 0.0, s, wb, 0.0, 0.0
             )
@@ -209,7 +288,7 @@ def ends_of_slide(path, ints, hold, walls, rules, s, t0):
                 kind = ON_VERTEX if which >= 0 else FREE
         return s, event, kind, which
     wa, wb = sign * (qx * ry - qy * rx), sign * (ex * uy - ey * ux)
-    if wa > 0.0 and wb < 0.0:
+    if stops and wa > 0.0 and wb < 0.0:
         s = first_below(path, t0, bodies, body, SPIN, hold[OX], hold[OY], sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
         event = HALTED
     for end in range(2):  # beyond the direction of the edge that ends here, before that of the edge that starts here
@@ -229,26 +308,31 @@ def ends_of_slide(path, ints, hold, walls, rules, s, t0):
 
 
 @compiled
-def _pressed(path, s, t0, affine, grain, table, hold):
+def _pressed(path, s, t0, affine, grain, table, hold, spin):
+    """How hard the wall presses at time s of the step, and whether a rolling granule's grip is enough."""
     x, y, vx, vy = along(path, s)
-    fx, fy, _, _ = free_force(affine, grain, table, x, y, vx, vy, t0 + s)
-    _, _, press, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0 + s)
-    return press
+    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, vx, vy, t0 + s, spin)
+    _, _, press, free, _ = constrain(hold, fx, fy, x, y, vx, vy, t0 + s)
+    return press, hold[ROLL] == 0.0 or abs(free) * hold[ROLL] <= (hold[MU] + STATIC) * press
 
 
 @compiled
-def lift_off(path, s, t0, affine, grain, table, hold):
-    """When the wall stops pressing within [0, s] (bisection); s when it presses to the end."""
-    if _pressed(path, s, t0, affine, grain, table, hold) > 0.0:
-        return s, False
+def lets_go(path, s, state, affine, grain, table, hold):
+    """When within [0, s] the wall stops pressing, or rolling becomes slipping (bisection): (time, event)."""
+    spin, t0 = state[TURN], state[T]
+    press, firm = _pressed(path, s, t0, affine, grain, table, hold, spin)
+    if press > 0.0 and firm:
+        return s, NOTHING
     low, high = 0.0, s
     for _ in range(50):
         middle = 0.5 * (low + high)
-        if _pressed(path, middle, t0, affine, grain, table, hold) > 0.0:
+        press, firm = _pressed(path, middle, t0, affine, grain, table, hold, spin)
+        if press > 0.0 and firm:
             low = middle
         else:
             high = middle
-    return high, True
+    press, _ = _pressed(path, high, t0, affine, grain, table, hold, spin)
+    return high, LIFTED if press <= 0.0 else SLIPS
 
 
 @inlined

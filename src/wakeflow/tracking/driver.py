@@ -12,18 +12,37 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..field import FlowField
-from ..registry import nearest
 from .exponential import PATH
 from .granules import Body, Granules, Motion, Tracks
 from .kernel import fly_block
-from .prepare import FORCES, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
-from .state import AFFINE, CONSTRAINT, FATE, IMPACTS, LINE, STEPS, STORED, TURN, VX, VY, Rules, T, Walls, X, Y
+from .prepare import check_forces, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
+from .state import (
+    AFFINE,
+    CONSTRAINT,
+    EVALUATIONS,
+    FATE,
+    IMPACTS,
+    LINE,
+    STEPS,
+    STORED,
+    TURN,
+    VX,
+    VY,
+    Air,
+    Rules,
+    T,
+    Walls,
+    X,
+    Y,
+)
 
 __all__ = ["track"]
 
 Array = NDArray[np.float64]
 BLOCK = 512  # granules handed to a thread at a time
 ROOM = 1024  # points kept of a recorded track
+NOISE_STEP = 0.1  # of an eddy's lifetime: an interval of noise
+EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
 MOST_STEPS = 1_000_000
 MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good
 
@@ -43,24 +62,26 @@ def track(
     gravity: Sequence[float] = (0.0, -9.81),
     seed: int = 0,
     record: bool = False,
+    march: bool = True,
     workers: int | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Tracks:
     """Follow ``grains`` through ``field`` (None: a vacuum) until each meets its fate, or the clock shows ``until`` (s).
 
     ``tolerance`` is the landing error in units of ``length`` (m; default: width of the first body, 1 m without one).
-    ``forces``: drag, gravity (g alone), buoyancy, pressure-gradient; those of the air do nothing in a vacuum.
+    ``forces``: names of :mod:`wakeflow.laws.forces`: drag, gravity (g alone), buoyancy, pressure-gradient, added-mass,
+    lift, magnus, dispersion, brownian; those of the air do nothing in a vacuum.
     ``bodies`` are outlines (k, 2), which move by ``motion``, or Body; ``lines`` (k, 2) polylines that end a track
     when its centre crosses them. An edge of the mesh that no body covers ends it there: BINNED when it lies on a
     line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
-    one born outside the mesh ESCAPED with no step. ``seed`` is for random forces; there are none in this version.
-    ``record`` keeps each path, thinned to at most 1024 points. ``workers`` threads (default: all cores); results do
-    not depend on their number. ``progress(done, total)``. Raises SceneError for an unknown force or drag law, or
-    arguments out of range.
+    one born outside the mesh ESCAPED with no step. ``seed`` numbers the random streams of dispersion and Brownian
+    motion, one a granule, by its place among ``grains``.
+    ``record`` keeps each path, thinned to at most 1024 points. ``march`` False: third-order steps from face to face all
+    the way, slower, and no better than ``tolerance`` either. ``workers`` threads (default: all cores); results do
+    not depend on their number. ``progress(done, total)``. Raises SceneError for an unknown force or drag law, a force
+    that needs what the field has not, or arguments out of range.
     """
-    for force in forces:
-        if force not in FORCES:
-            raise SceneError(f"unknown force {force!r}{nearest(force, list(FORCES))} (known: {', '.join(FORCES)})")
+    check_forces(forces, field)
     solids = [body if isinstance(body, Body) else Body(np.asarray(body, dtype=float), motion=motion) for body in bodies]
     if length is None:
         length = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
@@ -69,27 +90,37 @@ def track(
             raise SceneError(f"{name} = {value:g} must be positive and finite")
     if not np.isfinite(until):
         raise SceneError(f"until = {until:g} s must be finite")
+    if not 0 <= seed < 2**63:
+        raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
     reach = 1e-6 * length
     walls = pack_walls(solids, pack_lines(lines))
-    air = pack_air(field, solids, reach, "pressure-gradient" in forces)
+    air = pack_air(field, solids, reach, forces)
     tables, table_of = pack_tables(drag, grains.sphericity)
-    floats, ints = pack_state(grains, field, air, solids, reach)
-    rules = _rules(field, solids, walls, until, tolerance, length)
-    constants = pack_granules(grains, field, forces, gravity)
-    recorded: list[Array] = [np.zeros((0, 5))] * len(grains)
+    rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
+    found = Tracks.empty(len(grains), recorded=record)
 
     def fly(low: int) -> int:
+        """One block, packed here so that what the kernel needs of a granule exists for few of them at a time."""
         part = slice(low, min(low + BLOCK, len(grains)))
-        count = part.stop - low
-        room = np.zeros((count, ROOM if record else 0, 5))
+        some = grains[part]
+        floats, ints = pack_state(some, low, field, air, solids, reach)
+        constants = pack_granules(some, field, forces, gravity)
+        room = np.zeros((len(some), ROOM if record else 0, 5))
         scratch = (np.zeros(PATH), np.zeros(AFFINE), np.zeros(CONSTRAINT))
-        block = (floats[part], ints[part], constants[part], tables, table_of[part])
-        fly_block(*block, air, walls, rules, room, *scratch)
-        if record:
-            for i in range(count):
-                recorded[low + i] = room[i, : ints[low + i, STORED]].copy()
-        return count
+        fly_block(floats, ints, constants, tables, table_of[part], air, walls, rules, room, *scratch)
+        found.position[part], found.velocity[part] = floats[:, [X, Y]], floats[:, [VX, VY]]
+        found.time[part], found.spin[part] = floats[:, T], floats[:, TURN]
+        for whole, column in (
+            (found.fate, FATE), (found.steps, STEPS), (found.impacts, IMPACTS), (found.line, LINE),
+            (found.evaluations, EVALUATIONS),
+        ):  # fmt: skip
+            whole[part] = ints[:, column]
+        if found.recorded is not None:
+            found.recorded[part] = [room[i, : ints[i, STORED]].copy() for i in range(len(some))]
+        return len(some)
 
+    if not len(grains):
+        pack_granules(grains, field, forces, gravity)
     done = 0
     pool = ThreadPoolExecutor(max_workers=workers or os.cpu_count() or 1)
     try:
@@ -99,32 +130,27 @@ def track(
                 progress(done, len(grains))
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
         pool.shutdown(cancel_futures=True)
-    return Tracks(
-        position=floats[:, [X, Y]],
-        velocity=floats[:, [VX, VY]],
-        time=floats[:, T].copy(),
-        fate=ints[:, FATE].copy(),
-        steps=ints[:, STEPS].copy(),
-        impacts=ints[:, IMPACTS].copy(),
-        line=ints[:, LINE].copy(),
-        spin=floats[:, TURN].copy(),
-        recorded=tuple(recorded) if record else None,
-    )
+    return found
 
 
 def _rules(
     field: FlowField | None,
+    air: Air,
     bodies: Sequence[Body],
     walls: Walls,
     until: float,
     tolerance: float,
     length: float,
+    seed: int,
+    march: bool,
 ) -> Rules:
     extent = 10 * length if field is None else float(np.hypot(*np.ptp(field.points, axis=0)))
     periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
     rest = max(periods, default=0.0)
     if field is not None and field.times is not None and len(field.times) > 1:
         rest = max(rest, field.period) if field.period is not None else np.inf
+    if air.values.shape[-1] > 4:  # eddies may blow it off later; what lay still for many of them stays
+        rest = max(rest, min(EDDIES * float(air.values[..., 5].max()), until))
     box, swing = walls.bodies[:, :4], np.abs(walls.bodies[:, 4:6])
     return Rules(
         until=float(until),
@@ -134,6 +160,9 @@ def _rules(
         skin=1e-11 * length,
         tiny=0.01 * tolerance * length,
         rest=1.05 * rest,
+        noise=NOISE_STEP,
+        seed=int(seed),
+        march=int(march),
         left=float(np.min(box[:, 0] - swing[:, 0], initial=0.0)),
         right=float(np.max(box[:, 2] + swing[:, 0], initial=0.0)),
         bottom=float(np.min(box[:, 1] - swing[:, 1], initial=0.0)),

@@ -16,7 +16,7 @@ from .jit import compiled
 __all__ = ["PLANE", "ROUND", "SPEED", "SPIN", "displacement", "first_below", "level"]
 
 PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
-NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED = range(7)  # what ends a step
+NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED, SLIPS, GRIPS = range(9)  # what ends a step
 
 
 @compiled

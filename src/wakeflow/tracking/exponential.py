@@ -19,6 +19,8 @@ from .jit import compiled
 __all__ = ["PATH", "along", "phis"]
 
 PATH = 13  # numbers in a path
+# Taylor coefficients of phi_4: divisions would take most of the time of a step
+C0, C1, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11, C12, C13, C14, C15 = (1.0 / math.factorial(k + 4) for k in range(16))
 
 
 @compiled
@@ -33,13 +35,13 @@ def phis(z):
         p2 = (p1 - 1.0) / z
         p3 = (p2 - 0.5) / z
         return e, p1, p2, p3, (p3 - 1.0 / 6.0) / z
-    if z > -0.02:
-        p4 = 1.0 + z / 9.0 * (1.0 + z / 10.0)
+    if z > -1e-3:
+        p4 = C0 + z * (C1 + z * (C2 + z * (C3 + z * C4)))
+    elif z > -0.1:
+        p4 = C0 + z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * (C6 + z * (C7 + z * C8)))))))
     else:
-        p4 = 1.0 + z / 18.0 * (1.0 + z / 19.0)
-        for k in range(17, 8, -1):
-            p4 = 1.0 + z / k * p4
-    p4 = (1.0 + z / 5.0 * (1.0 + z / 6.0 * (1.0 + z / 7.0 * (1.0 + z / 8.0 * p4)))) / 24.0
+        p4 = C8 + z * (C9 + z * (C10 + z * (C11 + z * (C12 + z * (C13 + z * (C14 + z * C15))))))
+        p4 = C0 + z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * (C6 + z * (C7 + z * p4)))))))
     p3 = 1.0 / 6.0 + z * p4
     p2 = 0.5 + z * p3
     p1 = 1.0 + z * p2

@@ -185,7 +185,7 @@ class Tracks:
     born by.
 
     ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track
-    or -1; ``spin`` rad/s.
+    or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion.
     """
 
     position: Array
@@ -196,10 +196,26 @@ class Tracks:
     impacts: Index
     line: Index
     spin: Array
-    recorded: tuple[Array, ...] | None = None
+    evaluations: Index
+    recorded: list[Array] | None = None
 
     def __len__(self) -> int:
         return len(self.fate)
+
+    @classmethod
+    def empty(cls, count: int, *, recorded: bool = False) -> Tracks:
+        """Room for the tracks of ``count`` granules."""
+        numbers = {
+            name: np.zeros(count, dtype=np.int64) for name in ("fate", "steps", "impacts", "line", "evaluations")
+        }
+        return cls(
+            position=np.zeros((count, 2)),
+            velocity=np.zeros((count, 2)),
+            time=np.zeros(count),
+            spin=np.zeros(count),
+            recorded=[np.zeros((0, 5))] * count if recorded else None,
+            **numbers,
+        )
 
     def path(self, i: int) -> tuple[Array, Array, Array]:
         """Times (m,), positions (m, 2) and velocities (m, 2) of granule i; needs ``record=True``."""

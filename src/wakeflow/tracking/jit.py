@@ -24,7 +24,9 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 def _folder() -> Path:
     """A writable folder for this version of the sources; a temporary one where the cache is not writable."""
-    laws = [HERE.parent / "laws" / name for name in ("collision.py", "drag.py")]
+    laws = [
+        HERE.parent / "laws" / name for name in ("collision.py", "drag.py", "lift.py", "rotation.py", "turbulence.py")
+    ]
     name = digest_files([*sorted(HERE.glob("*.py")), *laws])[:20]
     folder = cache_root() / "numba" / name
     try:

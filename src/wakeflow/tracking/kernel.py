@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import math
 
-from .contact import ends_of_slide, grip, lift_off, rescue, settle, strike
-from .events import CROSSED, EXIT, HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, WALL, displacement, first_below
+from .advance import EDGE, HOP_LIMIT, confined_step, leap, leaves, longest_step
+from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
+from .events import CROSSED, EXIT, GRIPS, HALTED, LIFTED, NOTHING, SLID_OFF, WALL, displacement
 from .exponential import along
 from .jit import compiled, entry, inlined, merged
-from .locate import air_at, barycentric, bracket, load, reproject, walk
+from .locate import barycentric, bracket, load, reproject, walk
+from .seen import renew
 from .state import (
     AIRBORNE,
-    ARM,
     BINNED,
     BODY,
     CONTACT,
     ESCAPED,
+    EVALUATIONS,
     FATE,
     FEATURE,
     FLYING,
@@ -33,12 +35,14 @@ from .state import (
     IMPACTS,
     KIND,
     LINE,
+    MAGNUS,
     NOBODY,
+    NOISE,
     NX,
     NY,
-    ON_VERTEX,
     RADIUS,
     RESTING,
+    ROLL,
     SEEN,
     STEPS,
     STOPPED,
@@ -46,22 +50,21 @@ from .state import (
     STRIDE,
     STUCK,
     T_END,
+    T_NOISE,
     TRI,
+    TURN,
     VX,
     VY,
-    WW,
     T,
     X,
     Y,
 )
-from .step import attempt, drag_rate, exit_time
+from .step import free_force, spin_at
 from .walls import constrain, crossing, first_contact, grasp, inside, overlap
 
 __all__ = ["fly_block"]
 
-EDGE = 1e-11  # barycentric distance below which a granule is on an edge
 PROGRESS = 1e-8  # of the step tried: less is none
-HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
 
 
 @compiled
@@ -171,72 +174,6 @@ def _begin(state, ints, hold, air, grain, walls, rules):
 
 
 @inlined
-def _longest(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge):
-    """The longest step worth trying: end, snapshot, triangle, last error, and nearly straight where there are walls."""
-    h = min(rules.until - state[T], state[H_ERROR])
-    if timed:
-        h = min(h, state[T_END] - state[T])
-    if air.corners.shape[0] > 0:
-        if ints[GAP] >= 0:
-            if speed > 0.0:
-                h = min(h, 0.5 * edge / speed)
-        else:
-            h = min(h, exit_time(air.geometry, ints[TRI], path, 1e-3))
-    if walls.bodies.shape[0] > 0:  # nearly straight where bodies may be met
-        x, y = state[X], state[Y]
-        away = max(rules.left - x, x - rules.right, rules.bottom - y, y - rules.top, 0.0) - grain[RADIUS]
-        half = 0.5 * rules.length + max(away, 0.0)
-        slow = speed + math.sqrt(half * pull)
-        if slow > 0.0:
-            h = min(h, half / slow)
-    if ints[STUCK] >= HOP_LIMIT:  # too many contacts in no time: a step too short to reach into a wall, without looking
-        h = min(h, math.sqrt(rules.skin / (pull + 1e-3 * rules.length)))
-    if hold[KIND] != FREE:
-        if hold[WW] != 0.0:
-            h = min(h, 0.2 / hold[WW])
-        if hold[KIND] == ON_VERTEX:
-            h = min(h, 0.2 * hold[ARM] / (speed + math.sqrt(hold[ARM] * pull)))
-    return h
-
-
-@inlined
-def _accept(path, h, state, affine, grain, table, hold, rules, speed, pull):
-    """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
-    shortest = 1e-13 * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
-    for rejected in range(60):
-        horizon = min(rules.until - state[T], rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300))
-        error, fast = attempt(path, h, state[T], affine, grain, table, hold, horizon)
-        allowed = rules.allowance * h * max(speed, math.sqrt(fast)) + 1e-15 * rules.extent
-        if error <= allowed or (h <= shortest and math.isfinite(error)):
-            state[H_ERROR] = h * min(5.0, 0.9 * (allowed / error) ** (1.0 / 3.0)) if error > 0.0 else math.inf
-            return h
-        # a velocity transient shorter than the step shrinks the error no faster than the step: then go down quickly
-        most = 0.9 if rejected == 0 else (0.5 if rejected < 4 else 0.1)
-        h *= max(0.1, most * min(1.0, (allowed / error) ** (1.0 / 3.0))) if math.isfinite(error) else 0.1
-    return 0.0
-
-
-@inlined
-def _leaves(path, h, ints, air):
-    """When and across which edge the step leaves the triangle: (time, edge), edge -1 when it does not."""
-    g, tri = air.geometry, ints[TRI]
-    x, y, vx, vy = along(path, h)
-    s, edge = h, NOBODY
-    for k in range(3):
-        bx, by = g[tri, 2 + 2 * k], g[tri, 3 + 2 * k]
-        fb, rb = barycentric(g, tri, k, x, y), bx * vx + by * vy
-        ra = bx * path[2] + by * path[3]
-        if fb > 0.0 and not (ra < 0.0 and rb > 0.0):
-            continue
-        fa = barycentric(g, tri, k, path[0], path[1])
-        q0 = 1.0 if k == 0 else 0.0
-        found = first_below(path, 0.0, g, NOBODY, PLANE, g[tri, 0], g[tri, 1], q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
-        if found >= 0.0 and (found < s or (found == s and fb <= 0.0)):
-            s, edge = found, k
-    return s, edge
-
-
-@inlined
 def _advance(end, s, h, state, ints, rules):
     """Move to time s of the step; clocks that were aimed at are met exactly."""
     t0 = state[T]
@@ -247,16 +184,16 @@ def _advance(end, s, h, state, ints, rules):
             state[T] = rules.until
         elif h == state[T_END] - t0:
             state[T] = state[T_END]
+        elif h == state[T_NOISE] - t0:
+            state[T] = state[T_NOISE]
     if s > PROGRESS * h:
         ints[HOPS] = 0
         ints[STUCK] = 0
 
 
 @inlined
-def _refresh(state, ints, affine, air, grain, walls, timed):
-    """Load the affine field of the current place and snapshot interval where they changed; length of a boundary
-    edge.
-    """
+def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
+    """Find the snapshots, the noise and the boundary edge of the granule's clock and place; that edge's length."""
     edge = 0.0
     if ints[GAP] >= 0:
         buried = False
@@ -265,8 +202,8 @@ def _refresh(state, ints, affine, air, grain, walls, timed):
         edge = reproject(state, ints, air, buried)
     if timed and state[T] >= state[T_END]:
         bracket(state, ints, affine, air.times, air.period[0])
-    if ints[FRESH] == 0:
-        load(state, ints, affine, air, grain)
+    if grain[NOISE] != 0.0 and state[T] >= state[T_NOISE]:
+        renew(state, ints, affine, air, grain, table, rules)
     return edge
 
 
@@ -274,9 +211,9 @@ def _refresh(state, ints, affine, air, grain, walls, timed):
 def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):
     """One step and what ends it."""
     x, y, vx, vy, t0 = state[X], state[Y], state[VX], state[VY], state[T]
-    ux, uy, ax, ay = air_at(affine, x, y, t0)
-    rate = drag_rate(grain, table, (ux - vx) ** 2 + (uy - vy) ** 2)
-    fx, fy, wind2 = rate * (ux - vx) + ax, rate * (uy - vy) + ay, ux * ux + uy * uy
+    fx, fy, rate, ux, uy = free_force(affine, grain, table, x, y, vx, vy, t0, state[TURN])
+    ints[EVALUATIONS] += 1
+    wind2 = ux * ux + uy * uy
     pull = math.sqrt(affine[8] ** 2 + affine[11] ** 2)
     speed = math.sqrt(max(vx * vx + vy * vy, wind2 if rate > 0.0 else 0.0))
     if hold[KIND] != FREE:
@@ -288,21 +225,26 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
             fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
     path[0], path[1], path[2], path[3], path[4] = x, y, vx, vy, rate
     path[5], path[6], path[11], path[12] = fx + rate * vx, fy + rate * vy, ux, uy
-    h = _longest(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge)
-    h = _accept(path, h, state, affine, grain, table, hold, rules, speed, pull)
+    meshed = air.corners.shape[0] > 0 and ints[GAP] < 0
+    blind = ints[HOPS] >= HOP_LIMIT
+    longest, inside_cell = longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge)
+    h = min(longest, inside_cell)
+    h = confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed, pull)
     if not h > 0.0:
         ints[FATE] = STOPPED
         return
     s, event, kind, which, line = h, NOTHING, FREE, NOBODY, NOBODY
-    meshed = air.corners.shape[0] > 0 and ints[GAP] < 0
-    blind = ints[HOPS] >= HOP_LIMIT
     if meshed and not blind:
-        s, which = _leaves(path, h, ints, air)
+        s, which = leaves(path, h, ints, air)
         event = EXIT if which >= 0 else NOTHING
+    turn = (0.0, 0.0, 0.0)
     if hold[KIND] != FREE:
-        s, lifted = lift_off(path, s, t0, affine, grain, table, hold)
-        event = LIFTED if lifted else event
-        s, slid, next_kind, next_which = ends_of_slide(path, ints, hold, walls, rules, s, t0)
+        turn = friction_turn(path, h, state, affine, grain, table, hold)
+        s, let_go = lets_go(path, s, state, affine, grain, table, hold)
+        event = let_go if let_go != NOTHING else event
+        s, gripped = takes_hold(path, s, state, ints, hold, grain, walls, turn)
+        event = GRIPS if gripped else event
+        s, slid, next_kind, next_which = ends_of_slide(path, ints, hold, grain, walls, rules, s, t0)
         if slid != NOTHING:
             event, kind, which = slid, next_kind, next_which
     end = along(path, s)
@@ -316,9 +258,14 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         s, event = found, CROSSED
         end = along(path, s)
     ints[STEPS] += 1
+    if hold[KIND] == FREE:
+        if grain[MAGNUS] != 0.0:
+            state[TURN] = spin_at(affine, grain, state[TURN], t0, s)
+    elif hold[ROLL] == 0.0:
+        state[TURN] += s * (turn[0] + s * (turn[1] + s * turn[2]))
     _advance(end, s, h, state, ints, rules)
     if hold[KIND] != FREE:
-        settle(state, ints, hold, walls)
+        settle(state, ints, hold, walls, hold[ROLL] != 0.0 or event == GRIPS)
     if event == CROSSED:
         ints[FATE], ints[LINE] = BINNED, line
         return
@@ -365,6 +312,7 @@ def _born(state, ints, affine, hold, air, grain, walls, rules, timed):
     ints[STRIDE] = 1
     state[T_END] = -math.inf if timed else math.inf
     state[H_ERROR] = math.inf
+    state[T_NOISE] = -math.inf if grain[NOISE] != 0.0 else math.inf
     if air.corners.shape[0] == 0:
         affine[8], affine[11] = grain[GX], grain[GY]
         ints[FRESH] = 1
@@ -385,9 +333,15 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
             elif ints[STEPS] >= rules.steps or ints[IMPACTS] >= rules.impacts:
                 ints[FATE] = STOPPED
             else:
-                edge = _refresh(state, ints, affine, air, grain, walls, timed)
+                edge = _refresh(state, ints, affine, air, grain, table, walls, rules, timed)
                 meshed = air.corners.shape[0] > 0 and ints[GAP] < 0 and ints[HOPS] < HOP_LIMIT
                 if meshed and _hop(state, ints, air, walls, rules):
                     continue
+                drawn = record.shape[0] > 0
+                if meshed and leap(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0:
+                    _store(state, ints, record, 0)
+                    continue
+                if ints[FRESH] == 0:
+                    load(state, ints, affine, air, grain)
                 _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record)
         _store(state, ints, record, 1)

@@ -4,8 +4,27 @@ from __future__ import annotations
 
 import math
 
-from .jit import compiled, inlined
-from .state import FRESH, GAP, GX, GY, H_ERROR, NOBODY, PRESSURE, SNAP_A, SNAP_B, T_END, TRI, T, X, Y
+from .jit import compiled
+from .state import (
+    DISPERSION,
+    FRESH,
+    GAP,
+    GX,
+    GY,
+    H_ERROR,
+    KICK_X,
+    MEAN_X,
+    NOBODY,
+    NOISE,
+    PRESSURE,
+    SNAP_A,
+    SNAP_B,
+    T_END,
+    TRI,
+    T,
+    X,
+    Y,
+)
 
 __all__ = ["air_at", "anywhere", "barycentric", "bracket", "load", "reproject", "walk"]
 
@@ -80,32 +99,51 @@ def _plane(affine, at, f0, f1, f2, geometry, tri):
     affine[at + 2] = f0 * geometry[tri, 3] + f1 * geometry[tri, 5] + f2 * geometry[tri, 7]
 
 
-@inlined
+@compiled
 def load(state, ints, affine, air, grain):
     """Velocity and acceleration (gravity, pressure gradient) as affine functions in the current triangle and interval.
 
-    In the gap between a boundary of the mesh and the body that moved away from it, the values of the nearest boundary
-    point, constant.
+    The velocity is the mean field's plus the fluctuation a granule sees: its deviation, linear in the triangle, times
+    the mean over the interval of noise. In the gap between a boundary of the mesh and the body that moved away from
+    it, the values of the nearest boundary point, constant.
     """
     ints[FRESH] = 1
     gap, tri = ints[GAP], ints[TRI]
     if gap >= 0:
         tri = air.covered[gap, 0]
-    affine[0], affine[1] = air.geometry[tri, 0], air.geometry[tri, 1]
+    geometry, values = air.geometry, air.values
+    affine[0], affine[1] = geometry[tri, 0], geometry[tri, 1]
     c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
     a, b = ints[SNAP_A], ints[SNAP_B]
+    timed = a != b
+    noisy = grain[NOISE] != 0.0
     for m in range(4):
+        at, to = 2 + 3 * m, 16 + 3 * m
+        if m >= 2 and grain[PRESSURE] == 0.0:
+            affine[at] = grain[GX] if m == 2 else grain[GY]
+            affine[at + 1] = affine[at + 2] = affine[to] = affine[to + 1] = affine[to + 2] = 0.0
+            continue
         factor = grain[PRESSURE] if m >= 2 else 1.0
         base = grain[GX] if m == 2 else (grain[GY] if m == 3 else 0.0)
-        f0, f1, f2 = factor * air.values[a, c0, m], factor * air.values[a, c1, m], factor * air.values[a, c2, m]
-        _plane(affine, 2 + 3 * m, f0 + base, f1 + base, f2 + base, air.geometry, tri)
-        if a != b:
-            d0, d1, d2 = (
-                factor * air.values[b, c0, m] - f0,
-                factor * air.values[b, c1, m] - f1,
-                factor * air.values[b, c2, m] - f2,
-            )
-            _plane(affine, 16 + 3 * m, d0, d1, d2, air.geometry, tri)
+        f0, f1, f2 = factor * values[a, c0, m], factor * values[a, c1, m], factor * values[a, c2, m]
+        if timed:
+            d0 = factor * values[b, c0, m] - f0
+            d1 = factor * values[b, c1, m] - f1
+            d2 = factor * values[b, c2, m] - f2
+            if m < 2 and grain[DISPERSION] != 0.0:
+                mean = state[MEAN_X + m]
+                d0 += mean * (values[b, c0, 4] - values[a, c0, 4])
+                d1 += mean * (values[b, c1, 4] - values[a, c1, 4])
+                d2 += mean * (values[b, c2, 4] - values[a, c2, 4])
+            _plane(affine, to, d0, d1, d2, geometry, tri)
+        if m < 2 and noisy:
+            base = state[KICK_X + m]
+            if grain[DISPERSION] != 0.0:
+                mean = state[MEAN_X + m]
+                f0 += mean * values[a, c0, 4]
+                f1 += mean * values[a, c1, 4]
+                f2 += mean * values[a, c2, 4]
+        _plane(affine, at, f0 + base, f1 + base, f2 + base, geometry, tri)
     if gap >= 0:
         x, y, _ = _on_edge(air, gap, state[X], state[Y])
         for start in (2, 16):

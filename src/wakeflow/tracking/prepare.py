@@ -11,20 +11,42 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..field import FlowField
-from ..laws.drag import drag_laws, drag_table
+from ..laws.drag import drag_laws, drag_table, slip_correction
+from ..laws.forces import forces as forces_known
+from ..laws.rotation import spin_rate
+from ..laws.turbulence import brownian_diffusivity, lifetime
 from .granules import Body, Granules
 from .state import (
     BORN,
     CONSTANTS,
+    DIFFUSIVITY,
+    DISPERSION,
+    EXTRA,
     FATE,
     FEATURE,
     FLOATS,
     FLYING,
+    FRICTION,
     GAP,
+    GX,
+    GY,
+    INERTIAL,
     INTS,
+    LIFT,
     LINE,
+    MAGNUS,
+    MOBILITY,
+    NOISE,
+    PRESSURE,
+    RADIUS,
+    RESTITUTION,
+    REYNOLDS2,
+    SPIN,
+    STOKES,
+    STREAM,
     TRI,
     TURN,
+    VORTICITY,
     VX,
     VY,
     Air,
@@ -34,12 +56,23 @@ from .state import (
     Y,
 )
 
-__all__ = ["FORCES", "pack_air", "pack_granules", "pack_lines", "pack_state", "pack_tables", "pack_walls"]
+__all__ = [
+    "FORCES",
+    "check_forces",
+    "pack_air",
+    "pack_granules",
+    "pack_lines",
+    "pack_state",
+    "pack_tables",
+    "pack_walls",
+]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-FORCES = ("drag", "gravity", "buoyancy", "pressure-gradient")
+FORCES = tuple(name for name in forces_known if forces_known[name].computed)
 MOST_TABLES = 4096
+LIFETIMES = np.vectorize(lifetime, otypes=[float])
+LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
 def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index]) -> Walls:
@@ -115,7 +148,21 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
     return _floats(segments, 4), np.array(owner, dtype=np.int64)
 
 
-def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, pressure: bool) -> Air:
+def check_forces(forces: Sequence[str], field: FlowField | None) -> None:
+    """Raise SceneError for a force that is unknown, not computed, or lacks what it needs of the field."""
+    for force in forces:
+        needs = forces_known[force].needs
+        if not forces_known[force].computed:
+            raise SceneError(f"force {force!r} is only bounded, not computed (computed: {', '.join(FORCES)})")
+        if field is None:
+            continue
+        if needs == "pressure" and field.pressure_gradient is None:
+            raise SceneError(f"forces: {force} needs a field with pressure")
+        if needs == "turbulence" and (field.k is None or field.dissipation is None):
+            raise SceneError(f"forces: {force} needs a field with k and dissipation; a laminar airflow has none")
+
+
+def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> Air:
     """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by
     it.
     """
@@ -125,13 +172,16 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, pres
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
     velocity = field.velocity if field.times is not None else field.velocity[None]
-    values = np.zeros((*velocity.shape[:2], 4))
+    values = np.zeros((*velocity.shape[:2], 6 if "dispersion" in forces else 4))
     values[..., :2] = velocity
-    if pressure:
-        gradient = field.pressure_gradient
-        if gradient is None:
-            raise SceneError("forces: pressure-gradient needs a field with pressure")
-        values[..., 2:] = gradient
+    if "pressure-gradient" in forces:
+        values[..., 2:4] = field.pressure_gradient
+    if "dispersion" in forces:
+        assert field.k is not None
+        assert field.dissipation is not None
+        k = np.maximum(field.k, 0.0).reshape(velocity.shape[:2])
+        values[..., 4] = np.sqrt(2.0 / 3.0 * k)
+        values[..., 5] = np.minimum(LIFETIMES(k, field.dissipation.reshape(k.shape)), LONGEST_LIFE)
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
     times = np.zeros(1) if field.times is None else field.times
@@ -184,19 +234,38 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     g = np.asarray(gravity, dtype=float)
     if g.shape != (2,) or not np.all(np.isfinite(g)):
         raise SceneError(f"gravity = {gravity}, expected two finite numbers in m/s2")
+    rows[:, RADIUS] = grains.diameter / 2
+    rows[:, RESTITUTION], rows[:, FRICTION] = grains.restitution, grains.friction
+    rows[:, MOBILITY] = 1.0 / grains.inertia
     pull = np.tile(g if "gravity" in forces else np.zeros(2), (len(grains), 1))
-    if field is not None:
-        if "drag" in forces:
-            rows[:, 0] = grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)
-        rows[:, 1] = (field.density * grains.diameter / field.viscosity) ** 2
-        if "buoyancy" in forces:
-            pull -= (field.density / grains.density)[:, None] * g
-        if "pressure-gradient" in forces:
-            rows[:, 6] = -1.0 / grains.density
-    rows[:, 2] = grains.diameter / 2
-    rows[:, 3], rows[:, 4] = grains.restitution, grains.friction
-    rows[:, 5] = 1.0 / grains.inertia
-    rows[:, 7:9] = pull
+    if field is None:
+        rows[:, [GX, GY]] = pull
+        return rows
+    ratio = field.density / grains.density
+    added = 0.5 * ratio if "added-mass" in forces else np.zeros(len(grains))
+    if "buoyancy" in forces:
+        pull -= ratio[:, None] * g
+    rows[:, [GX, GY]] = pull / (1.0 + added)[:, None]
+    rows[:, REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
+    rows[:, VORTICITY] = field.density * grains.diameter**2 / field.viscosity
+    rows[:, INERTIAL] = added / (1.0 + added)
+    for force, column, value in (
+        ("drag", STOKES, grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)),
+        ("pressure-gradient", PRESSURE, -1.0 / grains.density),
+        ("lift", LIFT, ratio),
+        ("magnus", MAGNUS, 0.75 * ratio),
+    ):
+        if force in forces:
+            rows[:, column] = value / (1.0 + added)
+    if "magnus" in forces:
+        rows[:, SPIN] = spin_rate(grains.diameter, grains.density, field.viscosity, grains.inertia)
+    rows[:, EXTRA] = np.any(rows[:, [INERTIAL, LIFT, MAGNUS]] != 0.0, axis=1)
+    rows[:, DISPERSION] = "dispersion" in forces
+    if "brownian" in forces:
+        rows[:, DIFFUSIVITY] = brownian_diffusivity(
+            grains.diameter, field.viscosity, slip_correction=slip_correction(grains.diameter)
+        )
+    rows[:, NOISE] = (rows[:, DISPERSION] != 0.0) | (rows[:, DIFFUSIVITY] != 0.0)
     return rows
 
 
@@ -213,10 +282,10 @@ def pack_tables(law: str, sphericity: Array) -> tuple[Array, Index]:
 
 
 def pack_state(
-    grains: Granules, field: FlowField | None, air: Air, bodies: Sequence[Body], reach: float
+    grains: Granules, first: int, field: FlowField | None, air: Air, bodies: Sequence[Body], reach: float
 ) -> tuple[Array, Index]:
-    """State arrays at birth; a granule in the room a vibrating body has left begins at the boundary edge it is next
-    to.
+    """State arrays at birth of granules numbered from ``first``; one in the room a vibrating body has left begins at
+    the boundary edge it is next to.
     """
     floats = np.zeros((len(grains), FLOATS))
     floats[:, X], floats[:, Y] = grains.position.T
@@ -225,6 +294,7 @@ def pack_state(
     ints = np.zeros((len(grains), INTS), dtype=np.int64)
     ints[:, [FATE, LINE, FEATURE, GAP, TRI]] = -1
     ints[:, FATE] = FLYING
+    ints[:, STREAM] = first + np.arange(len(grains))
     if field is not None and len(grains):
         ints[:, TRI] = field.locate(grains.position)
         outside = np.flatnonzero(ints[:, TRI] < 0)

@@ -22,7 +22,7 @@ class Air(NamedTuple):
     geometry: Array  # (M, 8) first corner, gradients of the three barycentric coordinates
     corners: Index  # (M, 3)
     neighbours: Index  # (M, 3): triangle across edge k; -1 open boundary; -2 - c: covered boundary edge c
-    values: Array  # (T, N, 4) velocity, pressure gradient
+    values: Array  # (T, N, 4) velocity, pressure gradient; (T, N, 6) with dispersion: deviation, lifetime of the eddies
     times: Array  # (T,)
     period: Array  # (1,) s; 0: does not repeat
     covered: Index  # (C, 4) triangle, its edge, previous and next covered edge along the boundary (-1: none)
@@ -51,6 +51,9 @@ class Rules(NamedTuple):
     skin: float  # m, distances below it are contact
     tiny: float  # m, bounces lower than this are sliding
     rest: float  # s, a granule held this long in a repeating field rests
+    noise: float  # part of an eddy's lifetime over which a fluctuation's mean is drawn
+    seed: int  # of the random streams
+    march: int  # 1: several triangles in one go where that is worth it
     left: float  # m, box about all bodies in all their places
     right: float
     bottom: float
@@ -59,9 +62,29 @@ class Rules(NamedTuple):
     impacts: int
 
 
-# Float state of a granule
-X, Y, VX, VY, TURN, T, T_END, H_ERROR, HELD, BORN = range(10)
-FLOATS = 10
+# Float state of a granule; SEEN: fluctuation of the air it sees over the deviation there, at the end of the interval
+# (SEEN) and its mean over it (MEAN); KICK: Brownian velocity of the interval, which ends at T_NOISE
+(
+    X,
+    Y,
+    VX,
+    VY,
+    TURN,
+    T,
+    T_END,
+    H_ERROR,
+    HELD,
+    BORN,
+    SEEN_X,
+    SEEN_Y,
+    MEAN_X,
+    MEAN_Y,
+    KICK_X,
+    KICK_Y,
+    T_NOISE,
+    H_STRIDE,
+) = range(18)
+FLOATS = 18
 # Integer state
 (
     TRI,
@@ -81,15 +104,42 @@ FLOATS = 10
     STORED,
     STRIDE,
     SEEN,
-) = range(17)
-INTS = 17
-# Constants of a granule
-STOKES, REYNOLDS2, RADIUS, RESTITUTION, FRICTION, MOBILITY, PRESSURE, GX, GY = range(9)
-CONSTANTS = 9
+    PATIENCE,
+    REFUSED,
+    QUADRATIC,
+    UNSTRIDDEN,
+    EVALUATIONS,
+    DRAWS,
+    STREAM,
+) = range(24)
+INTS = 24
+# Constants of a granule. Accelerations are over 1 + chi with added mass; those of terms that are off are zero.
+(
+    STOKES,  # 1/s, drag rate of Stokes' law
+    REYNOLDS2,  # (Re per m/s)^2
+    RADIUS,
+    RESTITUTION,
+    FRICTION,
+    MOBILITY,  # m r^2 / I
+    PRESSURE,  # acceleration per pressure gradient
+    GX,
+    GY,
+    EXTRA,  # 1: one of the next three is on
+    INERTIAL,  # of the air's acceleration Du/Dt
+    LIFT,  # of shear lift: density ratio
+    MAGNUS,  # of spin lift: 3/4 density ratio
+    VORTICITY,  # Reynolds number of a rate of rotation of 1/s: rho d^2 / mu
+    SPIN,  # 1/s, rate at which the air stops a slow spin
+    NOISE,  # 1: dispersion or Brownian motion is on
+    DISPERSION,  # 1: on
+    DIFFUSIVITY,  # m2/s, Brownian
+) = range(18)
+CONSTANTS = 18
 AFFINE = 28  # x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the same twelve as differences in time
-# Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body
-KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP = range(12)
-CONSTRAINT = 12
+# Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body,
+# part of the tangential force that friction takes up while rolling (0: sliding)
+KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP, ROLL = range(13)
+CONSTRAINT = 13
 # numpy scalars: numba would compile every helper anew for each literal int it is called with
 FREE: Any = np.int64(0)
 ON_EDGE: Any = np.int64(1)

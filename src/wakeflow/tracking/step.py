@@ -13,14 +13,19 @@ from __future__ import annotations
 
 import math
 
+from ..laws import lift, rotation
 from ..laws.drag import TABLE_CELLS, TABLE_DECADES
 from .exponential import along, phis
 from .jit import compiled
 from .locate import air_at, barycentric
-from .state import KIND, REYNOLDS2, STOKES
+from .state import EVALUATIONS, EXTRA, INERTIAL, KIND, LIFT, MAGNUS, REYNOLDS2, SPIN, STOKES, TURN, VORTICITY, T
 from .walls import constrain
 
-__all__ = ["attempt", "drag_rate", "exit_time", "free_force"]
+__all__ = ["attempt", "drag_rate", "exit_time", "free_force", "spin_at"]
+
+lift_coefficient = compiled(lift.lift_coefficient)
+magnus_factor = compiled(rotation.magnus_factor)
+spin_decay = compiled(rotation.spin_decay)
 
 # Where a Reynolds number stands in the table of drag factors, and the inverse of the table's last
 FIRST_CELL = float(TABLE_DECADES[0] * TABLE_CELLS)
@@ -49,33 +54,84 @@ def drag_rate(grain, table, slip2):
 
 
 @compiled
-def free_force(affine, grain, table, x, y, vx, vy, t):
-    """Acceleration of a granule in free flight, the drag rate, and the air's speed squared."""
-    ux, uy, ax, ay = air_at(affine, x, y, t)
-    sx, sy = ux - vx, uy - vy
-    rate = drag_rate(grain, table, sx * sx + sy * sy)
-    return rate * sx + ax, rate * sy + ay, rate, ux * ux + uy * uy
+def spin_at(affine, grain, spin, t, s):
+    """Spin at time s after t: the air of the loaded triangle turns it exactly, with its vorticity half way."""
+    w = (t + 0.5 * s - affine[14]) * affine[15]
+    half = 0.5 * (affine[6] - affine[4] + w * (affine[20] - affine[18]))
+    return half - spin_decay(half - spin, s, grain[SPIN], grain[VORTICITY])
 
 
 @compiled
-def _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t, lag, wx, wy):
-    """N = F + B0 v, the drag rate and the air's velocity at a stage.
+def _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin):
+    """Acceleration by the air's own (added mass), shear lift and spin lift."""
+    w = (t - affine[14]) * affine[15]
+    xx, xy = affine[3] + w * affine[17], affine[4] + w * affine[18]
+    yx, yy = affine[6] + w * affine[20], affine[7] + w * affine[21]
+    fx = fy = 0.0
+    if grain[INERTIAL] != 0.0:
+        dx, dy = x - affine[0], y - affine[1]
+        tx = affine[15] * (affine[16] + affine[17] * dx + affine[18] * dy)
+        ty = affine[15] * (affine[19] + affine[20] * dx + affine[21] * dy)
+        fx += grain[INERTIAL] * (tx + xx * ux + xy * uy)
+        fy += grain[INERTIAL] * (ty + yx * ux + yy * uy)
+    curl = yx - xy
+    reynolds = math.sqrt(grain[REYNOLDS2] * (sx * sx + sy * sy))
+    if grain[LIFT] != 0.0:
+        lift = grain[LIFT] * lift_coefficient(reynolds, grain[VORTICITY] * abs(curl)) * curl
+        fx += lift * sy
+        fy -= lift * sx
+    if grain[MAGNUS] != 0.0:
+        turn = 0.5 * curl - spin
+        lift = grain[MAGNUS] * magnus_factor(reynolds, grain[VORTICITY] * abs(turn)) * turn
+        fx -= lift * sy
+        fy += lift * sx
+    return fx, fy
+
+
+@compiled
+def free_force(affine, grain, table, x, y, vx, vy, t, spin):
+    """Acceleration of a granule in free flight, the drag rate, and the air's velocity."""
+    ux, uy, fx, fy = air_at(affine, x, y, t)
+    sx, sy = ux - vx, uy - vy
+    rate = drag_rate(grain, table, sx * sx + sy * sy)
+    fx += rate * sx
+    fy += rate * sy
+    if grain[EXTRA] != 0.0:
+        ex, ey = _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin)
+        fx += ex
+        fy += ey
+    return fx, fy, rate, ux, uy
+
+
+@compiled
+def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag, wx, wy):
+    """N = F + B0 v, the drag rate and the air's velocity at a stage, a time s after the step's start.
 
     ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it.
     """
-    ux, uy, ax, ay = air_at(affine, x, y, t)
+    ints[EVALUATIONS] += 1
+    t = state[T] + s
+    ux, uy, fx, fy = air_at(affine, x, y, t)
     vx += lag * (ux - wx)
     vy += lag * (uy - wy)
     sx, sy = ux - vx, uy - vy
     rate = drag_rate(grain, table, sx * sx + sy * sy)
-    fx, fy = rate * sx + ax, rate * sy + ay
+    fx += rate * sx
+    fy += rate * sy
+    if grain[EXTRA] != 0.0:
+        spin = state[TURN]
+        if grain[MAGNUS] != 0.0 and hold[KIND] == 0.0:
+            spin = spin_at(affine, grain, spin, state[T], s)
+        ex, ey = _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin)
+        fx += ex
+        fy += ey
     if hold[KIND] != 0.0:
         fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
     return fx + rate0 * vx, fy + rate0 * vy, rate, ux, uy
 
 
 @compiled
-def attempt(path, h, t, affine, grain, table, hold, horizon):
+def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     """Fill in N1, N2 of a step h from the rest of the path; returns the estimated position error and the speed^2 at
     the end.
 
@@ -90,18 +146,21 @@ def attempt(path, h, t, affine, grain, table, hold, horizon):
     _, _, p2, p3, _ = phis(-rate0 * g)
     _, q1, q2, q3, _ = phis(-rate0 * h)
     x, y, vx, vy = along(path, g)
-    nx, ny, _, wx, wy = _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t + g, stiff * g * p2, ux, uy)
+    lag = stiff * g * p2
+    nx, ny, _, wx, wy = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, ux, uy)
     path[7], path[8] = (nx - n0x) / g, (ny - n0y) / g
     x, y, vx, vy = along(path, g)
-    nx, ny, _, _, _ = _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t + g, stiff * h * p3, wx, wy)
+    lag = stiff * h * p3
+    nx, ny, _, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, wx, wy)
     x, y, vx, vy = along(path, h)
     wx, wy = 2.0 * wx - ux, 2.0 * wy - uy
-    mx, my, rate1, _, _ = _excess(affine, grain, table, hold, rate0, x, y, vx, vy, t + h, stiff * 2.0 * h * q3, wx, wy)
+    lag = stiff * 2.0 * h * q3
+    mx, my, rate1, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, h, lag, wx, wy)
     path[7], path[8] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
     path[9], path[10] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h), 2.0 * (n0y - 2.0 * ny + my) / (h * h)
     s = 0.75 * h
     x, y, wx, wy = along(path, s)
-    nx, ny, _, _, _ = _excess(affine, grain, table, hold, rate0, x, y, wx, wy, t + s, 0.0, ux, uy)
+    nx, ny, _, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, wx, wy, s, 0.0, ux, uy)
     nx -= n0x + s * (path[7] + s * path[9])
     ny -= n0y + s * (path[8] + s * path[10])
     carried = min(1.0 / rate0, horizon) if rate0 > 0.0 else horizon

@@ -26,6 +26,7 @@ from .state import (
     ON_VERTEX,
     OX,
     OY,
+    ROLL,
     SIGN,
     WP,
     WW,
@@ -278,7 +279,7 @@ def constrain(hold, fx, fy, x, y, vx, vy, t):
     """Acceleration of a granule that slides on the surface under the free acceleration f, and what presses it on.
 
     Returns (ax, ay, pressing acceleration, free tangential acceleration, sliding speed), relative to the moving wall;
-    friction mu times the pressing acceleration opposes the sliding direction.
+    friction mu times the pressing acceleration opposes sliding; while it rolls, friction is what turns it.
     """
     omega = hold[WW]
     px = py = wx = wy = 0.0
@@ -303,6 +304,6 @@ def constrain(hold, fx, fy, x, y, vx, vy, t):
         slide = tx * (vx - wx) + ty * (vy - wy)
     press = -(nx * (fx - px) + ny * (fy - py)) - bend
     free = tx * (fx - px) + ty * (fy - py)
-    tangential = tx * fx + ty * fy - hold[SIGN] * hold[MU] * max(press, 0.0)
+    tangential = tx * fx + ty * fy - hold[SIGN] * hold[MU] * max(press, 0.0) - hold[ROLL] * free
     normal = nx * px + ny * py - bend
     return tangential * tx + normal * nx, tangential * ty + normal * ny, press, free, slide

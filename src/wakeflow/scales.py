@@ -1,0 +1,171 @@
+"""The scales of a fraction's flight, which the bounds are made of: times, speeds, meetings, before anything is flown.
+
+One-dimensional falls through the channel's uniform air with the fraction's own drag; kinetic theory for meetings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bounds import NEAR, Flight
+from .geometry import normals
+from .laws.drag import drag_laws, slip_correction, terminal_velocity
+from .laws.material import Material
+from .scene import GRAVITY, Air, Fraction, Scene
+
+__all__ = ["flights", "meetings", "release"]
+
+Array = NDArray[np.float64]
+SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over
+RECIRCULATION = 0.2  # of U: how fast air that granules fall into leaves the wake
+MARCH = 0.01  # step of the one-dimensional fall, of the time it takes about
+
+
+def flights(scene: Scene, name: str, law: str, scale: float, *, injected: bool, turbulent: bool) -> list[Flight]:
+    """The scales of a fraction's flight in the scene's air, for a small, a median and a large granule.
+
+    ``law`` of drag times ``scale``. One-dimensional falls through uniform air with the fraction's drag: from the feed
+    to the body, and from rest at the body (an impact may take all of its speed) to the channel's end.
+    """
+    air, fraction = scene.air, scene.fraction[name]
+    assert air is not None
+    density, phi = fraction.properties.density, fraction.sphericity or 1.0
+    amplitude, omega = scene.motion
+    upward = air.direction == "up"
+    found = []
+    for diameter in dict.fromkeys(fraction.diameters(np.array(SIZES)).tolist()):
+        fall = _Fall(scene, air, diameter, density, law, phi, scale / float(slip_correction(diameter)))
+        whole, time, near, arrival, landing, tau = fall.times()
+        arrival = max(arrival, scene.feed.fall_speed)
+        slip = max(abs(arrival - fall.along), air.speed, abs(landing) - abs(fall.along))
+        if upward and fall.settling < air.speed:  # it falls into the wake, and leaves with the air
+            stays = NEAR * scene.width / (RECIRCULATION * air.speed) / (1.0 + tau * air.speed / scene.width)
+            whole, time, near = whole + stays, time + stays, near + stays
+        found.append(Flight(
+            diameter=diameter, density=density, tau=tau,
+            arrival=arrival, thrown=arrival * _thrown(scene, fraction), slip=slip, settling=fall.settling,
+            landing=landing, whole=whole, time=time, near=near,
+            beside=injected and not upward,
+            sideways_bins=any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values()),
+            air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
+            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(amplitude)) * omega,
+            omega=omega, meetings=meetings(scene, diameter, density),
+        ))  # fmt: skip
+    return found
+
+
+def _thrown(scene: Scene, fraction: Fraction) -> float:
+    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on a face."""
+    granule = fraction.properties
+    across, up = np.abs(normals(next(iter(scene.body.values())).outline())).T
+    sliding = (1.0 + granule.restitution) * up * np.maximum(across - granule.friction * up, 0.0)
+    return float(sliding.max())
+
+
+def release(scene: Scene) -> tuple[float, float]:
+    """Height (m) above the body's top at which the curtain begins, and its fall speed (m/s) there.
+
+    With feed.speed it begins at most one body width above, with the speed that makes feed.speed of it at the top.
+    """
+    feed = scene.feed
+    if feed.height is not None:
+        return feed.height, 0.0
+    assert feed.speed is not None
+    above = min(feed.speed**2 / (2 * GRAVITY), scene.width)
+    return above, math.sqrt(max(0.0, feed.speed**2 - 2 * GRAVITY * above))
+
+
+@dataclass(frozen=True)
+class _Fall:
+    """A vertical fall of one granule through the channel's uniform air; downward is positive."""
+
+    scene: Scene
+    air: Air
+    diameter: float
+    density: float
+    law: str
+    sphericity: float
+    scale: float  # of the drag law, this granule's slip correction included
+
+    @property
+    def along(self) -> float:
+        return self.air.speed if self.air.direction == "down" else -self.air.speed
+
+    @property
+    def settling(self) -> float:
+        """Terminal speed (m/s), up or down."""
+        law = (self.air.density, self.air.viscosity, GRAVITY, self.law, self.sphericity, self.scale)
+        return abs(float(terminal_velocity(self.diameter, self.density, *law)))
+
+    def tau(self, slip: Array) -> Array:
+        """Relaxation times (n,) s at slips (n,) m/s."""
+        reynolds = self.air.density * slip * self.diameter / self.air.viscosity
+        factor = self.scale * drag_laws[self.law].factor(reynolds, self.sphericity)
+        return self.density * self.diameter**2 / (18.0 * self.air.viscosity) / factor
+
+    def times(self) -> tuple[float, float, float, float, float, float]:
+        """Seconds from release to the end, from the body to the end, of that near it; speeds (m/s) of arrival at the
+        body and at the end; the mean relaxation time (s) after the body.
+        """
+        scene, channel = self.scene, self.scene.channel
+        top = float(next(iter(scene.body.values())).outline()[:, 1].max())
+        above, speed = release(scene)
+        before, _, arrival = _last(self._march(speed, above, max(channel.top - top - above, scene.width)))
+        rows = list(self._march(0.0, -channel.bottom, channel.top))
+        time, _, landing = rows[-1]
+        near = next((t for t, y, _ in rows if abs(y) >= NEAR * scene.width), time)
+        tau = float(np.mean(self.tau(np.abs(self.along - np.array(rows)[:, 2]))))
+        return before + time, time, near, arrival, max(abs(landing), 0.1 * abs(self.along)), tau
+
+    def _march(self, speed: float, down: float, up: float) -> Iterator[tuple[float, float, float]]:
+        """Time (s), way (m) and speed (m/s) from ``speed`` until it has come ``down`` or ``up`` (m): exponential
+        steps with the drag of their beginning.
+        """
+        pull = GRAVITY * (1.0 - self.air.density / self.density)
+        way = min(down, up)
+        step = MARCH * min(math.sqrt(2.0 * way / GRAVITY), way / abs(self.along))
+        t = y = 0.0
+        for _ in range(3000):
+            tau = float(self.tau(np.array([abs(self.along - speed)]))[0])
+            final = self.along + pull * tau
+            left = math.exp(-step / tau)
+            y += final * step + (speed - final) * tau * (1.0 - left)
+            speed = final + (speed - final) * left
+            t += step
+            yield t, y, speed
+            if y >= down or y <= -up:
+                return
+
+
+def _last(rows: Iterator[tuple[float, float, float]]) -> tuple[float, float, float]:
+    *_, last = rows
+    return last
+
+
+def meetings(scene: Scene, diameter: float, density: float) -> float:
+    """How many granules one of ``diameter`` (m) and ``density`` (kg/m3) meets as it crosses the curtain, each counted
+    by the share of momentum that it takes, m_j / (m_i + m_j).
+
+    Kinetic theory: number density n_j times pi/4 (d_i + d_j)^2 times a relative way of twice the curtain's width: in
+    from above, and out again across granules that still fall.
+    """
+    feed, total = scene.feed, 0.0
+    for packing, other in _packing(scene):
+        cross = 1.5 * packing * (diameter + other.diameter) ** 2 / other.diameter**3
+        mass, its = density * diameter**3, other.density * other.diameter**3
+        total += cross * 2.0 * feed.width * its / (mass + its)
+    return total
+
+
+def _packing(scene: Scene) -> Iterator[tuple[float, Material]]:
+    """Volume fraction of every fraction in the curtain at the body, and the fraction's properties."""
+    feed = scene.feed
+    area = feed.width * feed.depth * max(feed.fall_speed, 0.1)
+    for name, share in scene.mass_shares().items():
+        granule = scene.fraction[name].properties
+        yield feed.mass_flow * share / granule.density / area, granule

@@ -1,0 +1,159 @@
+"""The air velocity that a granule sees beyond the mean field: eddies (a Langevin process) and molecules' kicks.
+
+Time is cut into intervals of noise. Over one, the fluctuation is its exact mean there: the deviation at the granule's
+place, linear in a triangle, times a mean drawn jointly with the value at the interval's end. So the air stays affine
+in a triangle, steps keep their order and may be cut anywhere, and what a tracer is displaced by has the exact variance
+for any length of the interval. Draws are numbered by seed, granule and interval: they depend on nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..laws import turbulence
+from .jit import compiled
+from .locate import barycentric
+from .state import (
+    BORN,
+    DIFFUSIVITY,
+    DISPERSION,
+    DRAWS,
+    FRESH,
+    GAP,
+    KICK_X,
+    KICK_Y,
+    MEAN_X,
+    MEAN_Y,
+    SEEN_X,
+    SEEN_Y,
+    SNAP_A,
+    SNAP_B,
+    STREAM,
+    T_NOISE,
+    TRI,
+    VX,
+    VY,
+    T,
+    X,
+    Y,
+)
+from .step import drag_rate
+
+__all__ = ["mirror", "renew"]
+
+_crossing = compiled(turbulence.crossing)
+_langevin = compiled(turbulence.langevin)
+G1, G2, G3 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+S27, S30, S31, S11 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(11)
+UNIT = 2.0**-53
+LEAST_INTERVALS = 64  # of a flight
+PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
+
+
+@compiled
+def _scramble(x):
+    """The finaliser of splitmix64 (Steele, Lea & Flood 2014, OOPSLA): a bijection of 64 bits that looks random."""
+    x = (x ^ (x >> S30)) * G2
+    x = (x ^ (x >> S27)) * G3
+    return x ^ (x >> S31)
+
+
+@compiled
+def _normals(seed, stream, draw):
+    """Two independent standard normal numbers (Box & Muller 1958), a pure function of its arguments."""
+    key = _scramble(np.uint64(seed) + G1)
+    key = _scramble(key + (np.uint64(stream) + np.uint64(1)) * G1)
+    key = _scramble(key + (np.uint64(draw) + np.uint64(1)) * G1)
+    u = (float(key >> S11) + 0.5) * UNIT
+    v = float(_scramble(key + G1) >> S11) * UNIT
+    r = math.sqrt(-2.0 * math.log(u))
+    return r * math.cos(2.0 * math.pi * v), r * math.sin(2.0 * math.pi * v)
+
+
+@compiled
+def _drawn(state, ints, rules):
+    ints[DRAWS] += 1
+    return _normals(rules.seed, ints[STREAM], ints[DRAWS])
+
+
+@compiled
+def _eddies(state, ints, affine, air, grain, table, rules, least):
+    """Renew the fluctuation for an interval, and return its length; ``least`` is the shortest worth drawing.
+
+    The fluctuation over the deviation s = sqrt(2 k / 3) obeys  dw = (-w / T_i + grad s / (1 + St)) dt + sqrt(2 / T_i)
+    dW, T_i along and across the slip: what keeps tracers well mixed (Thomson 1987, J. Fluid Mech. 180, 529; for
+    granules with inertia Bocksell & Loth 2006, Int. J. Multiphase Flow 32, 1234).
+    """
+    g, values, tri = air.geometry, air.values, ints[TRI]
+    if ints[GAP] >= 0:
+        tri = air.covered[ints[GAP], 0]
+    a, b = ints[SNAP_A], ints[SNAP_B]
+    w = (state[T] - affine[14]) * affine[15] if a != b else 0.0
+    ux = uy = rms = life = sx = sy = 0.0
+    for k in range(3):
+        c = air.corners[tri, k]
+        q = min(1.0, max(0.0, barycentric(g, tri, k, state[X], state[Y])))
+        deviation = (1.0 - w) * values[a, c, 4] + w * values[b, c, 4]
+        ux += q * ((1.0 - w) * values[a, c, 0] + w * values[b, c, 0])
+        uy += q * ((1.0 - w) * values[a, c, 1] + w * values[b, c, 1])
+        life += q * ((1.0 - w) * values[a, c, 5] + w * values[b, c, 5])
+        rms += q * deviation
+        sx += deviation * g[tri, 2 + 2 * k]
+        sy += deviation * g[tri, 3 + 2 * k]
+    # a tracer, which moves with what it has just seen, slips through no eddies
+    ex, ey = ux + rms * state[MEAN_X] - state[VX], uy + rms * state[MEAN_Y] - state[VY]
+    slip = math.sqrt(ex * ex + ey * ey)
+    ex, ey = (ex / slip, ey / slip) if slip > 0.0 else (1.0, 0.0)
+    along, across = _crossing(life, slip, rms)
+    span = max(rules.noise * min(along, across), least)
+    stokes = life * drag_rate(grain, table, slip * slip)
+    drift = stokes / (1.0 + stokes) if stokes < 1e100 else 1.0  # 1 / (1 + St), St = 1 / (rate x lifetime)
+    for side in range(2):
+        dx, dy = (ex, ey) if side == 0 else (-ey, ex)
+        time = along if side == 0 else across
+        decay, end, mean, shared, own = _langevin(span / max(time, 1e-300))
+        xi, eta = _drawn(state, ints, rules)
+        start = dx * state[SEEN_X] + dy * state[SEEN_Y]
+        lean = drift * time * (dx * sx + dy * sy)
+        last = lean + decay * (start - lean) + end * xi
+        middle = lean + mean * (start - lean) + shared * xi + own * eta
+        if side == 0:
+            px, py, mx, my = last * dx, last * dy, middle * dx, middle * dy
+        else:
+            px, py, mx, my = px + last * dx, py + last * dy, mx + middle * dx, my + middle * dy
+    state[SEEN_X], state[SEEN_Y], state[MEAN_X], state[MEAN_Y] = px, py, mx, my
+    return span
+
+
+@compiled
+def renew(state, ints, affine, air, grain, table, rules):
+    """Begin an interval of noise at the granule's clock: draw what it sees until the next."""
+    speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
+    for m in range(2):  # of the air, at one corner: only a scale
+        speed = max(speed, abs(air.values[ints[SNAP_A], air.corners[max(ints[TRI], 0), 0], m]))
+    span = (rules.until - state[BORN]) / LEAST_INTERVALS
+    if speed > 0.0:
+        span = min(span, PASSAGE * rules.length / speed)
+    if grain[DISPERSION] != 0.0:
+        if ints[DRAWS] == 0:  # the process is stationary at birth
+            state[SEEN_X], state[SEEN_Y] = _drawn(state, ints, rules)
+        span = _eddies(state, ints, affine, air, grain, table, rules, 0.05 * span)
+    if grain[DIFFUSIVITY] != 0.0:
+        size = math.sqrt(2.0 * grain[DIFFUSIVITY] / span)
+        xi, eta = _drawn(state, ints, rules)
+        state[KICK_X], state[KICK_Y] = size * xi, size * eta
+    state[T_NOISE] = state[T] + span
+    ints[FRESH] = 0
+
+
+@compiled
+def mirror(state, ints, nx, ny):
+    """At a wall with outward normal n no eddy blows through: fluctuations into it are turned round."""
+    for at in (MEAN_X, SEEN_X, KICK_X):
+        into = nx * state[at] + ny * state[at + 1]
+        if into < 0.0:
+            state[at] -= 2.0 * into * nx
+            state[at + 1] -= 2.0 * into * ny
+            ints[FRESH] = 0

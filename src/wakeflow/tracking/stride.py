@@ -1,0 +1,100 @@
+"""Strides: one step over several triangles, wherever the faces between them lie.
+
+At a loose tolerance the kinks of the air's interpolant may be stepped over: what they add to the force is small, and of
+another sign from stride to stride. The force is looked up at 1/4, 1/2, 3/4 and the end of the stride; Boole's rule
+makes the step, and what it differs by from Simpson's is the error that is judged. Errors of strides add up as
+independent ones do, so each may have the part of the tolerance that the root of its way over the flight's gives it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .exponential import along, phis
+from .jit import inlined
+from .locate import walk
+from .march import clearance, excess
+from .state import GX, GY, H_STRIDE, RADIUS, T_END, T_NOISE, TRI, VX, VY, T, X, Y
+
+__all__ = ["stride"]
+
+SAFE = 0.25  # of the tolerance for strides
+FEWEST = 3.0  # triangles: a shorter stride is better marched
+FIRST = 12.0  # triangles of the first stride tried
+EVEN = 32.0 / 90.0  # Boole's less Simpson's mean of a function over the sum at 1/4 and 3/4 of its defects there
+ODD = 0.18  # first moment of a cubic that is zero at 0, 1/2 and 1 over its difference between 1/4 and 3/4, twice
+
+
+@inlined
+def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
+    """Try one stride; ``cell`` (s) is about the time within this triangle. Returns whether the granule has moved."""
+    t0 = state[T]
+    clock = min(rules.until, state[T_END], state[T_NOISE])
+    h = min(clock - t0, FIRST * cell if state[H_STRIDE] == 0.0 else state[H_STRIDE])
+    speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
+    fall = math.sqrt(rules.extent * math.sqrt(grain[GX] ** 2 + grain[GY] ** 2))
+    horizon = min(rules.until - t0, rules.extent / (speed + fall + 1e-300))
+    path[0], path[1], path[2], path[3], path[4] = state[X], state[Y], state[VX], state[VY], 0.0
+    rate = n0x = n0y = nx = ny = mx = my = ox = oy = 0.0
+    for attempt in range(3):
+        if h < FEWEST * cell:
+            break
+        tri, code, fast, stage = ints[TRI], 0, speed, 0 if attempt == 0 else 1
+        path[7] = path[8] = path[9] = path[10] = 0.0
+        while stage < 5:  # the start, the middle, the end, 1/4, 3/4
+            s = h * (0.5 * stage if stage < 3 else 0.5 * stage - 1.25)
+            x, y, vx, vy = along(path, s)
+            tri, code = walk(air.geometry, air.neighbours, tri, x, y)
+            if code != 0:
+                break
+            _, _, p2, _, _ = phis(-rate * s)
+            fx = path[5] + s * (path[7] + s * path[9])
+            fy = path[6] + s * (path[8] + s * path[10])
+            ex, ey, now, vx, vy = excess(
+                state, ints, affine, air, grain, table, tri, x, y, vx, vy, t0 + s, rate, fx, fy, 0.5 * s * p2
+            )
+            if stage == 0:
+                rate = now
+                n0x, n0y = ex + rate * vx, ey + rate * vy
+                path[4], path[5], path[6] = rate, n0x, n0y
+            elif stage == 1:
+                nx, ny = ex, ey
+                path[7], path[8] = (nx - n0x) / s, (ny - n0y) / s
+            elif stage == 2:
+                mx, my, fast = ex, ey, max(speed, math.sqrt(vx * vx + vy * vy))
+                path[7], path[8] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
+                path[9], path[10] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h), 2.0 * (n0y - 2.0 * ny + my) / (h * h)
+            elif stage == 3:
+                ox, oy = ex - fx, ey - fy
+            else:
+                nx, ny = ex - fx, ey - fy
+            stage += 1
+        if code != 0 or stage < 5:
+            h *= 0.5
+            continue
+        _, p1, p2, _, _ = phis(-rate * h)
+        carried = h * p2 + p1 * min(1.0 / rate, horizon)
+        even, odd = math.sqrt((ox + nx) ** 2 + (oy + ny) ** 2), math.sqrt((ox - nx) ** 2 + (oy - ny) ** 2)
+        error = h * (EVEN * carried * even + ODD * h / (1.0 + rate * h) * odd)
+        way = 1.01 * h * fast
+        allowed = SAFE * rules.allowance * math.sqrt(rules.extent * way)
+        if not error <= allowed:
+            h *= max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1
+            continue
+        x, y, vx, vy = along(path, h)
+        cx, cy = EVEN * (ox + nx), EVEN * (oy + ny)
+        x, y = x + h * h * p2 * cx, y + h * h * p2 * cy
+        tri, code = walk(air.geometry, air.neighbours, tri, x, y)
+        free = clearance(walls, state[X], state[Y], grain[RADIUS], way)
+        if code == 0:  # nothing is met if the distances before and after add up to more than the way
+            free += clearance(walls, x, y, grain[RADIUS], way)
+        if code != 0 or free <= way:
+            h *= 0.5
+            continue
+        state[X], state[Y], state[VX], state[VY] = x, y, vx + h * p1 * cx, vy + h * p1 * cy
+        state[T] = clock if h == clock - t0 else t0 + h
+        ints[TRI] = tri
+        state[H_STRIDE] = h * min(2.0, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else 2.0 * h
+        return True
+    state[H_STRIDE] = max(2.0 * h, FEWEST * cell)
+    return False

@@ -1,0 +1,150 @@
+"""All exact problems and numbers, and what the tracker makes of them: error, cost, order, honesty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from . import flights, swarms, terms
+from .exact import Answer, accepts, fly, numbers, problems
+
+__all__ = [
+    "FLOOR", "TOLERANCES", "Outcome", "ladder", "numbers", "observed_order", "problems", "run_numbers", "run_problems",
+    "table",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+FLOOR = 1e-12  # m: errors below it are round-off of coordinates of about 1 m, added up over steps
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+MODULES = (flights, terms, swarms)  # importing them registers their problems
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """One flight of a problem at one ``tolerance``, per granule (n,): ``error`` of the end position in m, error of
+    the end ``time`` in s, of ``velocity`` in m/s and ``spin`` in rad/s (0 where no answer is known), ``steps`` and
+    ``evaluations`` (steps where the tracker does not count them); ``astray``: how many have another fate than the exact
+    one.
+    """
+
+    tolerance: float
+    error: Array
+    time: Array
+    velocity: Array
+    spin: Array
+    steps: Array
+    evaluations: Array
+    astray: int
+
+
+def ladder(
+    name: str, tolerances: Sequence[float] = TOLERANCES, cells: int | None = None, *, march: bool = True
+) -> list[Outcome]:
+    """Fly a problem at each tolerance; without ``march`` in third-order steps alone, whose order can be observed.
+
+    Raises SceneError for an unknown problem, or a force that is not computed.
+    """
+    setting, answer = problems[name].at(cells)
+    forces = problems[name].forces
+    missing = [force for force in forces if not accepts(force)]
+    if missing:
+        raise SceneError(f"problem {name}: the tracker does not compute {', '.join(missing)}")
+    return [_outcome(fly(setting, tolerance, march=march), answer, tolerance) for tolerance in tolerances]
+
+
+def _outcome(tracks: Any, answer: Answer, tolerance: float) -> Outcome:
+    nothing = np.zeros(len(tracks))
+    wrong = nothing if answer.fate is None else tracks.fate != answer.fate
+    time = nothing if answer.time is None else np.abs(tracks.time - answer.time)
+    velocity = nothing if answer.velocity is None else np.linalg.norm(tracks.velocity - answer.velocity, axis=1)
+    spin = nothing if answer.spin is None else np.abs(tracks.spin - answer.spin)
+    return Outcome(
+        tolerance, np.linalg.norm(tracks.position - answer.position, axis=1), time, velocity, spin, tracks.steps,
+        getattr(tracks, "evaluations", tracks.steps), int(np.sum(wrong)),
+    )  # fmt: skip
+
+
+def observed_order(outcomes: Sequence[Outcome], granule: int, floor: float = FLOOR) -> float | None:
+    """Slope of log error against log mean step of one granule: the least-squares line through the finest five flights
+    above ``floor`` (m), since errors at the coarsest steps may be small by chance.
+
+    None where there are fewer than three, or their steps do not span a factor of two.
+    """
+    pairs = [(float(o.steps[granule]), float(o.error[granule])) for o in outcomes]
+    pairs = sorted(pair for pair in pairs if pair[1] > floor)[-5:]
+    if len(pairs) < 3 or pairs[-1][0] < 2 * pairs[0][0]:
+        return None
+    steps, errors = np.array(pairs).T
+    return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def run_problems(
+    progress: Callable[[int, int], object] | None = None, tolerances: Sequence[float] = TOLERANCES
+) -> list[dict[str, Any]]:
+    """Every problem whose forces the tracker computes: one row a problem and tolerance, the worst granule's numbers.
+
+    Keys: problem, means, source, tags, cells, tolerance, error (m), steps, evaluations (means over granules), ratio
+    (error / tolerance), order (without marching, median over granules; None where exact or too few steps),
+    expected_order, astray.
+    """
+    rows = []
+    for done, name in enumerate(names := [n for n in problems if all(map(accepts, problems[n].forces))]):
+        entry, outcomes = problems[name], ladder(name, tolerances)
+        length = float(entry.at()[0].arguments.get("length", 1.0))
+        alone = ladder(name, tolerances, march=False)
+        orders = [observed_order(alone, i) for i in range(len(alone[0].error))]
+        known = [order for order in orders if order is not None]
+        for o in outcomes:
+            worst = float(o.error.max())
+            rows.append({
+                "problem": name, "means": entry.means, "source": entry.source, "tags": sorted(entry.tags),
+                "cells": entry.cells, "tolerance": o.tolerance, "error": worst, "steps": float(o.steps.mean()),
+                "evaluations": float(o.evaluations.mean()), "ratio": worst / (o.tolerance * length),
+                "order": float(np.median(known)) if known else None, "expected_order": entry.order,
+                "astray": o.astray,
+            })  # fmt: skip
+        if progress is not None:
+            progress(done + 1, len(names))
+    return rows
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """Rows of :func:`run_problems` as Markdown: a problem a line, its error and mean steps at each tolerance."""
+    tolerances = sorted({row["tolerance"] for row in rows}, reverse=True)
+    lines = [
+        "| problem | order | " + " | ".join(f"{t:.0e}" for t in tolerances) + " |",
+        "|---" * (len(tolerances) + 2) + "|",
+    ]
+    for name in dict.fromkeys(row["problem"] for row in rows):
+        own = {row["tolerance"]: row for row in rows if row["problem"] == name}
+        first = next(iter(own.values()))
+        order = (
+            "exact" if first["expected_order"] is None else ("–" if first["order"] is None else f"{first['order']:.1f}")
+        )
+        cells = [f"{own[t]['error']:.0e} / {own[t]['steps']:.0f}" for t in tolerances]
+        lines.append(f"| {name} | {order} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def run_numbers(progress: Callable[[int, int], object] | None = None, tolerance: float = 1e-5) -> list[dict[str, Any]]:
+    """Every number whose forces the tracker computes, one row a value: number, label, value, low, high, exact, holds,
+    source.
+    """
+    rows = []
+    for done, name in enumerate(names := [n for n in numbers if all(map(accepts, numbers[n].forces))]):
+        entry = numbers[name]
+        for k, value in enumerate(entry.measure(tolerance)):
+            exact = None if entry.exact is None else float(entry.exact[k])
+            rows.append({
+                "number": name, "label": entry.labels[k], "value": float(value), "low": float(entry.low[k]),
+                "high": float(entry.high[k]), "exact": exact,
+                "holds": bool(entry.low[k] <= value <= entry.high[k]), "source": entry.source,
+            })  # fmt: skip
+        if progress is not None:
+            progress(done + 1, len(names))
+    return rows

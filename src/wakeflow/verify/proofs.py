@@ -1,0 +1,63 @@
+"""What ``wakeflow verify`` runs: each proof writes its report into ``runs/verify`` and is shown as tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import SceneError
+from ..files import write_json
+from ..registry import nearest
+
+__all__ = ["PROOFS", "prove", "show"]
+
+Tell = Callable[[str], None]
+FOLDER = Path("runs", "verify")
+WIDE = 150  # columns of a table that goes into a file
+PLANNED = ("airflow", "extremes")
+
+
+def _tracker(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .tracker import run_tracker
+
+    return run_tracker(FOLDER, slow=slow, tell=tell)
+
+
+def _problems(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .problems import run_problems
+
+    rows = run_problems(lambda done, total: tell(f"exact problems: {done} of {total}"))
+    report = {"rows": rows}
+    write_json(FOLDER / "problems.json", json.loads(json.dumps(report)))
+    return report
+
+
+PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {"tracker": _tracker, "problems": _problems}
+
+
+def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, Any]]:
+    """Reports by name: of ``what``, or of every proof there is. Raises SceneError for one that there is not."""
+    if what in PLANNED or (what is not None and what.endswith(".toml")):
+        raise SceneError(f"verify {what}: not in this version; choose one of: {', '.join(PROOFS)}")
+    if what is not None and what not in PROOFS:
+        raise SceneError(f"verify {what!r}: unknown{nearest(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    return {name: PROOFS[name](slow, tell) for name in ([what] if what else PROOFS)}
+
+
+def show(reports: dict[str, dict[str, Any]]) -> None:
+    """Print the tables of every report, and where it lies."""
+    from rich.console import Console
+
+    from .show import goal_table, problem_table, row_tables
+
+    console = Console()
+    console.width = max(console.width, WIDE) if not console.is_terminal else console.width
+    for name, report in reports.items():
+        tables = [*row_tables(report), goal_table(report)] if name == "tracker" else [problem_table(report)]
+        for table in tables:
+            console.print(table)
+            console.print()
+        console.print(f"report: {FOLDER / name}.json", highlight=False, soft_wrap=True)

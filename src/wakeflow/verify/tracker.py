@@ -1,0 +1,200 @@
+"""Error against run time: this tracker, an explicit one, and OpenFOAM's, on one interpolant with one reference."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..files import atomic_write, write_json
+from ..scene import Scene
+from ..tracking import Fate, Granules, track
+from ..tracking.explicit import fly_explicit
+from . import goals
+from .carrier import Carrier, make_carrier
+from .curves import Ends, Row, cores, score, timed, with_own
+from .peer import fly_peer, start_up
+from .reference import Reference, fly_reference
+from .subjects import KINDS, SPEED, Subject, resampled, shipped, subject, travelling_wave
+
+__all__ = ["run_tracker"]
+
+Tell = Callable[[str], None]
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5)  # s, of the explicit tracker
+STABLE = (2.5, 1.2, 0.6)  # in relaxation times, where those steps are not stable
+LARGEST_STABLE = 2.78  # relaxation times: classical Runge-Kutta on the negative real axis
+PEER = ((1e-3, 0.3), (1e-4, 0.3), (None, 0.3), (None, 0.1), (None, 0.03), (None, 0.01), (None, 0.003))  # deltaT, maxCo
+PEER_SLOW = ((1e-5, 0.3), (None, 0.001))
+COUNT = 16384  # granules of a kind; timed runs take as many of them as they need, the reference a few
+ENOUGH = 1.0  # s of a timed run
+LEAST = 2048  # granules of a timed run: the tracker hands its cores large blocks
+TIMED = ("heavy grain", "chaff", "dust 20 um")  # in the quick comparison
+
+
+def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
+    """Fly everything, write ``tracker.json``, ``.md`` and ``.png`` into ``folder``, return the report.
+
+    ``slow``: a computed time-resolved wake besides the synthetic one, more and finer settings, 1e7 granules. Raises
+    FoamError when OpenFOAM is not installed.
+    """
+    scene, _, chain = shipped(lambda stage, text: tell(f"{stage}: {text}"))
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
+        tell("meshing the channel for everybody")
+        carrier = make_carrier(chain.field[1], chain.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
+        for kind in KINDS:
+            case = subject(kind, "steady", scene, carrier.field, COUNT)
+            rows += _steady(case, carrier, Path(room, "run"), slow, tell)
+        wave = travelling_wave(carrier.field, SPEED, scene.width)
+        for kind in KINDS if slow else TIMED:
+            rows += _ours_and_explicit(subject(kind, "synthetic wave", scene, wave, COUNT), slow, tell)[1]
+    if slow:
+        rows += _shedding(scene, carrier, tell)
+    report: dict[str, Any] = {
+        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        "machine": f"{platform.machine()}, {cores()} cores, Python {platform.python_version()}",
+        "granules": COUNT,
+        "load": os.getloadavg()[0],
+        "triangles": len(carrier.field.triangles),
+        "rows": [asdict(row) | {"evaluation_rate": row.evaluation_rate} for row in rows],
+        "goals": goals.judge(rows, scene, chain, slow, tell),
+    }
+    write_json(folder / "tracker.json", json.loads(json.dumps(report)))
+    from ..report.work_precision import draw
+    from .show import markdown
+
+    with atomic_write(folder / "tracker.md") as stream:
+        stream.write(markdown(report))
+    draw(report["rows"], folder / "tracker.png")
+    return report
+
+
+def _shedding(scene: Scene, carrier: Carrier, tell: Tell) -> list[Row]:
+    """The computed time-resolved wake of rung ``standard``, on everybody's mesh; minutes of OpenFOAM."""
+    _, _, chain = shipped(lambda stage, text: tell(f"{stage}: {text}"), rung="standard")
+    field = resampled(chain.field[1], carrier.field)
+    rows = []
+    for kind in KINDS:
+        rows += _ours_and_explicit(subject(kind, "vortex shedding", scene, field, COUNT), True, tell)[1]
+    return rows
+
+
+def _steady(case: Subject, carrier: Carrier, folder: Path, slow: bool, tell: Tell) -> list[Row]:
+    reference, rows = _ours_and_explicit(case, slow, tell)
+    return rows + _peer(case, reference, carrier, folder, slow, tell)
+
+
+def _ours_and_explicit(case: Subject, slow: bool, tell: Tell) -> tuple[Reference, list[Row]]:
+    label = f"{case.kind}, {case.air}"
+    tell(f"{label}: reference")
+    few = case.some(512 if slow else 128)
+    reference = fly_reference(case.problem, few, seconds=900.0 if slow else 180.0)
+    rows = []
+    for tolerance in TOLERANCES:
+        tell(f"{label}: tolerance {tolerance:.0e}")
+        rows.append(_ours(case, reference, few, tolerance))
+    for step in _steps(case, slow):
+        tell(f"{label}: explicit step {step:.1e} s")
+        rows.append(_explicit(case, reference, few, step))
+    return reference, rows
+
+
+def _cost(case: Subject, fly: Callable[[Granules], object], few: Granules, least: int) -> dict[str, float]:
+    """Wall and processor seconds a granule: as many granules as make a timed run long enough, at least ``least``."""
+    each = timed(lambda: fly(few), 1)[0] / len(few)
+    count = int(np.clip(ENOUGH / max(each, 1e-9), least, len(case.grains)))
+    grains = case.some(count)
+    repeats = 3 if each * count < 3 * ENOUGH else 1  # one run that long averages the machine's noise itself
+    wall, cpu = timed(lambda: fly(grains), repeats)
+    return {"seconds": wall / len(grains), "cpu": cpu / len(grains)}
+
+
+def _ours(case: Subject, reference: Reference, few: Granules, tolerance: float) -> Row:
+    p = case.problem
+
+    def fly(grains: Granules) -> Any:
+        return track(
+            p.field, grains, until=p.until, tolerance=tolerance, length=p.length, forces=p.forces, drag=p.drag,
+            bodies=p.bodies, gravity=p.gravity,
+        )  # fmt: skip
+
+    tracks = fly(few)
+    landed = (tracks.fate == Fate.ESCAPED) | (tracks.fate == Fate.BINNED)
+    evaluations = getattr(tracks, "evaluations", None)
+    return score(
+        case, reference, Ends(tracks.position, landed, tracks.impacts),
+        method="wakeflow", setting=f"tolerance {tolerance:.0e}",
+        **_cost(case, fly, few, LEAST), steps=float(tracks.steps.mean()),
+        evaluations=None if evaluations is None else float(evaluations.mean()),
+    )  # fmt: skip
+
+
+def _steps(case: Subject, slow: bool) -> list[float]:
+    """Steps of the explicit tracker: those that are stable for this granule, else some that are."""
+    tau = float(np.median(case.grains.density * case.grains.diameter**2)) / (18.0 * case.problem.field.viscosity)
+    steps = [step for step in (*STEPS, *((1e-5,) if slow else ())) if step < LARGEST_STABLE * tau]
+    return steps if len(steps) >= 3 else [share * tau for share in STABLE]
+
+
+def _explicit(case: Subject, reference: Reference, few: Granules, step: float) -> Row:
+    p = case.problem
+
+    def fly(grains: Granules) -> Any:
+        return fly_explicit(
+            p.field, grains, until=p.until, step=step, length=p.length, forces=p.forces, drag=p.drag, bodies=p.bodies,
+            gravity=p.gravity,
+        )  # fmt: skip
+
+    tracks = fly(few)
+    return score(
+        case, reference, Ends(tracks.position, tracks.landed, tracks.impacts),
+        method="explicit RK4", setting=f"step {step:.2g} s", **_cost(case, fly, few, 128),
+        steps=float(tracks.steps.mean()), evaluations=4.0 * float(tracks.steps.mean()),
+    )  # fmt: skip
+
+
+def _peer(case: Subject, reference: Reference, carrier: Carrier, folder: Path, slow: bool, tell: Tell) -> list[Row]:
+    """OpenFOAM's tracker over its step and maxCo; one core, for that is what it uses."""
+    few = case.some(len(reference.landed))
+    free = reference.landed & (reference.impacts == 0)
+    until = 1.02 * float(reference.time[free].max())
+    many, rows = case.some(2048), []
+    begins = [start_up(carrier, grains, folder) for grains in (few, many)]
+    for scheme in ("Euler", "analytical"):
+        found, ends = [], []
+        for step, courant in (*PEER, *(PEER_SLOW if slow else ())):
+            name = f"deltaT {step:.0e} s" if step else "deltaT one flight"
+            tell(f"{case.kind}: OpenFOAM {scheme}, {name}, maxCo {courant:g}")
+            how = {"scheme": scheme, "step": step or until, "courant": courant, "until": until, "folder": folder}
+            run = fly_peer(carrier, few, **how)
+            seconds = (run.seconds - begins[0]) / len(few)
+            if seconds * len(few) < 0.3:  # its clock ticks in hundredths of a second
+                seconds = (fly_peer(carrier, many, **how).seconds - begins[1]) / len(many)
+            ends.append(Ends(run.position, np.isfinite(run.time), None))
+            found.append(score(
+                case, reference, ends[-1], method=f"OpenFOAM {scheme}", setting=f"{name}, maxCo {courant:g}",
+                seconds=max(seconds, 1e-6), cpu=max(seconds, 1e-6), steps=None, evaluations=None,
+            ))  # fmt: skip
+        rows += with_own(found, _own(case, found, ends))
+    return rows
+
+
+def _own(case: Subject, rows: list[Row], ends: list[Ends]) -> list[float | None]:
+    """Median distance (body widths) of every setting's landings from those of the setting nearest to convergence."""
+    errors = [np.inf if row.median is None else row.median for row in rows]
+    finest = ends[int(np.argmin(errors))]
+    found: list[float | None] = []
+    for one in ends:
+        both = one.landed & finest.landed
+        distance = np.linalg.norm(one.position[both] - finest.position[both], axis=1) / case.problem.length
+        found.append(float(np.median(distance)) if len(distance) and one is not finest else None)
+    return found
