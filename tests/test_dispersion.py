@@ -90,7 +90,8 @@ def test_granules_that_fall_through_eddies_spread_less_and_least_across(monkeypa
 def test_random_forces_are_bit_identical_for_any_threads_and_company() -> None:
     field, walls = closed_box(12, profile, lambda y: 10.0 * profile(y))
     grains = tracers(1500)
-    arguments = dict(until=0.3, forces=("drag", "dispersion", "brownian"), bodies=walls, tolerance=1e-3, length=1.0)
+    forces = ("drag", "dispersion", "brownian")
+    arguments = {"until": 0.3, "forces": forces, "bodies": walls, "tolerance": 1e-3, "length": 1.0}
     alone = track(field, grains, workers=1, seed=9, **arguments)  # type: ignore[arg-type]
     many = track(field, grains, workers=3, seed=9, **arguments)  # type: ignore[arg-type]
     np.testing.assert_array_equal(alone.position, many.position)

@@ -19,6 +19,7 @@ from .state import (
     PRESSURE,
     SNAP_A,
     SNAP_B,
+    STEPS,
     T_END,
     TRI,
     T,
@@ -29,6 +30,8 @@ from .state import (
 __all__ = ["air_at", "anywhere", "barycentric", "bracket", "load", "reproject", "walk"]
 
 INSIDE = -1e-12
+AROUND = 3  # covered edges on each side of the nearest one that are tried
+SELDOM = 32  # steps in the gap: then all triangles are looked at
 
 
 @compiled
@@ -211,6 +214,21 @@ def anywhere(geometry, x, y):
 
 
 @compiled
+def _from_around(air, gap, x, y):
+    """The triangle that holds a point, on foot from the covered edges on both sides of one; -1 for none."""
+    before = after = gap
+    for _ in range(AROUND):
+        before = air.covered[before, 2] if before >= 0 else -1
+        after = air.covered[after, 3] if after >= 0 else -1
+        for edge in (before, after):
+            if edge >= 0:
+                found, code = walk(air.geometry, air.neighbours, air.covered[edge, 0], x, y)
+                if code == 0:
+                    return found
+    return -1
+
+
+@compiled
 def reproject(state, ints, air, buried):
     """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
     length. ``buried``: it lies inside the outline at rest of a body, so that no triangle can hold it.
@@ -235,7 +253,9 @@ def reproject(state, ints, air, buried):
         elif code <= -2:
             ints[GAP], ints[TRI] = -2 - code, found
     if ints[GAP] >= 0 and not buried:  # beside a corner the nearest edge and the walk from it may miss the mesh
-        found = anywhere(air.geometry, x, y)
+        found = _from_around(air, gap, x, y)
+        if found < 0 and ints[STEPS] % SELDOM == 0:
+            found = anywhere(air.geometry, x, y)
         if found >= 0:
             ints[GAP], ints[TRI] = -1, found
             state[H_ERROR] = math.inf

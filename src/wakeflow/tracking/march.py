@@ -158,10 +158,11 @@ def way_out(geometry, tri, x, y, vx, vy, nx, ny, rate):
 @compiled
 def _holds(geometry, tri, x, y):
     """Whether a triangle holds a point, or nearly."""
+    least = 1.0
     for k in range(3):
-        if not barycentric(geometry, tri, k, x, y) >= BEYOND:  # NaN neither
-            return False
-    return True
+        q = barycentric(geometry, tri, k, x, y)
+        least = q if not q >= least else least  # NaN stays
+    return least >= BEYOND
 
 
 @inlined

@@ -20,6 +20,7 @@ __all__ = ["stride"]
 
 SAFE = 0.25  # of the tolerance for strides
 FEWEST = 3.0  # triangles: a shorter stride is better marched
+MOST = 60.0  # triangles: the way to the stages is made on foot
 FIRST = 12.0  # triangles of the first stride tried
 EVEN = 32.0 / 90.0  # Boole's less Simpson's mean of a function over the sum at 1/4 and 3/4 of its defects there
 ODD = 0.18  # first moment of a cubic that is zero at 0, 1/2 and 1 over its difference between 1/4 and 3/4, twice
@@ -30,7 +31,7 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
     """Try one stride; ``cell`` (s) is about the time within this triangle. Returns whether the granule has moved."""
     t0 = state[T]
     clock = min(rules.until, state[T_END], state[T_NOISE])
-    h = min(clock - t0, FIRST * cell if state[H_STRIDE] == 0.0 else state[H_STRIDE])
+    h = min(clock - t0, FIRST * cell if state[H_STRIDE] == 0.0 else min(state[H_STRIDE], MOST * cell))
     speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
     fall = math.sqrt(rules.extent * math.sqrt(grain[GX] ** 2 + grain[GY] ** 2))
     horizon = min(rules.until - t0, rules.extent / (speed + fall + 1e-300))
@@ -96,5 +97,5 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
         ints[TRI] = tri
         state[H_STRIDE] = h * min(2.0, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else 2.0 * h
         return True
-    state[H_STRIDE] = max(2.0 * h, FEWEST * cell)
+    state[H_STRIDE] = max(h, FEWEST * cell)
     return False

@@ -190,16 +190,16 @@ class _Flight:
             if not len(j):
                 continue
             g = self.grains
-            normal = distance(body.outline, self.y[j, :2])[1]
+            nx, ny = distance(body.outline, self.y[j, :2])[1].T
             e = g.restitution[j] if body.restitution is None else body.restitution
             f = g.friction[j] if body.friction is None else body.friction
             vx, vy, self.spin[j], _, _ = collide(
-                self.y[j, 2], self.y[j, 3], self.spin[j], *normal.T, 0.0, 0.0, e, f, 1.0 / g.inertia[j],
+                self.y[j, 2], self.y[j, 3], self.spin[j], nx, ny, 0.0, 0.0, e, f, 1.0 / g.inertia[j],
                 0.5 * g.diameter[j],
             )  # fmt: skip
             self.y[j, 2], self.y[j, 3] = vx, vy
             self.impacts[j] += 1
-            slow = (normal * self.y[j, 2:]).sum(axis=1) < SLOW
+            slow = nx * vx + ny * vy < SLOW
             self.state[j[slow | (self.impacts[j] > IMPACTS)]] = UNFINISHED
             self.aim[j] = np.inf
 
@@ -244,7 +244,7 @@ class _Flight:
         over, outwards = level < -ON_EDGE, rate < 0.0
         newton = np.clip(1.0 - level / np.where(outwards, rate, -1.0) / h[:, None], 0.05, 1.0)
         share = np.where(over, np.where(outwards, newton, 0.5), 1.0).min(axis=1)
-        return over.any(axis=1), bulge, share
+        return np.asarray(over.any(axis=1)), np.asarray(bulge), share
 
 
 def dormand_prince(rhs: Any, t: Array, y: Array, h: Array, rtol: float) -> tuple[Array, Array]:

@@ -80,7 +80,8 @@ def subject(kind: str, air: str, scene: Scene, field: FlowField, count: int) -> 
     assert changed.air is not None
     height = changed.channel.top - changed.channel.bottom
     until = PATIENCE * height / changed.air.speed
-    edges = sorted({x for b in changed.bin.values() for x in (b.start, b.to) if b.on == "floor" and b.points is None})
+    floor = [b for b in changed.bin.values() if b.on == "floor" and b.points is None]
+    edges = sorted({x for b in floor for x in (b.start, b.to) if x is not None})
     problem = Problem(field, bodies, until, changed.width)
     return Subject(kind, air, problem, grains[_free(grains, field, bodies)], np.array(edges))
 
@@ -96,7 +97,8 @@ def _side_walls(field: FlowField) -> list[Body]:
 
 def _phases(field: FlowField, count: int) -> Array:
     """Birth times (n,), spread evenly over the period of a time-resolved airflow (golden ratio sequence)."""
-    return np.zeros(count) if field.period is None else field.period * (np.arange(count) * 0.6180339887498949 % 1.0)
+    turns = np.arange(count, dtype=float) * 0.6180339887498949 % 1.0
+    return np.asarray(turns * (field.period or 0.0), dtype=np.float64)
 
 
 def _free(grains: Granules, field: FlowField, bodies: tuple[Body, ...]) -> NDArray[np.bool_]:
