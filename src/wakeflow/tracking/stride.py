@@ -18,7 +18,7 @@ from .state import GX, GY, H_STRIDE, RADIUS, T_END, T_NOISE, TRI, VX, VY, T, X, 
 
 __all__ = ["stride"]
 
-SAFE = 0.25  # of the tolerance for strides
+SAFE = 1.0  # of the tolerance for strides
 FEWEST = 3.0  # triangles: a shorter stride is better marched
 MOST = 60.0  # triangles: the way to the stages is made on foot
 FIRST = 12.0  # triangles of the first stride tried
