@@ -150,7 +150,7 @@ def _rules(
     if field is not None and field.times is not None and len(field.times) > 1:
         rest = max(rest, field.period) if field.period is not None else np.inf
     if air.values.shape[-1] > 4:  # eddies may blow it off later; what lay still for many of them stays
-        rest = max(rest, min(EDDIES * float(air.values[..., 5].max()), until))
+        rest = max(rest, EDDIES * float(np.median(air.values[..., 5])))
     box, swing = walls.bodies[:, :4], np.abs(walls.bodies[:, 4:6])
     return Rules(
         until=float(until),
