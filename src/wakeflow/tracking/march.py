@@ -39,7 +39,7 @@ from .state import (
 )
 from .step import drag_rate
 
-__all__ = ["march", "way_out"]
+__all__ = ["BOOLE", "ODD", "clearance", "excess", "march", "way_out"]
 
 SAMPLED = 4  # the error is looked at in every so many triangles
 LONGER = 1.3  # than in the last triangle looked at: look again

@@ -13,7 +13,7 @@ import math
 from .exponential import along, phis
 from .jit import inlined
 from .locate import walk
-from .march import clearance, excess
+from .march import BOOLE, ODD, clearance, excess
 from .state import GX, GY, H_STRIDE, RADIUS, T_END, T_NOISE, TRI, VX, VY, T, X, Y
 
 __all__ = ["stride"]
@@ -22,8 +22,6 @@ SAFE = 1.0  # of the tolerance for strides
 FEWEST = 3.0  # triangles: a shorter stride is better marched
 MOST = 60.0  # triangles: the way to the stages is made on foot
 FIRST = 12.0  # triangles of the first stride tried
-EVEN = 32.0 / 90.0  # Boole's less Simpson's mean of a function over the sum at 1/4 and 3/4 of its defects there
-ODD = 0.18  # first moment of a cubic that is zero at 0, 1/2 and 1 over its difference between 1/4 and 3/4, twice
 
 
 @inlined
@@ -76,14 +74,14 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
         _, p1, p2, _, _ = phis(-rate * h)
         carried = h * p2 + p1 * min(1.0 / rate, horizon)
         even, odd = math.sqrt((ox + nx) ** 2 + (oy + ny) ** 2), math.sqrt((ox - nx) ** 2 + (oy - ny) ** 2)
-        error = h * (EVEN * carried * even + ODD * h / (1.0 + rate * h) * odd)
+        error = h * (BOOLE * carried * even + ODD * h / (1.0 + rate * h) * odd)
         way = 1.01 * h * fast
         allowed = SAFE * rules.allowance * math.sqrt(rules.extent * way)
         if not error <= allowed:
             h *= max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1
             continue
         x, y, vx, vy = along(path, h)
-        cx, cy = EVEN * (ox + nx), EVEN * (oy + ny)
+        cx, cy = BOOLE * (ox + nx), BOOLE * (oy + ny)
         x, y = x + h * h * p2 * cx, y + h * h * p2 * cy
         tri, code = walk(air.geometry, air.neighbours, tri, x, y)
         free = clearance(walls, state[X], state[Y], grain[RADIUS], way)
