@@ -20,7 +20,7 @@ from .scene import GRAVITY, Scene
 from .separation import Landings
 from .tracking import Body, Fate, Granules, Motion, Tracks, track
 
-__all__ = ["Flight", "Tracked", "ends", "load", "solids"]
+__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "load", "solids"]
 
 Array = NDArray[np.float64]
 DRAWN = 48  # tracks kept for pictures, a fraction
@@ -52,11 +52,7 @@ class Flight:
     tolerance: float
     workers: int | None = None
     tell: Callable[[str], None] = lambda text: None
-
-    def warm_up(self) -> None:
-        """Have the tracker compiled, or read from its cache, before time is taken."""
-        still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
-        track(None, still, until=1e-3, length=self.scene.width, forces=("gravity",))
+    replicates: int = REPLICATES  # the first of them; all, but for a comparison
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
@@ -67,16 +63,16 @@ class Flight:
     def _fly_fraction(self, name: str, folder: Path, *, drawn: bool) -> None:
         """Whole replicates at a time, so that memory does not grow with the number of granules."""
         size, period = replicate_size(self.scene.feed.count), None if self.field is None else self.field.period
-        count, step = REPLICATES * size, max(1, AT_ONCE // size)
+        count, step = self.replicates * size, max(1, AT_ONCE // size)
         chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         parts, shown = [], []
-        for first in range(0, REPLICATES, step):
+        for first in range(0, self.replicates, step):
             self.tell(f"{name}: injecting {first * size} of {count}")
-            feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, REPLICATES)))
+            feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, self.replicates)))
             here = chosen[(chosen >= first * size) & (chosen < first * size + len(feed.replicate))] - first * size
             tracks = self.fly(name, feed.granules[here], record=True, stream=REPLICATES + first)
             shown += [tracks.path(i) for i in range(len(here))]
-            told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < REPLICATES else self
+            told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
             tracks = told._fly_ensemble(name, feed, first)
             parts.append(_columns(feed, tracks, len(self.scene.bin)))
         if drawn:
@@ -96,7 +92,7 @@ class Flight:
         much either does.
         """
         odd = feed.replicate % 2 == 1
-        if self.field is None or self.field.times is None or not self.plan.symmetric:
+        if self.field is None or self.field.times is None or not self.plan.airflow.symmetric:
             return self.fly(name, feed.granules, stream=stream)
         other = replace(self, field=self.field.reflected())
         even_tracks = self.fly(name, feed.granules[~odd], stream=stream)
@@ -123,6 +119,12 @@ class Flight:
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
         )
+
+
+def compile_tracker(_: None = None) -> None:
+    """Have the tracker compiled, or read from its cache, before time is taken."""
+    still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
+    track(None, still, until=1e-3, length=1.0, forces=("gravity",))
 
 
 def _seed(seed: int, name: str, stream: int) -> int:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .budget import make_budget, together
+from .budget import fly_companions, make_budget, together
+from .companions import airflow_on_grids
 from .errors import SceneError
 from .files import atomic_write, content_key, digest_files, write_json
 from .pipeline import Chain, Listener, silent
@@ -111,9 +112,12 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     }
     tracked: Tracked | None = None
     if scene.air is not None:
+        if until not in ("mesh", "airflow"):
+            chain.compile_beside()
         table["mesh"] = chain.mesh_quality
         if until != "mesh":
             table["airflow"] = chain.airflow
+            table["airflow"]["grids"] = airflow_on_grids(chain)
     if until not in ("mesh", "airflow"):
         tracked = chain.tracks()
         if table["airflow"] is not None:
@@ -122,7 +126,9 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
         table["met_by_law"] = tracked.injected
     if tracked is not None and until is None:
         table["separation"] = separate(scene, tracked.landings)
-        table["budget"] = make_budget(chain, tracked, table["separation"])
+        others = fly_companions(chain, tracked)
+        table["bracket"] = None if others.airflows is None else others.airflows.table(list(scene.bin))
+        table["budget"] = make_budget(chain, tracked, table["separation"], others)
     table["warnings"] = plan.warnings + _notices(scene, chain, table, tracked)
     table["warnings"] += together(table.get("budget", []), plan.target_error)
     table["seconds"] = chain.seconds
