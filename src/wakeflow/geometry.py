@@ -66,7 +66,8 @@ def segments_cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
         along, off = q - p, r - p
         return np.asarray(along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0])
 
-    return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0)
+    boxes = (np.minimum(a, b) <= np.maximum(c, d)) & (np.minimum(c, d) <= np.maximum(a, b))  # for collinear ones
+    return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0) & boxes.all(axis=-1)
 
 
 def distance(one: Array, other: Array) -> float:
