@@ -123,9 +123,7 @@ def _finest_first(sizes: Sequence[float], values: Sequence[float], count: int) -
     h, f = [float(size) for size in sizes], [float(value) for value in values]
     if len(h) != count or len(f) != count:
         raise SceneError(f"{count} grids are needed, {len(h)} sizes and {len(f)} values are given")
-    if not (
-        all(map(math.isfinite, f)) and h[0] > 0 and all(b >= LEAST_RATIO * a for a, b in pairwise(h))
-    ):
+    if not (all(map(math.isfinite, f)) and h[0] > 0 and all(b >= LEAST_RATIO * a for a, b in pairwise(h))):
         listed = ", ".join(f"{size:.4g}" for size in h)
         raise SceneError(f"cell sizes {listed}: finest first, each at least {LEAST_RATIO:g} times the one before it")
     return h, f
