@@ -61,6 +61,7 @@ class Chain:
             walls=channel.walls,
             direction=air.direction,
             rung=self.plan.rung,
+            scale=self.scene.numerics.mesh_scale,
         )
 
     @cached_property
@@ -82,7 +83,7 @@ class Chain:
     @cached_property
     def solution(self) -> tuple[str, Path]:
         """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from the draft's steady wake."""
-        from .foam import FlowSpec, solve_airflow
+        from .foam import FlowSpec, Stream, solve_airflow
         from .foam.version import version
 
         air, stage = self.scene.air, "airflow"
@@ -97,6 +98,11 @@ class Chain:
             turbulence=self.plan.turbulence,
             stepping="steady" if self.plan.rung == "draft" else "time-resolved",
             intensity=air.turbulence,
+            profile=air.profile,
+            inlets=tuple(
+                Stream(name, inlet.side, inlet.width, inlet.velocity)
+                for name, inlet in self.scene.channel.inlet.items()
+            ),
         )
         code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
         key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
@@ -163,7 +169,7 @@ class Chain:
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         code = _sources(
-            "laws", "tracking", "field.py", "scales.py", "injection.py", "flight.py", "geometry.py", "tables.py"
+            "laws", "tracking", "field.py", "scales.py", "injection.py", "flight.py", "geometry.py", "tables"
         )
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import FoamError, MeshError
 from ..files import write_json
 from ..process import Finished, run, tail
-from .case import INSTALL, FlowSpec, environment, set_patch_types, write_case, write_parameters
+from .case import INSTALL, FlowSpec, environment, set_patch_types, write_case, write_inlets, write_parameters
 from .history import Tail, kind_of
 
 __all__ = ["Listener", "MeshCheck", "Progress", "Watch", "prepare", "run_steady", "solver"]
@@ -121,6 +121,7 @@ def prepare(spec: FlowSpec, msh: Path, folder: Path) -> MeshCheck:
         return MeshCheck(**json.loads(done.read_text()))
     _call(folder, ["gmshToFoam", str(msh.resolve())])
     set_patch_types(folder, walls=spec.mesh.walls)
+    write_inlets(spec, folder)
     log = folder / "log.checkMesh"
     log.unlink(missing_ok=True)
     _call(folder, ["checkMesh"])
