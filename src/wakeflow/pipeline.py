@@ -171,7 +171,7 @@ class Chain:
         from .field import FlowField
 
         key, folder = self.solution
-        code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field.py")
+        code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field")
         key = content_key("field", key, code, _version("foamlib"))
 
         def work(part: Path) -> None:
@@ -201,7 +201,7 @@ class Chain:
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         code = _sources(
-            "laws", "tracking", "field.py", "scales.py", "injection.py", "flight.py", "geometry.py", "tables"
+            "laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables"
         )
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
