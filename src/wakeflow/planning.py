@@ -109,8 +109,8 @@ def make_plan(
     if scene.reynolds is not None:
         turbulence = "laminar" if scene.reynolds < LAMINAR_BELOW else "kOmegaSST"
     check_switches(scene, switches, turbulence)
-    symmetric = all(is_symmetric(body.outline()) for body in scene.body.values())
-    half = chosen == "draft" and symmetric
+    symmetric = scene.symmetric
+    half = chosen == "draft" and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values())
     plan = Plan(
         rung=chosen,
         turbulence=turbulence,
@@ -197,7 +197,8 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
         scale = _calibration(name, law, *fraction.measured_settling)
     wanted = scene.feed.mode
     if scene.air is None:
-        mode = "injected" if wanted == "auto" else wanted
+        clear = "injected" if not scene.obstacles else "resolved"
+        mode = clear if wanted == "auto" else wanted
         return FractionPlan(mode, law, scale, None, math.inf, math.inf)
     air, own = scene.air, scale / float(slip_correction(granule.diameter))
     settling = float(
@@ -212,7 +213,8 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
     stokes = tau * fall / (0.5 * scene.width)
     falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
-    mode = wanted if wanted != "auto" else ("injected" if stokes > INJECTED_ABOVE and falls_into_calm else "resolved")
+    heavy = stokes > INJECTED_ABOVE and falls_into_calm and not scene.obstacles
+    mode = wanted if wanted != "auto" else ("injected" if heavy else "resolved")
     return FractionPlan(mode, law, scale, settling, tau, stokes)
 
 
