@@ -69,7 +69,7 @@ class Chain:
         """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
         from .meshing import build_mesh
 
-        key = content_key("mesh", asdict(self.mesh_spec), _sources("meshing.py", "geometry.py"), _version("gmsh"))
+        key = content_key("mesh", asdict(self.mesh_spec), _sources("meshing", "geometry.py"), _version("gmsh"))
         folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", Path("meshes"), key)
         return key, folder
