@@ -48,7 +48,7 @@ class Chain:
     @cached_property
     def mesh_spec(self) -> MeshSpec:
         """What the plan wants meshed."""
-        from .meshing import plan_mesh
+        from .meshing import SideInlet, plan_mesh
 
         channel, air = self.scene.channel, self.scene.air
         assert air is not None
@@ -62,6 +62,9 @@ class Chain:
             direction=air.direction,
             rung=self.plan.rung,
             scale=self.scene.numerics.mesh_scale,
+            inlets=[SideInlet(name, inlet.side, *inlet.span) for name, inlet in channel.inlet.items()],
+            extend=channel.extend,
+            half=self.plan.half,
         )
 
     @cached_property
@@ -69,7 +72,7 @@ class Chain:
         """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
         from .meshing import build_mesh
 
-        key = content_key("mesh", asdict(self.mesh_spec), _sources("meshing", "geometry.py"), _version("gmsh"))
+        key = content_key("mesh", repr(self.mesh_spec), _sources("meshing", "geometry.py"), _version("gmsh"))
         folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", Path("meshes"), key)
         return key, folder
