@@ -147,21 +147,32 @@ def _interleaved(odd: NDArray[np.bool_], even_tracks: Tracks, odd_tracks: Tracks
 
 
 def solids(scene: Scene) -> list[Body]:
-    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands."""
+    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
+    stream enters.
+    """
     amplitude, omega = scene.motion
     motion = Motion(tuple(amplitude), omega / (2 * np.pi)) if omega > 0 else None
     found = [Body(body.outline(), motion=motion) for body in scene.body.values()]
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
         level = scene.channel.bottom - thick
-        open_ranges = sorted((b.start, b.to) for b in scene.bin.values() if b.points is None and b.on == side)
-        for start, end in [*open_ranges, (scene.channel.top + thick, None)]:
-            assert start is not None
+        for start, end in [*_openings(scene, side), (scene.channel.top + thick, None)]:
             if start > level:
                 low, high = sorted((inner, outer))
                 found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
             level = end if end is not None else level
     return found
+
+
+def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
+    """Where a wall is open, (from, to) along y in order: at bins, and where a secondary stream enters."""
+    found = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
+    for bin_ in scene.bin.values():
+        if bin_.points is None and bin_.on == side:
+            assert bin_.start is not None
+            assert bin_.to is not None
+            found.append((bin_.start, bin_.to))
+    return sorted(found)
 
 
 def ends(scene: Scene) -> list[Array]:

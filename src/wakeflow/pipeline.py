@@ -73,7 +73,7 @@ class Chain:
     @cached_property
     def mesh_spec(self) -> MeshSpec:
         """What the plan wants meshed."""
-        from .meshing import plan_mesh
+        from .meshing import SideInlet, plan_mesh
 
         channel, air = self.scene.channel, self.scene.air
         assert air is not None
@@ -87,6 +87,9 @@ class Chain:
             direction=air.direction,
             rung="draft" if self.plan.airflow.stepping == "steady" else "standard",
             scale=self.scene.numerics.mesh_scale * self.plan.airflow.scales[self.grid],
+            inlets=[SideInlet(name, inlet.side, *inlet.span) for name, inlet in channel.inlet.items()],
+            extend=channel.extend,
+            half=self.plan.airflow.half,
         )
 
     @cached_property
@@ -94,7 +97,7 @@ class Chain:
         """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
         from .meshing import build_mesh
 
-        key = content_key("mesh", asdict(self.mesh_spec), _sources("meshing.py", "geometry.py"), _version("gmsh"))
+        key = content_key("mesh", repr(self.mesh_spec), _sources("meshing", "geometry.py"), _version("gmsh"))
         folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", Path("meshes"), key)
         return key, folder

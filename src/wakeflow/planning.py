@@ -14,7 +14,6 @@ import numpy as np
 
 from .errors import SceneError
 from .gate import Gate, LeftOut, check_switches, open_gate
-from .geometry import is_symmetric
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -105,8 +104,7 @@ def make_plan(
     target = scene.numerics.target_error if target_error is None else target_error
     if not 0.0 < target <= 0.5:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
-    symmetric = all(is_symmetric(body.outline()) for body in scene.body.values())
-    airflow = choose_airflow(scene, rung or scene.numerics.rung, target, symmetric=symmetric)
+    airflow = choose_airflow(scene, rung or scene.numerics.rung, target)
     switches = dict(force or {})
     check_switches(scene, switches, airflow.turbulence)
     plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={})
@@ -168,7 +166,8 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
         scale = _calibration(name, law, *fraction.measured_settling)
     wanted = scene.feed.mode
     if scene.air is None:
-        mode = "injected" if wanted == "auto" else wanted
+        clear = "injected" if not scene.obstacles else "resolved"
+        mode = clear if wanted == "auto" else wanted
         return FractionPlan(mode, law, scale, None, math.inf, math.inf)
     air, own = scene.air, scale / float(slip_correction(granule.diameter))
     settling = float(
@@ -183,7 +182,8 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
     stokes = tau * fall / (0.5 * scene.width)
     falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
-    mode = wanted if wanted != "auto" else ("injected" if stokes > INJECTED_ABOVE and falls_into_calm else "resolved")
+    heavy = stokes > INJECTED_ABOVE and falls_into_calm and not scene.obstacles
+    mode = wanted if wanted != "auto" else ("injected" if heavy else "resolved")
     return FractionPlan(mode, law, scale, settling, tau, stokes)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from .errors import SceneError
+from .geometry import is_symmetric
 from .registry import nearest
 from .scene import Scene
 
@@ -49,13 +50,14 @@ class AirflowPlan:
     brackets: bool = False
 
 
-def choose_airflow(scene: Scene, asked: str, target_error: float, *, symmetric: bool) -> AirflowPlan:
+def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
     """The airflow of a rung asked for; ``auto`` goes by Reynolds number and the accuracy asked for (a share).
 
     Raises SceneError for a rung that the scene cannot have.
     """
     if asked not in RUNGS:
         raise SceneError(f"rung = {asked!r}: unknown{nearest(asked, list(RUNGS))} (known: {', '.join(RUNGS)})")
+    symmetric = scene.symmetric
     if scene.air is None:
         if asked not in ("auto", "none"):
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
@@ -73,7 +75,7 @@ def choose_airflow(scene: Scene, asked: str, target_error: float, *, symmetric: 
         stepping="steady" if steady else "time-resolved",
         turbulence="laminar" if reynolds < LAMINAR_BELOW else "kOmegaSST",
         symmetric=symmetric,
-        half=steady and symmetric,
+        half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
         scales=(1 / GRIDS, 1.0, GRIDS) if rung == "reference" else (1.0,),
         brackets=not steady and reynolds > FLAT_BELOW,
     )

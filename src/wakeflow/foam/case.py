@@ -21,7 +21,7 @@ from .polymesh import read_polymesh
 
 __all__ = ["FlowSpec", "Stream", "environment", "set_patch_types", "write_case", "write_inlets", "write_parameters"]
 
-PARAMETERS, INLETS = Path("system", "parameters"), Path("system", "inlets")
+PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
 MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 C_MU = 0.09
@@ -119,6 +119,10 @@ def write_case(spec: FlowSpec, folder: Path) -> None:
     shutil.copytree(case_template(), folder, dirs_exist_ok=True)
     write_parameters(folder, spec.parameters())
     write_inlets(spec, folder)
+    names = spec.mesh.names if len(spec.mesh.names) > 1 else ()
+    entries = "".join(f'drag_{name}\n{{\n    $forceCoefficients;\n    patches ("body_{name}");\n}}\n' for name in names)
+    with atomic_write(folder / FORCES) as out:
+        out.write((case_template() / FORCES).read_text() + entries)
 
 
 def write_parameters(folder: Path, values: Mapping[str, str | float | int]) -> None:

@@ -41,7 +41,7 @@ class Suction:
 @dataclass(frozen=True)
 class AirflowResult:
     """Measured airflow. Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width;
-    with several bodies Cd and Cl are of all of them together.
+    with several bodies Cd and Cl are of all of them together, and ``cd_of`` holds each one's share of Cd by name.
 
     Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken
     where the vertical line through the middle of the first body meets its rear and its front. ``p_inlet`` (Pa):
@@ -77,6 +77,7 @@ class AirflowResult:
     loop_mismatch: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
+    cd_of: dict[str, float] = field(default_factory=dict)
 
 
 def measure(
@@ -127,6 +128,7 @@ def measure(
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
         mesh=mesh or {},
+        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
     )
 
 
@@ -184,6 +186,16 @@ def _coefficients(
     )
 
 
+def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
+    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
+    found = {}
+    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
+        rows = read_table(folder, f"drag_{name}", (CD,))
+        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
+        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
+    return found
+
+
 def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
     """(length, mean Cd, mean square of Cl about its mean) of every whole period; time steps differ, so by
     trapezoids.
@@ -200,8 +212,8 @@ def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
-    """Flow rate through the whole channel (m2/s) and (inflow - outflow)/inflow, from the conserved flux where it is
-    stored.
+    """Flow rate through the whole channel (m2/s, secondary streams included) and (inflow - outflow)/inflow, from the
+    conserved flux where it is stored.
     """
     plane = fields.mesh.plane
     latest = fields.folder("latest")
@@ -213,7 +225,7 @@ def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot])
         across = (shots[-1].velocity_faces[chosen] * plane.normals[chosen]).sum(axis=1)
         return float((across * plane.lengths[chosen]).sum())
 
-    inflow = -through("inlet")
+    inflow = -sum(through(patch) for patch in plane.patches if patch == "inlet" or patch.startswith("inlet_"))
     return inflow * (2 if spec.mesh.half else 1), (inflow - through("outlet")) / inflow
 
 
