@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -15,7 +16,7 @@ from ..files import atomic_write
 from ..meshing import MeshSpec
 from ..resources import case_template
 
-__all__ = ["FlowSpec", "environment", "set_patch_types", "write_case", "write_parameters"]
+__all__ = ["SETTINGS", "FlowSpec", "environment", "set_patch_types", "write_case", "write_parameters"]
 
 PARAMETERS = Path("system", "parameters")
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
@@ -23,10 +24,15 @@ MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 C_MU = 0.09
 
 
+# The settings that the template knows: largest Courant number of a time-resolved run, and its share of the one asked for
+SETTINGS = {"normal": (math.inf, 1.0), "careful": (1.0, 0.5), "first-order": (0.5, 0.25)}
+
+
 @dataclass(frozen=True)
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
-    ``intensity`` (u'/U at the inlet; not used when laminar)."""
+    ``intensity`` (u'/U at the inlet; not used when laminar). ``settings``: one of SETTINGS, where the ladder of safer
+    ones starts; ``ranks``: MPI processes."""
 
     mesh: MeshSpec
     speed: float
@@ -36,6 +42,8 @@ class FlowSpec:
     stepping: Literal["steady", "time-resolved"] = "steady"
     intensity: float = 0.05
     max_courant: float = 2.0
+    settings: str = "normal"
+    ranks: int = 1
 
     def __post_init__(self) -> None:
         if self.stepping == "time-resolved" and self.mesh.half:
@@ -67,6 +75,7 @@ class FlowSpec:
         """
         k = 1.5 * (self.intensity * self.speed) ** 2
         spec = self.mesh
+        most, share = SETTINGS[self.settings]
         return {
             "stepping": self.stepping,
             "turbulence": self.turbulence,
@@ -79,7 +88,9 @@ class FlowSpec:
             "inletOmega": k**0.5 / (C_MU**0.25 * MIXING_LENGTH * spec.width),
             "bodyWidth": spec.projected_width,
             "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
-            "maxCo": self.max_courant,
+            "settings": self.settings,
+            "maxCo": min(most, share * self.max_courant),
+            "ranks": self.ranks,
         }
 
 
