@@ -24,7 +24,7 @@ MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 C_MU = 0.09
 
 
-# The settings that the template knows: largest Courant number of a time-resolved run, and its share of the one asked for
+# What the template knows: largest Courant number of a time-resolved run, and its share of the one asked for
 SETTINGS = {"normal": (math.inf, 1.0), "careful": (1.0, 0.5), "first-order": (0.5, 0.25)}
 
 
