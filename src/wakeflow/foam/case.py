@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -19,12 +20,25 @@ from ..meshing import MeshSpec
 from ..resources import case_template
 from .polymesh import read_polymesh
 
-__all__ = ["FlowSpec", "Stream", "environment", "set_patch_types", "write_case", "write_inlets", "write_parameters"]
+__all__ = [
+    "SETTINGS",
+    "FlowSpec",
+    "Stream",
+    "environment",
+    "set_patch_types",
+    "write_case",
+    "write_inlets",
+    "write_parameters",
+]
 
 PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
 MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 C_MU = 0.09
+
+
+# What the template knows: largest Courant number of a time-resolved run, and its share of the one asked for
+SETTINGS = {"normal": (math.inf, 1.0), "careful": (1.0, 0.5), "first-order": (0.5, 0.25)}
 
 
 @dataclass(frozen=True)
@@ -42,7 +56,8 @@ class Stream:
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
     ``intensity`` (u'/U at the inlet; not used when laminar), ``profile`` of the inlet's velocity (parabolic: fully
-    developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams."""
+    developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams. ``settings``: one of SETTINGS, where the ladder of safer
+    ones starts; ``ranks``: MPI processes."""
 
     mesh: MeshSpec
     speed: float
@@ -54,6 +69,8 @@ class FlowSpec:
     max_courant: float = 2.0
     profile: Literal["uniform", "parabolic"] = "uniform"
     inlets: tuple[Stream, ...] = ()
+    settings: str = "normal"
+    ranks: int = 1
 
     def __post_init__(self) -> None:
         if self.stepping == "time-resolved" and self.mesh.half:
@@ -93,6 +110,7 @@ class FlowSpec:
         """
         k, omega = self.incoming(self.speed, self.mesh.width)
         spec = self.mesh
+        most, share = SETTINGS[self.settings]
         return {
             "stepping": self.stepping,
             "turbulence": self.turbulence,
@@ -105,7 +123,9 @@ class FlowSpec:
             "inletOmega": omega,
             "bodyWidth": spec.projected_width,
             "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
-            "maxCo": self.max_courant,
+            "settings": self.settings,
+            "maxCo": min(most, share * self.max_courant),
+            "ranks": self.ranks,
         }
 
 

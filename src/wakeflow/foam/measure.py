@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .case import FlowSpec
+from .failure import Attempt
 from .history import CD, CL, Interval, batch_interval, read_table, upward_crossings
 from .read import CaseFields, Snapshot, loop_of, read_flow
 
@@ -49,6 +50,8 @@ class AirflowResult:
     per metre of depth, whole channel); ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None
     when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity
     difference between the snapshots at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
+    ``settings`` that served and the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share
+    of each limit of :mod:`wakeflow.foam.sanity` that the solution takes up.
 
     Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the
     normal Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
@@ -78,6 +81,9 @@ class AirflowResult:
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
     cd_of: dict[str, float] = field(default_factory=dict)
+    settings: str = "normal"
+    attempts: tuple[Attempt, ...] = ()
+    checks: dict[str, float] = field(default_factory=dict)
 
 
 def measure(
