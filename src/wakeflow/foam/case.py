@@ -14,6 +14,7 @@ from ..errors import FoamError, SceneError
 from ..files import atomic_write
 from ..meshing import MeshSpec
 from ..resources import case_template
+from .vibration import Vibration
 
 __all__ = ["FlowSpec", "environment", "set_patch_types", "write_case", "write_parameters"]
 
@@ -26,7 +27,8 @@ C_MU = 0.09
 @dataclass(frozen=True)
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
-    ``intensity`` (u'/U at the inlet; not used when laminar)."""
+    ``intensity`` (u'/U at the inlet; not used when laminar). ``vibration``: of bodies and mesh along the channel; None:
+    the bodies are at rest in the air."""
 
     mesh: MeshSpec
     speed: float
@@ -36,12 +38,15 @@ class FlowSpec:
     stepping: Literal["steady", "time-resolved"] = "steady"
     intensity: float = 0.05
     max_courant: float = 2.0
+    vibration: Vibration | None = None
 
     def __post_init__(self) -> None:
         if self.stepping == "time-resolved" and self.mesh.half:
             raise SceneError(
                 "a time-resolved airflow sheds vortices to both sides: it needs a mesh of the whole channel"
             )
+        if self.stepping == "steady" and self.vibration is not None:
+            raise SceneError("a steady airflow cannot follow a vibrating body: use rung standard")
 
     @property
     def reynolds(self) -> float:
@@ -80,6 +85,7 @@ class FlowSpec:
             "bodyWidth": spec.projected_width,
             "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
             "maxCo": self.max_courant,
+            **(self.vibration.parameters() if self.vibration is not None else {}),
         }
 
 

@@ -216,11 +216,15 @@ def solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> N
 
 def _drop_broken_times(folder: Path) -> None:
     """Remove time folders that a killed solver left half-written: the solver would start from the last one."""
-    laminar = re.search(r"^turbulence\s+laminar;", (folder / "system" / "parameters").read_text(), re.M)
+    parameters = (folder / "system" / "parameters").read_text()
+    laminar = re.search(r"^turbulence\s+laminar;", parameters, re.M)
+    moving = re.search(r"^bodyWall\s+movingWallVelocity;", parameters, re.M)
     needed = {"U", "p", "phi"} if laminar else {"U", "p", "phi", "k", "omega", "nut"}
     for path in (p for p in folder.iterdir() if re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", p.name) and p.is_dir()):
         files = [member for member in path.iterdir() if member.is_file()]
-        ended = all(_ends_well(member) for member in files)
+        if moving:  # the mesh goes on from where it stands
+            files.append(path / "polyMesh" / "points")
+        ended = all(member.is_file() and _ends_well(member) for member in files)
         if not (ended and needed <= {member.name for member in files} and (path / "uniform" / "time").exists()):
             shutil.rmtree(path)
 
