@@ -18,6 +18,7 @@ from .history import Tail, is_settled, upward_crossings
 from .initial import perturb, start_from
 from .read import LOOP, CaseFields, time_folders
 from .solve import PHASE, SAVE_EVERY, Listener, Watch, solver
+from .vibration import Vibration
 
 __all__ = ["best_loop", "run_time_resolved"]
 
@@ -86,6 +87,22 @@ def _start_up(spec: FlowSpec, folder: Path, listener: Listener, timeout: float |
         "writeControl": "clockTime", "writeInterval": SAVE_EVERY, "purgeWrite": 2,
     })  # fmt: skip
     solver(folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, finished, 40 * scale), timeout)
+    if spec.vibration is not None:
+        _swing_to_middle(spec.vibration, spec, folder, listener, timeout)
+
+
+def _swing_to_middle(
+    vibration: Vibration, spec: FlowSpec, folder: Path, listener: Listener, timeout: float | None
+) -> None:
+    """Go on to the end of the vibration: the recording, and so the loop, begins at phase zero, as the scene does."""
+    now = float(time_folders(folder)[-1].name)
+    left = -now % vibration.period
+    if left > 1e-6 * vibration.period:
+        end = {"endTime": now + left, "writeControl": "adjustableRunTime", "writeInterval": left}
+        write_parameters(folder, {"startFrom": "latestTime", **end})
+        solver(
+            folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, lambda rows: False, now + left), timeout
+        )
 
 
 def _watch(
@@ -176,8 +193,8 @@ def best_loop(clock: Array, velocity: Array, least: float, whole: float | None =
     mismatch.
 
     ``clock`` (t,) s, ``velocity`` (t, ...); the loop is at least ``least`` (s) long, less 8 %, since shedding periods
-    vary. ``whole`` (s): the length is a multiple of it, a vibration's period. The mismatch is the rms velocity
-    difference at the join, at the refined length, over the rms fluctuation.
+    vary. ``whole`` (s): length and start, counted from the first snapshot, are multiples of it, a vibration's period.
+    The mismatch is the rms velocity difference at the join, at the refined length, over the rms fluctuation.
     Raises FoamError when the snapshots do not cover the loop.
     """
     count = len(clock)
@@ -189,8 +206,8 @@ def best_loop(clock: Array, velocity: Array, least: float, whole: float | None =
     allowed = lengths >= 0.92 * least
     allowed[:, -1] = False  # the parabola needs a snapshot after the last
     if whole is not None:
-        over = lengths - whole * np.round(lengths / whole)
-        allowed &= np.abs(over) < 0.1 * (clock[1] - clock[0])
+        over = np.abs(lengths - whole * np.round(lengths / whole)) < 0.1 * (clock[1] - clock[0])
+        allowed &= over & over[0][:, None]  # lengths and starts
     if not allowed.any():
         raise FoamError(f"the recording of {clock[-1] - clock[0]:.3g} s is shorter than a loop of {least:.3g} s")
     first, last = (int(i) for i in np.unravel_index(np.where(allowed, distance, np.inf).argmin(), distance.shape))

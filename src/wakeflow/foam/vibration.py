@@ -54,7 +54,7 @@ class Vibration:
 
         Displacement at time t of that clock: amplitude sin(omega t + phase).
         """
-        phase = math.fmod(self.omega * begin, 2.0 * math.pi)
+        phase = math.remainder(self.omega * begin, 2.0 * math.pi)
         return {"amplitude": [0.0, self.amplitude], "omega": self.omega, "phase": phase}
 
     def parameters(self) -> dict[str, str | float]:
