@@ -19,6 +19,7 @@ from ..files import atomic_write
 from ..meshing import MeshSpec
 from ..resources import case_template
 from .polymesh import read_polymesh
+from .vibration import Vibration
 
 __all__ = [
     "SETTINGS",
@@ -56,8 +57,9 @@ class Stream:
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
     ``intensity`` (u'/U at the inlet; not used when laminar), ``profile`` of the inlet's velocity (parabolic: fully
-    developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams. ``settings``: one of SETTINGS, where the ladder of safer
-    ones starts; ``ranks``: MPI processes."""
+    developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams. ``vibration``: of
+    bodies and mesh along the channel; None: the bodies are at rest in the air. ``settings``: one of SETTINGS, where the
+    ladder of safer ones starts; ``ranks``: MPI processes."""
 
     mesh: MeshSpec
     speed: float
@@ -71,12 +73,15 @@ class FlowSpec:
     inlets: tuple[Stream, ...] = ()
     settings: str = "normal"
     ranks: int = 1
+    vibration: Vibration | None = None
 
     def __post_init__(self) -> None:
         if self.stepping == "time-resolved" and self.mesh.half:
             raise SceneError(
                 "a time-resolved airflow sheds vortices to both sides: it needs a mesh of the whole channel"
             )
+        if self.stepping == "steady" and self.vibration is not None:
+            raise SceneError("a steady airflow cannot follow a vibrating body: use rung standard")
 
     @property
     def reynolds(self) -> float:
@@ -126,6 +131,7 @@ class FlowSpec:
             "settings": self.settings,
             "maxCo": min(most, share * self.max_courant),
             "ranks": self.ranks,
+            **(self.vibration.parameters() if self.vibration is not None else {}),
         }
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,11 @@ class AirflowResult:
     mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the outlet. ``flow_rate`` (m2/s,
     per metre of depth, whole channel); ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None
     when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity
-    difference between the snapshots at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
-    ``settings`` that served and the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share
-    of each limit of :mod:`wakeflow.foam.sanity` that the solution takes up.
+    difference between the snapshots at the join of the loop over the rms fluctuation. ``motion``: of the mesh, where
+    the body vibrates in the air: amplitude (x, y) m, omega (rad/s), phase (rad) at the loop's start; the stored field
+    belongs to positions less amplitude sin(omega t + phase). ``seconds`` of wall time. ``settings`` that served and
+    the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of
+    :mod:`wakeflow.foam.sanity` that the solution takes up.
 
     Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the
     normal Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
@@ -77,6 +80,7 @@ class AirflowResult:
     seconds: float
     field_time: str
     period: float | None = None
+    motion: dict[str, Any] | None = None
     loop_mismatch: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
@@ -131,6 +135,7 @@ def measure(
         seconds=seconds,
         field_time="all" if loop else "latest",
         period=loop["period"] if loop else None,
+        motion=loop.get("motion") if loop else None,
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
         mesh=mesh or {},
@@ -227,7 +232,9 @@ def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot])
     def through(patch: str) -> float:
         chosen = plane.on(patch)
         if fields.has(latest, "phi"):
-            return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness
+            moving = 0.0 if spec.vibration is None else spec.vibration.speed(float(latest.name))
+            swept = moving * float((plane.normals[:, 1] * plane.lengths)[chosen].sum())  # phi is relative to the mesh
+            return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness + swept
         across = (shots[-1].velocity_faces[chosen] * plane.normals[chosen]).sum(axis=1)
         return float((across * plane.lengths[chosen]).sum())
 
@@ -243,7 +250,7 @@ def _y_plus(
     nu = spec.viscosity / spec.density
     cell, normal = plane.owner[body], plane.normals[body]
     distance = ((plane.midpoints[body] - plane.centres[cell]) * normal).sum(axis=1)
-    velocity = shot.velocity[cell]
+    velocity = shot.velocity[cell] - shot.velocity_faces[body]
     along = velocity - (velocity * normal).sum(axis=1, keepdims=True) * normal
     effective = np.full(len(cell), nu)
     if fields.has(time, "nut") and spec.turbulence != "laminar":

@@ -236,10 +236,13 @@ def _drop_broken_times(folder: Path) -> None:
 
 def _is_whole(folder: Path, path: Path) -> bool:
     """Whether the time folder ``path`` of the case ``folder``, or of one of its ranks, holds all that a run needs."""
-    laminar = re.search(r"^turbulence\s+laminar;", (folder / "system" / "parameters").read_text(), re.M)
+    parameters = (folder / "system" / "parameters").read_text()
+    laminar = re.search(r"^turbulence\s+laminar;", parameters, re.M)
     needed = {"U", "p", "phi"} if laminar else {"U", "p", "phi", "k", "omega", "nut"}
     files = [member for member in path.iterdir() if member.is_file()]
-    ended = all(_ends_well(member) for member in files)
+    if re.search(r"^bodyWall\s+movingWallVelocity;", parameters, re.M):  # the mesh goes on from where it stands
+        files.append(path / "polyMesh" / "points")
+    ended = all(member.is_file() and _ends_well(member) for member in files)
     return ended and needed <= {member.name for member in files} and (path / "uniform" / "time").exists()
 
 
