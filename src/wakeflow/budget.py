@@ -117,7 +117,7 @@ def _airflow_parts(chain: Chain, others: Companions, name: str, place: int) -> I
     how = chain.plan.airflow
     if others.airflows is not None:
         yield from _model_parts(chain, others.airflows, name, place)
-    elif how.stepping == "steady" and (chain.scene.reynolds or 0.0) >= SHEDDING_ABOVE:
+    elif how.rung == "given" or (how.stepping == "steady" and (chain.scene.reynolds or 0.0) >= SHEDDING_ABOVE):
         yield _unknown("airflow-model")
     if others.airflows is None and chain.airflow["period"] is not None:
         yield _unknown("airflow-statistics")

@@ -27,6 +27,7 @@ from .scene import Scene
 if TYPE_CHECKING:
     from .field import FlowField
     from .flight import Tracked
+    from .foam import FlowSpec
     from .meshing import MeshSpec
 
 __all__ = ["Chain", "Companion", "Listener", "silent"]
@@ -85,10 +86,10 @@ class Chain:
             names=list(self.scene.body),
             walls=channel.walls,
             direction=air.direction,
-            rung="draft" if self.plan.airflow.stepping == "steady" else "standard",
+            rung="standard" if self.plan.airflow.stepping == "time-resolved" else "draft",
             scale=self.scene.numerics.mesh_scale * self.plan.airflow.scales[self.grid],
             inlets=[SideInlet(name, inlet.side, *inlet.span) for name, inlet in channel.inlet.items()],
-            extend=channel.extend,
+            extend=channel.extend and air.case is None,
             half=self.plan.airflow.half,
         )
 
@@ -105,27 +106,32 @@ class Chain:
     @property
     def mesh_quality(self) -> dict[str, Any]:
         """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees)."""
+        if self.given is not None:
+            return {"cells": self.airflow["cells"]}
         table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
         return table
 
-    @cached_property
-    def solution(self) -> tuple[str, Path]:
-        """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from a solved one."""
-        from .foam import FlowSpec, Stream, solve_airflow
-        from .foam.version import version
+    @property
+    def given(self) -> Path | None:
+        """The user's own case, where the scene names one."""
+        air = self.scene.air
+        return None if air is None or air.case is None else Path(air.case)
 
-        air, how, stage = self.scene.air, self.plan.airflow, "airflow"
+    @property
+    def flow_spec(self) -> FlowSpec:
+        """What the plan wants solved, or what a given case must be."""
+        from .foam import FlowSpec, Stream
+
+        air, how = self.scene.air, self.plan.airflow
         assert air is not None
         assert how.turbulence is not None
-        assert how.stepping is not None
-        mesh_key, mesh_folder = self.mesh
-        spec = FlowSpec(
+        return FlowSpec(
             mesh=self.mesh_spec,
             speed=air.speed,
             density=air.density,
             viscosity=air.viscosity,
-            turbulence=how.turbulence,
-            stepping=how.stepping,
+            turbulence="laminar" if how.turbulence == "laminar" else "kOmegaSST",
+            stepping=how.stepping or "steady",
             intensity=air.turbulence,
             profile=air.profile,
             inlets=tuple(
@@ -133,6 +139,16 @@ class Chain:
                 for name, inlet in self.scene.channel.inlet.items()
             ),
         )
+
+    @cached_property
+    def solution(self) -> tuple[str, Path]:
+        """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from a solved one."""
+        from .foam import solve_airflow
+        from .foam.version import version
+
+        if self.given is not None:
+            return self._measured(self.given)
+        (mesh_key, mesh_folder), spec, stage, how = self.mesh, self.flow_spec, "airflow", self.plan.airflow
         code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
         key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
 
@@ -147,6 +163,23 @@ class Chain:
             )
 
         return key, self._stage(stage, key, work)
+
+    def _measured(self, case: Path) -> tuple[str, Path]:
+        """Key and folder of what was measured on the user's case; its files are the key: a new solution counts."""
+        from .foam.given import case_files, measure_given
+
+        air, spec = self.scene.air, self.flow_spec
+        assert air is not None
+        time = air.time or "latest"
+        code = _sources("foam", "reconstruction.py")
+        key = content_key("given", repr(spec), time, digest_files(case_files(case, time)), code)
+
+        def work(part: Path) -> None:
+            self._tell("airflow", f"measuring {case}")
+            (part / "case").mkdir(exist_ok=True)
+            write_json(part / "case" / "airflow.json", measure_given(spec, case, time))
+
+        return key, self._stage("airflow", key, work)
 
     @cached_property
     def draft(self) -> Chain:
@@ -180,9 +213,10 @@ class Chain:
         def work(part: Path) -> None:
             self._tell("field", "reading the airflow")
             assert self.scene.air is not None
-            time = "latest" if self.airflow["period"] is None else "all"
-            read = FlowField.from_openfoam(folder / "case", time=time, density=self.scene.air.density)
-            (read.mirrored() if self.mesh_spec.half else read).save(part / "field.npz")
+            half = self.airflow["half"] if self.given else self.mesh_spec.half
+            case = self.given or folder / "case"
+            read = FlowField.from_openfoam(case, time=self.airflow["field_time"], density=self.scene.air.density)
+            (read.mirrored() if half else read).save(part / "field.npz")
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
 
@@ -203,9 +237,7 @@ class Chain:
         del tables["numerics"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        code = _sources(
-            "laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables"
-        )
+        code = _sources("laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables")
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         symmetric = self.plan.airflow.symmetric

@@ -71,7 +71,7 @@ class Plan:
 
     @property
     def rung(self) -> str:
-        """none | draft | standard | reference"""
+        """none | draft | standard | reference | given"""
         return self.airflow.rung
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
@@ -203,6 +203,8 @@ def _used(scene: Scene, plan: Plan) -> list[str]:
 
 def _airflow_lines(airflow: AirflowPlan) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
+    if airflow.rung == "given":
+        yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
     if airflow.stepping is None:
         return
     part = ", half of the channel mirrored" if airflow.half else ""

@@ -9,10 +9,12 @@ draft and standard bracket the truth. reference: the same on three grids, which 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from .errors import SceneError
 from .geometry import is_symmetric
+from .opencase import is_laminar
 from .registry import nearest
 from .scene import Scene
 
@@ -40,10 +42,10 @@ class AirflowPlan:
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
     """
 
-    rung: str  # none | draft | standard | reference
+    rung: str  # none | draft | standard | reference | given (a case of the user's)
     why: str
     stepping: Stepping | None
-    turbulence: Literal["laminar", "kOmegaSST"] | None
+    turbulence: Literal["laminar", "kOmegaSST", "given"] | None
     symmetric: bool
     half: bool
     scales: tuple[float, ...] = (1.0,)
@@ -64,6 +66,8 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
         return AirflowPlan("none", "there is no [air]", None, None, symmetric, half=False)
     if asked == "none":
         raise SceneError("rung = 'none' is for scenes without air: remove the [air] table, or choose draft or standard")
+    if scene.air.case is not None:
+        return _given(scene.air.case, asked)
     reynolds = scene.reynolds
     assert reynolds is not None
     rung, why = (asked, "asked for") if asked != "auto" else _auto(reynolds, target_error)
@@ -79,6 +83,14 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
         scales=(1 / GRIDS, 1.0, GRIDS) if rung == "reference" else (1.0,),
         brackets=not steady and reynolds > FLAT_BELOW,
     )
+
+
+def _given(case: str, asked: str) -> AirflowPlan:
+    """A user's own solution: nothing is solved, and nothing is known of its symmetry."""
+    if asked != "auto":
+        raise SceneError(f"rung = {asked!r}: air.case gives the airflow; leave the rung out, or air.case")
+    turbulence: Literal["laminar", "given"] = "laminar" if is_laminar(Path(case)) else "given"
+    return AirflowPlan("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
 
 
 def _auto(reynolds: float, target_error: float) -> tuple[str, str]:

@@ -87,7 +87,11 @@ class Channel(Table):
 
 
 class Air(Table):
-    """[air]: leave the table out for a vacuum."""
+    """[air]: leave the table out for a vacuum.
+
+    With ``case`` the air of a user's own OpenFOAM case, already solved; what the case says of speed, direction and
+    viscosity need not be given, what is given is checked against it.
+    """
 
     speed: PositiveSpeed
     direction: Literal["down", "up"] = "down"
@@ -97,6 +101,18 @@ class Air(Table):
     profile: Literal["uniform", "parabolic"] = Field(
         "uniform", description="at the inlet; parabolic: fully developed laminar flow, speed is its mean"
     )
+    case: str | None = Field(None, description="folder of a solved OpenFOAM case, relative to the scene file")
+    time: Literal["latest", "mean", "all"] | None = Field(
+        None, description="of the case: its last time (default), the mean of its times, or all of them"
+    )
+
+    @model_validator(mode="after")
+    def _case_alone(self) -> Air:
+        if self.case is None and self.time is not None:
+            raise SceneError("time is for a case of your own: give case as well")
+        if self.case is not None and self.profile != "uniform":
+            raise SceneError("profile does not go with case: the case has its own inlet")
+        return self
 
 
 class Vibration(Table):
