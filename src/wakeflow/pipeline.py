@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import ProgramError
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
+from .flows import flow_spec, mesh_spec, nearest, remember
 from .planning import COMPARED, REPLICATES, Plan, make_plan
 from .process import call_in_child
 from .resources import case_template
@@ -74,24 +75,7 @@ class Chain:
     @cached_property
     def mesh_spec(self) -> MeshSpec:
         """What the plan wants meshed."""
-        from .meshing import SideInlet, plan_mesh
-
-        channel, air = self.scene.channel, self.scene.air
-        assert air is not None
-        return plan_mesh(
-            [body.outline() for body in self.scene.body.values()],
-            width=channel.width,
-            top=channel.top,
-            bottom=channel.bottom,
-            names=list(self.scene.body),
-            walls=channel.walls,
-            direction=air.direction,
-            rung="standard" if self.plan.airflow.stepping == "time-resolved" else "draft",
-            scale=self.scene.numerics.mesh_scale * self.plan.airflow.scales[self.grid],
-            inlets=[SideInlet(name, inlet.side, *inlet.span) for name, inlet in channel.inlet.items()],
-            extend=channel.extend and air.case is None,
-            half=self.plan.airflow.half,
-        )
+        return mesh_spec(self.scene, self.plan, self.grid)
 
     @cached_property
     def mesh(self) -> tuple[str, Path]:
@@ -117,29 +101,6 @@ class Chain:
         air = self.scene.air
         return None if air is None or air.case is None else Path(air.case)
 
-    @property
-    def flow_spec(self) -> FlowSpec:
-        """What the plan wants solved, or what a given case must be."""
-        from .foam import FlowSpec, Stream
-
-        air, how = self.scene.air, self.plan.airflow
-        assert air is not None
-        assert how.turbulence is not None
-        return FlowSpec(
-            mesh=self.mesh_spec,
-            speed=air.speed,
-            density=air.density,
-            viscosity=air.viscosity,
-            turbulence="laminar" if how.turbulence == "laminar" else "kOmegaSST",
-            stepping=how.stepping or "steady",
-            intensity=air.turbulence,
-            profile=air.profile,
-            inlets=tuple(
-                Stream(name, inlet.side, inlet.width, inlet.velocity)
-                for name, inlet in self.scene.channel.inlet.items()
-            ),
-        )
-
     @cached_property
     def solution(self) -> tuple[str, Path]:
         """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from a solved one."""
@@ -148,27 +109,33 @@ class Chain:
 
         if self.given is not None:
             return self._measured(self.given)
-        (mesh_key, mesh_folder), spec, stage, how = self.mesh, self.flow_spec, "airflow", self.plan.airflow
+        mesh_key, mesh_folder = self.mesh
+        spec = flow_spec(self.scene, self.plan, self.mesh_spec)
         code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
-        key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
+        key = content_key("airflow", mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
 
         def work(part: Path) -> None:
-            start = self.draft.solution[1] / "case" if how.stepping == "time-resolved" else None
             solve_airflow(
                 spec,
                 mesh_folder / "mesh.msh",
                 part / "case",
-                start=start,
-                listener=lambda now: self._tell(stage, str(now)),
+                start=self._start(mesh_key, spec) if spec.stepping == "time-resolved" else None,
+                listener=lambda now: self._tell("airflow", str(now)),
             )
+            remember(part, mesh_key, spec)
 
-        return key, self._stage(stage, key, work)
+        return key, self._stage("airflow", key, work)
+
+    def _start(self, mesh_key: str, spec: FlowSpec) -> Path:
+        """The case that a time-resolved airflow starts from: a solved one near to it, else the steady wake."""
+        found = nearest(self.store, mesh_key, spec)
+        return found if found is not None else self.draft.solution[1] / "case"
 
     def _measured(self, case: Path) -> tuple[str, Path]:
         """Key and folder of what was measured on the user's case; its files are the key: a new solution counts."""
         from .foam.given import case_files, measure_given
 
-        air, spec = self.scene.air, self.flow_spec
+        air, spec = self.scene.air, flow_spec(self.scene, self.plan, self.mesh_spec)
         assert air is not None
         time = air.time or "latest"
         code = _sources("foam", "reconstruction.py")
