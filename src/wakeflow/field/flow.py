@@ -20,7 +20,7 @@ from ..files import atomic_write
 from . import checks
 from .compress import Truncation, compress, time_shares
 from .recovery import gradient_operators
-from .splines import around, design
+from .splines import POWERS, around, design
 from .triangles import Triangles
 
 __all__ = ["Divergence", "FlowField", "Swing", "Truncation"]
@@ -181,9 +181,9 @@ class FlowField(Triangles):
         return i, j, float(np.clip((t - times[i]) / (times[j] - times[i]), 0.0, 1.0)) if j > i else 0.0
 
     def weights(self, t: float) -> Array:
-        """What of each snapshot or part makes up the field at time ``t`` (s); empty when steady."""
+        """What of each snapshot or part (R,) makes up the field at time ``t`` (s); a lone 1 when steady."""
         if self.times is None:
-            return np.zeros(0)
+            return np.ones(1)
         if self.coefficients is not None:
             assert self.period is not None
             index, share = around(t, float(self.times[0]), self.period, len(self.times))
@@ -193,6 +193,27 @@ class FlowField(Triangles):
         weight[i] += 1.0 - w
         weight[j] += w
         return weight
+
+    def polynomial(self, t: float) -> tuple[float, float, Array]:
+        """The piece of time from ``t`` (s) on in which the field is a polynomial: its origin and end (s), and what of each
+        snapshot or part (P, R) makes up the coefficient of each power of the time since the origin.
+        """
+        if self.times is None:
+            return t, np.inf, np.ones((1, 1))
+        if self.coefficients is not None:
+            assert self.period is not None
+            step = self.period / len(self.times)
+            first = np.floor((t - self.times[0]) / step)
+            around = (int(first) + np.arange(-1, 3)) % len(self.times)
+            shares = POWERS @ self.coefficients[around] / step ** np.arange(4)[:, None]
+            return float(self.times[0] + first * step), float(self.times[0] + (first + 1) * step), shares
+        i, j, w = self.at_time(t)
+        rise = np.zeros(len(self.times))
+        if i == j:
+            return t, np.inf, np.stack([self.weights(t), rise])
+        step = self.times[j] - self.times[i] + (0.0 if j > i else self.period or 0.0)
+        rise[i], rise[j] = -1.0 / step, 1.0 / step
+        return t, t + (1.0 - w) * float(step), np.stack([self.weights(t), rise])
 
     def sample(self, x: ArrayLike, t: float = 0.0) -> tuple[Array, Array, Array]:
         """Velocity (n, 2), pressure (n,) and pressure gradient (n, 2) at points (n, 2) and time ``t``; NaN outside.
