@@ -1,8 +1,9 @@
 """FlowField: velocity and pressure on a triangle mesh, steady or in time; linear inside every triangle.
 
-Three forms, told apart by what is given with the nodal arrays: nothing (steady), ``times`` (snapshots, between which the
-field is linear in time; with a ``period`` it repeats, without one it stands still before the first and after the last),
-or ``times``, ``period`` and ``coefficients`` (a mean and modes, whose functions of time are periodic cubic splines).
+Three forms, told apart by what is given with the nodal arrays: nothing (steady), ``times`` (snapshots, between which
+the field is linear in time; with a ``period`` it repeats, without one it stands still before the first and after the
+last), or ``times``, ``period`` and ``coefficients`` (a mean and modes, whose functions of time are periodic cubic
+splines).
 """
 
 from __future__ import annotations
@@ -68,8 +69,8 @@ class FlowField(Triangles):
     ``points`` (N, 2) m, ``triangles`` (M, 3) counter-clockwise, ``velocity`` (.., N, 2) m/s, ``pressure`` (.., N) Pa,
     ``k`` (.., N) m2/s2, ``dissipation`` (.., N) m2/s3, ``times`` (T,) s, ``density`` kg/m3, ``viscosity`` dynamic, Pa
     s. Nodal arrays have a leading axis T when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is
-    given too: the mean and R - 1 modes, ``times`` being the splines' uniform knots, and ``truncation`` what was cut off.
-    ``motion``: the mesh swings as a rigid whole, ``points`` being its middle position; velocities are absolute.
+    given too: the mean and R - 1 modes, ``times`` being the splines' uniform knots, and ``truncation`` what was cut
+    off. ``motion``: the mesh swings as a rigid whole, ``points`` being its middle position; velocities are absolute.
     """
 
     velocity: Array
@@ -195,8 +196,8 @@ class FlowField(Triangles):
         return weight
 
     def polynomial(self, t: float) -> tuple[float, float, Array]:
-        """The piece of time from ``t`` (s) on in which the field is a polynomial: its origin and end (s), and what of each
-        snapshot or part (P, R) makes up the coefficient of each power of the time since the origin.
+        """The piece of time from ``t`` (s) on in which the field is a polynomial: its origin and end (s), and what of
+        each snapshot or part (P, R) makes up the coefficient of each power of the time since the origin.
         """
         if self.times is None:
             return t, np.inf, np.ones((1, 1))
@@ -283,7 +284,7 @@ class FlowField(Triangles):
                 return np.asarray(mean + lam * (nodal - mean))
             return np.concatenate([mean[None], lam * nodal[1:]])  # part 0 is the mean
 
-        scaled = {
+        scaled: dict[str, Any] = {
             n: blend(v) for n in ("velocity", "pressure", "given_gradient") if (v := getattr(self, n)) is not None
         }
         return replace(self, **scaled)
@@ -301,8 +302,8 @@ class FlowField(Triangles):
         parts, coefficients, lost = compress(self, error, knots)
         assert self.period is not None
         start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
-        lost = lost._replace(knots=len(coefficients))
-        return replace(self, **parts, times=start, coefficients=coefficients, truncation=lost)
+        changes: dict[str, Any] = {**parts, "truncation": lost._replace(knots=len(coefficients))}
+        return replace(self, **changes, times=start, coefficients=coefficients)
 
     def snapshots(self) -> FlowField:
         """Mean and modes as snapshots at the knots; other fields as they are."""
@@ -320,9 +321,8 @@ class FlowField(Triangles):
         The points are those of the middle position; velocities stay what they are, absolute. A field in time must
         repeat after a whole number of swings, which is a SceneError otherwise.
         """
-        swing = Swing(
-            *map(float, np.broadcast_to(np.asarray(amplitude, dtype=float), (2,))), float(omega), float(phase)
-        )
+        across, along = np.asarray(amplitude, dtype=float).tolist()
+        swing = Swing(across, along, float(omega), float(phase))
         if not (np.all(np.isfinite(swing)) and swing.omega > 0):
             raise SceneError(f"motion: amplitude, omega and phase {tuple(swing)} must be finite, and omega positive")
         if self.times is not None:

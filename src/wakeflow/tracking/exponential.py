@@ -5,10 +5,11 @@ Within a step  v' = -B v + N(s),  x' = v  with B frozen and N quadratic in s, wh
     v(s) = e^z v0 + s phi1 N0 + s^2 phi2 N1 + 2 s^3 phi3 N2
     x(s) = x0 + s phi1 v0 + s^2 phi2 N0 + s^3 phi3 N1 + 2 s^4 phi4 N2,   z = -B s.
 
-phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann
-2010, Acta Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y,
-the air's velocity at its start; and, in free flight seen from a mesh that swings, the swing's amplitude, frequency, phase at
-the start, displacement and velocity there. All of that is then the lab's but for the first four, and the swing comes off exactly.
+phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann 2010,
+Acta Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y, the
+air's velocity at its start; and, in free flight seen from a mesh that swings, the swing's amplitude, frequency, phase
+at the start, displacement and velocity there. All of that is then the lab's but for the first four, and the swing comes
+off exactly.
 """
 
 from __future__ import annotations
@@ -71,7 +72,9 @@ def along(path, s):
 
 @compiled
 def sway(path, swing, first, t):
-    """Note the swing ``swing[first:]`` of the mesh at the step's start ``t``; returns its velocity and acceleration there."""
+    """Note the swing ``swing[first:]`` of the mesh at the step's start ``t``; returns its velocity and acceleration
+    there.
+    """
     ax, ay, omega = swing[first], swing[first + 1], swing[first + 2]
     path[13], path[14], path[15] = ax, ay, omega
     if omega == 0.0:

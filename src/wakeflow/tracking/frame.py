@@ -1,8 +1,8 @@
 """The frame of a mesh that swings: granules fly in it, so that the mesh and the body it moves with stand still.
 
-With the mesh displaced by d(t), y = x - d and w = v - d' obey the same equation with the air's velocity u(y, t) - d' and
-gravity g - d'': slips, drag and Du/Dt are what they are in the lab, and nothing is approximated. Bodies and bins that rest
-in the lab move by -d.
+With the mesh displaced by d(t), y = x - d and w = v - d' obey the same equation with the air's velocity u(y, t) - d'
+and gravity g - d'': slips, drag and Du/Dt are what they are in the lab, and nothing is approximated. Bodies and bins
+that rest in the lab move by -d.
 """
 
 from __future__ import annotations

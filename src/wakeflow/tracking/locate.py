@@ -29,7 +29,20 @@ from .state import (
     Y,
 )
 
-__all__ = ["air_at", "anywhere", "barycentric", "bracket", "gradient_at", "load", "nodal", "reproject", "rise_at", "shares", "swinging", "walk"]
+__all__ = [
+    "air_at",
+    "anywhere",
+    "barycentric",
+    "bracket",
+    "gradient_at",
+    "load",
+    "nodal",
+    "reproject",
+    "rise_at",
+    "shares",
+    "swinging",
+    "walk",
+]
 
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
@@ -66,8 +79,8 @@ def walk(geometry, neighbours, tri, x, y):
 
 @compiled
 def bracket(state, ints, affine, air):
-    """Choose the two snapshots around the granule's clock, or the knot before it; before the first snapshot and after the
-    last the field stands still.
+    """Choose the two snapshots around the granule's clock, or the knot before it; before the first snapshot and after
+    the last the field stands still.
     """
     if air.smooth[1] != 0.0:
         _knot(state, ints, affine, air)
@@ -306,8 +319,12 @@ def rise_at(affine, x, y, t):
     if affine[CUBIC] != 0.0:
         w = (t - affine[14]) * affine[15]
         p, q = 2.0 * w, 3.0 * w * w
-        tx += p * (affine[28] + affine[29] * dx + affine[30] * dy) + q * (affine[40] + affine[41] * dx + affine[42] * dy)
-        ty += p * (affine[31] + affine[32] * dx + affine[33] * dy) + q * (affine[43] + affine[44] * dx + affine[45] * dy)
+        tx += p * (affine[28] + affine[29] * dx + affine[30] * dy) + q * (
+            affine[40] + affine[41] * dx + affine[42] * dy
+        )
+        ty += p * (affine[31] + affine[32] * dx + affine[33] * dy) + q * (
+            affine[43] + affine[44] * dx + affine[45] * dy
+        )
     return affine[15] * tx, affine[15] * ty
 
 

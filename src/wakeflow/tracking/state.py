@@ -22,8 +22,9 @@ class Air(NamedTuple):
     geometry: Array  # (M, 8) first corner, gradients of the three barycentric coordinates
     corners: Index  # (M, 3)
     neighbours: Index  # (M, 3): triangle across edge k; -1 open boundary; -2 - c: covered boundary edge c
-    values: Array  # (T, N, 4) velocity, pressure gradient; (T, N, 6) with dispersion: deviation, lifetime of the eddies;
-    # a smooth field (N, knots + 3, 2 to 6): coefficients of periodic cubic B-splines, from the last knot's on
+    # (T, N, 4) velocity, pressure gradient; (T, N, 6) with dispersion: deviation, lifetime of eddies; or of a smooth
+    # field (N, knots + 3, 4 or 6): coefficients of periodic cubic B-splines, from the last knot's on
+    values: Array
     times: Array  # (T,)
     period: Array  # (1,) s; 0: does not repeat
     covered: Index  # (C, 4) triangle, its edge, previous and next covered edge along the boundary (-1: none)
@@ -141,8 +142,8 @@ INTS = 24
     DIFFUSIVITY,  # m2/s, Brownian
 ) = range(18)
 CONSTANTS = 18
-# x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the same twelve as coefficients of w = (t' - t) / dt, of w^2
-# and w^3, these only where CUBIC is 1 | swing of the mesh, which adds to the air's velocity and to gravity
+# x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the same twelve as coefficients of w = (now - t) / dt, of
+# its square and its cube, these only where CUBIC is 1 | swing of the mesh
 CUBIC, SWING = 52, 53
 AFFINE = 57
 # Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body,

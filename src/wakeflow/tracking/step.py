@@ -103,8 +103,8 @@ def free_force(affine, grain, table, x, y, vx, vy, t, spin):
 def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag, wx, wy):
     """N = F + B0 v, the drag rate and the air's velocity at a stage, a time s after the step's start.
 
-    ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it. N and
-    the air's velocity are the lab's in free flight seen from a mesh that swings.
+    ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it. N
+    and the air's velocity are the lab's in free flight seen from a mesh that swings.
     """
     ints[EVALUATIONS] += 1
     t = state[T] + s

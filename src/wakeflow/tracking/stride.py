@@ -30,7 +30,8 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
     """Try one stride; ``cell`` (s) is about the time within this triangle. Returns whether the granule has moved."""
     t0 = state[T]
     clock = min(rules.until, state[T_NOISE], state[T_END] if air.smooth[1] == 0.0 else math.inf)
-    h = min(clock - t0, LOOKS * rules.coarse, FIRST * cell if state[H_STRIDE] == 0.0 else min(state[H_STRIDE], MOST * cell))
+    h = FIRST * cell if state[H_STRIDE] == 0.0 else min(state[H_STRIDE], MOST * cell)
+    h = min(h, clock - t0, LOOKS * rules.coarse)
     speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
     fall = math.sqrt(rules.extent * math.sqrt(grain[GX] ** 2 + grain[GY] ** 2))
     horizon = min(rules.until - t0, rules.extent / (speed + fall + 1e-300))

@@ -200,9 +200,7 @@ def crossing(path, span, end, t0, walls, skin):
         ra, rb = nx * start[2] + ny * start[3], nx * end[2] + ny * end[3]
         s = span
         if fb != 0.0:
-            s = first_below(
-                path, t0, frame, moved, PLANE, x0, y0, 0.0, nx, ny, 0.0, fa, ra, span, fb, rb, 1e-6 * skin
-            )
+            s = first_below(path, t0, frame, moved, PLANE, x0, y0, 0.0, nx, ny, 0.0, fa, ra, span, fb, rb, 1e-6 * skin)
         if s < 0.0 or (best >= 0.0 and s >= best):
             continue
         x, y, _, _ = along(path, s)

@@ -1,10 +1,10 @@
 """The judge: the same equation of motion on the same interpolant, integrated far below every error that is measured.
 
-Within one triangle, and between two snapshots or knots, the field is affine with coefficients polynomial in time, so a method of high order meets no kinks: Dormand &
-Prince's method of order 8 with scipy's coefficients and error estimate (Hairer, Norsett & Wanner 1993, Solving Ordinary
-Differential Equations I, II.5), every granule with a step of its own, all granules at once. A step that would leave the
-triangle or enter a wall is shortened by Newton's method until it ends there. Nothing is shared with the tracker but
-the drag law's formula and the collision function.
+Within one triangle, and between two snapshots or knots, the field is affine with coefficients polynomial in time, so a
+method of high order meets no kinks: Dormand & Prince's method of order 8 with scipy's coefficients and error estimate
+(Hairer, Norsett & Wanner 1993, Solving Ordinary Differential Equations I, II.5), every granule with a step of its own,
+all granules at once. A step that would leave the triangle or enter a wall is shortened by Newton's method until it ends
+there. Nothing is shared with the tracker but the drag law's formula and the collision function.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class _Flight:
 
     def _nodal(self, i: Index, snapshot: Index | None) -> Array:
         """Velocity and acceleration at the three corners, (n, 3, 4)."""
-        field, corner = self.field, self.field.triangles[self.tri[i]]
+        corner = self.field.triangles[self.tri[i]]
         at: Any = corner if snapshot is None else (snapshot[:, None], corner)
         value = np.zeros((len(i), 3, 4))
         assert self.velocity is not None
