@@ -1,8 +1,9 @@
 """FlowField: velocity and pressure on a triangle mesh, steady or in time; linear inside every triangle.
 
-Three forms, told apart by what is given with the nodal arrays: nothing (steady), ``times`` (snapshots, between which the
-field is linear in time; with a ``period`` it repeats, without one it stands still before the first and after the last),
-or ``times``, ``period`` and ``coefficients`` (a mean and modes, whose functions of time are periodic cubic splines).
+Three forms, told apart by what is given with the nodal arrays: nothing (steady), ``times`` (snapshots, between which
+the field is linear in time; with a ``period`` it repeats, without one it stands still before the first and after the
+last), or ``times``, ``period`` and ``coefficients`` (a mean and modes, whose functions of time are periodic cubic
+splines).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ..files import atomic_write
 from . import checks
 from .compress import Truncation, compress, time_shares
 from .recovery import gradient_operators
-from .splines import around, design
+from .splines import POWERS, around, design
 from .triangles import Triangles
 
 __all__ = ["Divergence", "FlowField", "Swing", "Truncation"]
@@ -68,8 +69,8 @@ class FlowField(Triangles):
     ``points`` (N, 2) m, ``triangles`` (M, 3) counter-clockwise, ``velocity`` (.., N, 2) m/s, ``pressure`` (.., N) Pa,
     ``k`` (.., N) m2/s2, ``dissipation`` (.., N) m2/s3, ``times`` (T,) s, ``density`` kg/m3, ``viscosity`` dynamic, Pa
     s. Nodal arrays have a leading axis T when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is
-    given too: the mean and R - 1 modes, ``times`` being the splines' uniform knots, and ``truncation`` what was cut off.
-    ``motion``: the mesh swings as a rigid whole, ``points`` being its middle position; velocities are absolute.
+    given too: the mean and R - 1 modes, ``times`` being the splines' uniform knots, and ``truncation`` what was cut
+    off. ``motion``: the mesh swings as a rigid whole, ``points`` being its middle position; velocities are absolute.
     """
 
     velocity: Array
@@ -181,9 +182,9 @@ class FlowField(Triangles):
         return i, j, float(np.clip((t - times[i]) / (times[j] - times[i]), 0.0, 1.0)) if j > i else 0.0
 
     def weights(self, t: float) -> Array:
-        """What of each snapshot or part makes up the field at time ``t`` (s); empty when steady."""
+        """What of each snapshot or part (R,) makes up the field at time ``t`` (s); a lone 1 when steady."""
         if self.times is None:
-            return np.zeros(0)
+            return np.ones(1)
         if self.coefficients is not None:
             assert self.period is not None
             index, share = around(t, float(self.times[0]), self.period, len(self.times))
@@ -193,6 +194,27 @@ class FlowField(Triangles):
         weight[i] += 1.0 - w
         weight[j] += w
         return weight
+
+    def polynomial(self, t: float) -> tuple[float, float, Array]:
+        """The piece of time from ``t`` (s) on in which the field is a polynomial: its origin and end (s), and what of
+        each snapshot or part (P, R) makes up the coefficient of each power of the time since the origin.
+        """
+        if self.times is None:
+            return t, np.inf, np.ones((1, 1))
+        if self.coefficients is not None:
+            assert self.period is not None
+            step = self.period / len(self.times)
+            first = np.floor((t - self.times[0]) / step)
+            around = (int(first) + np.arange(-1, 3)) % len(self.times)
+            shares = POWERS @ self.coefficients[around] / step ** np.arange(4)[:, None]
+            return float(self.times[0] + first * step), float(self.times[0] + (first + 1) * step), shares
+        i, j, w = self.at_time(t)
+        rise = np.zeros(len(self.times))
+        if i == j:
+            return t, np.inf, np.stack([self.weights(t), rise])
+        step = self.times[j] - self.times[i] + (0.0 if j > i else self.period or 0.0)
+        rise[i], rise[j] = -1.0 / step, 1.0 / step
+        return t, t + (1.0 - w) * float(step), np.stack([self.weights(t), rise])
 
     def sample(self, x: ArrayLike, t: float = 0.0) -> tuple[Array, Array, Array]:
         """Velocity (n, 2), pressure (n,) and pressure gradient (n, 2) at points (n, 2) and time ``t``; NaN outside.
@@ -262,7 +284,7 @@ class FlowField(Triangles):
                 return np.asarray(mean + lam * (nodal - mean))
             return np.concatenate([mean[None], lam * nodal[1:]])  # part 0 is the mean
 
-        scaled = {
+        scaled: dict[str, Any] = {
             n: blend(v) for n in ("velocity", "pressure", "given_gradient") if (v := getattr(self, n)) is not None
         }
         return replace(self, **scaled)
@@ -280,8 +302,8 @@ class FlowField(Triangles):
         parts, coefficients, lost = compress(self, error, knots)
         assert self.period is not None
         start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
-        lost = lost._replace(knots=len(coefficients))
-        return replace(self, **parts, times=start, coefficients=coefficients, truncation=lost)
+        changes: dict[str, Any] = {**parts, "truncation": lost._replace(knots=len(coefficients))}
+        return replace(self, **changes, times=start, coefficients=coefficients)
 
     def snapshots(self) -> FlowField:
         """Mean and modes as snapshots at the knots; other fields as they are."""
@@ -299,9 +321,8 @@ class FlowField(Triangles):
         The points are those of the middle position; velocities stay what they are, absolute. A field in time must
         repeat after a whole number of swings, which is a SceneError otherwise.
         """
-        swing = Swing(
-            *map(float, np.broadcast_to(np.asarray(amplitude, dtype=float), (2,))), float(omega), float(phase)
-        )
+        across, along = np.asarray(amplitude, dtype=float).tolist()
+        swing = Swing(across, along, float(omega), float(phase))
         if not (np.all(np.isfinite(swing)) and swing.omega > 0):
             raise SceneError(f"motion: amplitude, omega and phase {tuple(swing)} must be finite, and omega positive")
         if self.times is not None:

@@ -6,6 +6,7 @@ import math
 
 from .jit import compiled
 from .state import (
+    CUBIC,
     DISPERSION,
     FRESH,
     GAP,
@@ -20,6 +21,7 @@ from .state import (
     SNAP_A,
     SNAP_B,
     STEPS,
+    SWING,
     T_END,
     TRI,
     T,
@@ -27,7 +29,20 @@ from .state import (
     Y,
 )
 
-__all__ = ["air_at", "anywhere", "barycentric", "bracket", "load", "reproject", "walk"]
+__all__ = [
+    "air_at",
+    "anywhere",
+    "barycentric",
+    "bracket",
+    "gradient_at",
+    "load",
+    "nodal",
+    "reproject",
+    "rise_at",
+    "shares",
+    "swinging",
+    "walk",
+]
 
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
@@ -63,10 +78,14 @@ def walk(geometry, neighbours, tri, x, y):
 
 
 @compiled
-def bracket(state, ints, affine, times, period):
-    """Choose the two snapshots around the granule's clock; before the first and after the last the field stands
-    still.
+def bracket(state, ints, affine, air):
+    """Choose the two snapshots around the granule's clock, or the knot before it; before the first snapshot and after
+    the last the field stands still.
     """
+    if air.smooth[1] != 0.0:
+        _knot(state, ints, affine, air)
+        return
+    times, period = air.times, air.period[0]
     t, last = state[T], times.shape[0] - 1
     shift = 0.0
     if period > 0.0:
@@ -96,6 +115,46 @@ def bracket(state, ints, affine, times, period):
 
 
 @compiled
+def _knot(state, ints, affine, air):
+    """The interval between two knots of a smooth field that holds the granule's clock."""
+    t, t0, per = state[T], air.smooth[0], air.smooth[1]
+    n = math.floor((t - t0) * per)
+    if t0 + (n + 1.0) / per <= t + 1e-12 * (abs(t) + 1.0 / per):  # a clock this close below a knot has reached it
+        n += 1.0
+    ints[SNAP_A] = int(n - math.floor(n / air.smooth[2]) * air.smooth[2])
+    ints[SNAP_B] = ints[SNAP_A] + 1
+    affine[14], affine[15], affine[CUBIC] = t0 + n / per, per, 1.0
+    state[T_END] = t0 + (n + 1.0) / per
+    ints[FRESH] = 0
+
+
+@compiled
+def shares(w):
+    """Weights of the four coefficients of a cubic B-spline at part w of an interval between knots."""
+    v = 1.0 - w
+    a, d = v * v * v, w * w * w
+    return a / 6.0, (3.0 * d - 6.0 * w * w + 4.0) / 6.0, (3.0 * a - 6.0 * v * v + 4.0) / 6.0, d / 6.0
+
+
+@compiled
+def nodal(air, ints, w, c, m):
+    """Quantity m of the air at node c, at part w of the interval that holds the granule's clock."""
+    a, b, v = ints[SNAP_A], ints[SNAP_B], air.values
+    if air.smooth[1] != 0.0:
+        s0, s1, s2, s3 = shares(w)
+        return s0 * v[c, a, m] + s1 * v[c, a + 1, m] + s2 * v[c, a + 2, m] + s3 * v[c, a + 3, m]
+    return v[a, c, m] + w * (v[b, c, m] - v[a, c, m])
+
+
+@compiled
+def swinging(x, y, omega, phase, t):
+    """Velocity and acceleration of a mesh that swings by (x, y) sin(omega t + phase)."""
+    angle = omega * t + phase
+    rate, pull = omega * math.cos(angle), -omega * omega * math.sin(angle)
+    return x * rate, y * rate, x * pull, y * pull
+
+
+@compiled
 def _plane(affine, at, f0, f1, f2, geometry, tri):
     affine[at] = f0
     affine[at + 1] = f0 * geometry[tri, 2] + f1 * geometry[tri, 4] + f2 * geometry[tri, 6]
@@ -116,6 +175,11 @@ def load(state, ints, affine, air, grain):
         tri = air.covered[gap, 0]
     geometry, values = air.geometry, air.values
     affine[0], affine[1] = geometry[tri, 0], geometry[tri, 1]
+    if affine[CUBIC] != 0.0:
+        _load_smooth(state, ints, affine, air, grain, tri)
+        if gap >= 0:
+            _flatten(state, affine, air, gap)
+        return
     c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
     a, b = ints[SNAP_A], ints[SNAP_B]
     timed = a != b
@@ -148,12 +212,60 @@ def load(state, ints, affine, air, grain):
                 f2 += mean * values[a, c2, 4]
         _plane(affine, at, f0 + base, f1 + base, f2 + base, geometry, tri)
     if gap >= 0:
-        x, y, _ = _on_edge(air, gap, state[X], state[Y])
-        for start in (2, 16):
-            for m in range(4):
-                at = start + 3 * m
-                affine[at] += affine[at + 1] * (x - affine[0]) + affine[at + 2] * (y - affine[1])
-                affine[at + 1] = affine[at + 2] = 0.0
+        _flatten(state, affine, air, gap)
+
+
+@compiled
+def _flatten(state, affine, air, gap):
+    """In the gap the air of the nearest boundary point is everywhere."""
+    x, y, _ = _on_edge(air, gap, state[X], state[Y])
+    for power in range(4 if affine[CUBIC] != 0.0 else 2):
+        for m in range(4):
+            at = (2 if power == 0 else 4 + 12 * power) + 3 * m
+            affine[at] += affine[at + 1] * (x - affine[0]) + affine[at + 2] * (y - affine[1])
+            affine[at + 1] = affine[at + 2] = 0.0
+
+
+@compiled
+def _load_smooth(state, ints, affine, air, grain, tri):
+    """The four polynomial coefficients in time, between two knots, of what ``load`` loads."""
+    geometry, v, j = air.geometry, air.values, ints[SNAP_A]
+    for i in range(4):
+        affine[SWING + i] = air.swing[i]
+    for m in range(4):
+        at, pressed = 2 + 3 * m, m >= 2
+        factor = grain[PRESSURE] if pressed else 1.0
+        mean = state[MEAN_X + m] if not pressed and grain[DISPERSION] != 0.0 else 0.0
+        for power in range(4):
+            to = at + (2 + 12 * power if power > 0 else 0)
+            affine[to] = affine[to + 1] = affine[to + 2] = 0.0
+        if not pressed or factor != 0.0:
+            for k in range(3):
+                c = air.corners[tri, k]
+                f0, f1 = factor * v[c, j, m], factor * v[c, j + 1, m]
+                f2, f3 = factor * v[c, j + 2, m], factor * v[c, j + 3, m]
+                if mean != 0.0:
+                    f0, f1 = f0 + mean * v[c, j, 4], f1 + mean * v[c, j + 1, 4]
+                    f2, f3 = f2 + mean * v[c, j + 2, 4], f3 + mean * v[c, j + 3, 4]
+                bx, by = geometry[tri, 2 + 2 * k], geometry[tri, 3 + 2 * k]
+                for power in range(4):
+                    to = at + (2 + 12 * power if power > 0 else 0)
+                    if power == 0:
+                        f = (f0 + 4.0 * f1 + f2) / 6.0
+                    elif power == 1:
+                        f = 0.5 * (f2 - f0)
+                    elif power == 2:
+                        f = 0.5 * (f0 - 2.0 * f1 + f2)
+                    else:
+                        f = (f3 - f0 + 3.0 * (f1 - f2)) / 6.0
+                    if k == 0:
+                        affine[to] = f
+                    affine[to + 1] += f * bx
+                    affine[to + 2] += f * by
+        if pressed:
+            affine[at] += grain[GX] if m == 2 else grain[GY]
+        elif grain[NOISE] != 0.0:
+            affine[at] += state[KICK_X + m]
 
 
 @compiled
@@ -170,7 +282,50 @@ def air_at(affine, x, y, t):
         uy += w * (affine[19] + affine[20] * dx + affine[21] * dy)
         ax += w * (affine[22] + affine[23] * dx + affine[24] * dy)
         ay += w * (affine[25] + affine[26] * dx + affine[27] * dy)
+        if affine[CUBIC] != 0.0:
+            p, q = w * w, w * w * w
+            for i in range(2):
+                r = p if i == 0 else q
+                at = 28 + 12 * i
+                ux += r * (affine[at] + affine[at + 1] * dx + affine[at + 2] * dy)
+                uy += r * (affine[at + 3] + affine[at + 4] * dx + affine[at + 5] * dy)
+                ax += r * (affine[at + 6] + affine[at + 7] * dx + affine[at + 8] * dy)
+                ay += r * (affine[at + 9] + affine[at + 10] * dx + affine[at + 11] * dy)
+            if affine[SWING + 2] != 0.0:  # seen from the mesh
+                wx, wy, px, py = swinging(affine[SWING], affine[SWING + 1], affine[SWING + 2], affine[SWING + 3], t)
+                ux, uy, ax, ay = ux - wx, uy - wy, ax - px, ay - py
     return ux, uy, ax, ay
+
+
+@compiled
+def gradient_at(affine, t):
+    """Gradient of the air's velocity at a time: (du/dx, du/dy, dv/dx, dv/dy)."""
+    w = (t - affine[14]) * affine[15]
+    xx, xy = affine[3] + w * affine[17], affine[4] + w * affine[18]
+    yx, yy = affine[6] + w * affine[20], affine[7] + w * affine[21]
+    if affine[CUBIC] != 0.0:
+        p, q = w * w, w * w * w
+        xx, xy = xx + p * affine[29] + q * affine[41], xy + p * affine[30] + q * affine[42]
+        yx, yy = yx + p * affine[32] + q * affine[44], yy + p * affine[33] + q * affine[45]
+    return xx, xy, yx, yy
+
+
+@compiled
+def rise_at(affine, x, y, t):
+    """Rate in time of the air's velocity at a place."""
+    dx, dy = x - affine[0], y - affine[1]
+    tx = affine[16] + affine[17] * dx + affine[18] * dy
+    ty = affine[19] + affine[20] * dx + affine[21] * dy
+    if affine[CUBIC] != 0.0:
+        w = (t - affine[14]) * affine[15]
+        p, q = 2.0 * w, 3.0 * w * w
+        tx += p * (affine[28] + affine[29] * dx + affine[30] * dy) + q * (
+            affine[40] + affine[41] * dx + affine[42] * dy
+        )
+        ty += p * (affine[31] + affine[32] * dx + affine[33] * dy) + q * (
+            affine[43] + affine[44] * dx + affine[45] * dy
+        )
+    return affine[15] * tx, affine[15] * ty
 
 
 @compiled
