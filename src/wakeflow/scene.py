@@ -27,6 +27,7 @@ from .tables import (
     Channel,
     Feed,
     Fraction,
+    Inlet,
     Numerics,
     SceneTables,
     Size,
@@ -143,6 +144,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
     }  # fmt: skip
     if not where:
         return Scene
+    if where[:2] == ["channel", "inlet"]:
+        return Inlet if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
     if where[2:3] == ["size"]:
