@@ -82,3 +82,5 @@ def test_distance_between_outlines() -> None:
 def test_crossing_edges_are_found() -> None:
     assert is_simple(RHOMBUS)
     assert not is_simple(RHOMBUS[[0, 2, 1, 3]])
+    comb = np.array([(0, 0), (5, 0), (5, 2), (4, 2), (4, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
+    assert is_simple(comb)  # two of its edges lie on one line, apart

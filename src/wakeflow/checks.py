@@ -56,7 +56,15 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
             yield f"fraction.{name}: granules of {size:.3g} m are wider than the body ({scene.width:.3g} m)"
     if abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
         yield f"feed.width = {feed.width:g} m at feed.position = {feed.position:g} m touches the channel's walls"
-    x = next(iter(scene.body.values())).outline()[:, 0]
+    if feed.mode == "injected" and scene.obstacles:
+        names = ", ".join(f"body.{name}" for name in scene.obstacles)
+        yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
+    x, y = next(iter(scene.body.values())).outline().T
+    level = min(float(y.max()) + scene.release[0], scene.channel.top)
+    curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
+    for name, body in list(scene.body.items())[1:]:
+        if _meets(body.outline(), curtain):
+            yield f"feed: the curtain begins at y = {level:.3g} m, inside body.{name}; move either"
     if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
         reach = f"x from {x.min():g} to {x.max():g} m"
         yield f"feed.position = {feed.position:g} m: the curtain falls past the body ({reach})"

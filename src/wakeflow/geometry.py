@@ -7,6 +7,7 @@ solid on its left.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from .errors import SceneError
 
 __all__ = [
+    "are_symmetric",
     "area",
     "contains",
     "distance",
@@ -66,7 +68,8 @@ def segments_cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
         along, off = q - p, r - p
         return np.asarray(along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0])
 
-    return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0)
+    boxes = (np.minimum(a, b) <= np.maximum(c, d)) & (np.minimum(c, d) <= np.maximum(a, b))  # for collinear ones
+    return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0) & boxes.all(axis=-1)
 
 
 def distance(one: Array, other: Array) -> float:
@@ -127,6 +130,17 @@ def contains(outline: Array, points: Array) -> NDArray[np.bool_]:
 
 def is_symmetric(outline: Array, axis: float = 0.0, tolerance: float = 1e-9) -> bool:
     """Whether the outline is its own mirror image about x = axis (tolerance in its own widths)."""
-    mirrored = outline * (-1.0, 1.0) + (2 * axis, 0.0)
-    distance = np.linalg.norm(mirrored[:, None] - outline[None], axis=2).min(axis=1)
-    return bool(distance.max() <= tolerance * np.ptp(outline[:, 0]))
+    return are_symmetric([outline], axis, tolerance)
+
+
+def are_symmetric(outlines: Sequence[Array], axis: float = 0.0, tolerance: float = 1e-9) -> bool:
+    """Whether the mirror image about x = axis of every outline is one of them (tolerance in its own widths)."""
+
+    def same(one: Array, other: Array) -> bool:
+        if len(one) != len(other):
+            return False
+        apart = np.linalg.norm(one[:, None] - other[None], axis=2).min(axis=1)
+        return bool(apart.max() <= tolerance * np.ptp(one[:, 0]))
+
+    mirrored = (outline * (-1.0, 1.0) + (2 * axis, 0.0) for outline in outlines)
+    return all(any(same(image, outline) for outline in outlines) for image in mirrored)

@@ -59,18 +59,21 @@ def run(
     env: Mapping[str, str] | None = None,
     on_line: Callable[[str], None] | None = None,
     timeout: float | None = None,
+    silence: float | None = None,
     append: bool = False,
     error: type[ProgramError] = ProgramError,
     hint: str = "",
 ) -> Finished:
     """Run ``command`` to its end; its output goes to ``log``, each finished line of it to ``on_line``.
 
-    Raises ``error`` (a ProgramError) when the program is missing or ends with another code than 0, and when
-    ``timeout`` (s) passes. ``hint`` is appended to the message when the program is missing.
+    Raises ``error`` (a ProgramError) when the program is missing or ends with another code than 0, when ``timeout``
+    (s) passes, and when it logs nothing for ``silence`` (s). ``hint`` is appended to the message when the program is
+    missing.
     """
     words = [str(word) for word in command]
     if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
-        raise error(f"program {words[0]!r} is not installed{'; ' + hint if hint else ''}", command=" ".join(words))
+        missing = f"program {words[0]!r} is not installed{'; ' + hint if hint else ''}"
+        raise error(missing, command=" ".join(words), ended="missing")
     guard = ["setpriv", "--pdeathsig", "TERM", "--"] if shutil.which("setpriv") else []
     log.parent.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
@@ -85,15 +88,17 @@ def run(
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
+
+        def given_up(words_said: str, ended: str) -> ProgramError:
+            said = f"{words[0]} {words_said}; log: {log}"
+            return error(said, command=" ".join(words), log=log, tail=tail(log), ended=ended)
+
         try:
-            _follow(child, source, on_line, None if timeout is None else started + timeout)
+            _follow(child, source, on_line, None if timeout is None else started + timeout, silence)
         except subprocess.TimeoutExpired:
-            raise error(
-                f"{words[0]} did not end within {timeout:.0f} s; log: {log}",
-                command=" ".join(words),
-                log=log,
-                tail=tail(log),
-            ) from None
+            raise given_up(f"did not end within {timeout:.0f} s", "timed out") from None
+        except _Silent:
+            raise given_up(f"logged nothing for {silence:.0f} s", "silent") from None
         finally:
             _end_group(child)
     if child.returncode != 0:
@@ -102,23 +107,38 @@ def run(
             command=" ".join(words),
             log=log,
             tail=tail(log),
+            ended="failed",
+            returncode=child.returncode,
         )
     return Finished(child.returncode, time.monotonic() - started, log)
 
 
+class _Silent(Exception):
+    """The child has logged nothing for longer than it may."""
+
+
 def _follow(
-    child: subprocess.Popen[bytes], source: IO[bytes], on_line: Callable[[str], None] | None, deadline: float | None
+    child: subprocess.Popen[bytes],
+    source: IO[bytes],
+    on_line: Callable[[str], None] | None,
+    deadline: float | None,
+    silence: float | None,
 ) -> None:
     """Hand every finished line of the log to ``on_line`` until the child has ended."""
-    rest = b""
+    rest, heard = b"", time.monotonic()
     while True:
         ended = child.poll() is not None  # asked before reading, so that nothing written at the end is missed
+        new = source.read()
+        if new:
+            heard = time.monotonic()
         if on_line is not None:
-            *lines, rest = (rest + source.read()).split(b"\n")
+            *lines, rest = (rest + new).split(b"\n")
             for line in lines:
                 on_line(line.decode(errors="replace"))
         if ended:
             return
+        if silence is not None and time.monotonic() - heard > silence:
+            raise _Silent
         if deadline is not None and time.monotonic() > deadline:
             raise subprocess.TimeoutExpired(child.args, 0.0)
         try:

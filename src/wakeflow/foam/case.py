@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -18,13 +19,27 @@ from ..files import atomic_write
 from ..meshing import MeshSpec
 from ..resources import case_template
 from .polymesh import read_polymesh
+from .vibration import Vibration
 
-__all__ = ["FlowSpec", "Stream", "environment", "set_patch_types", "write_case", "write_inlets", "write_parameters"]
+__all__ = [
+    "SETTINGS",
+    "FlowSpec",
+    "Stream",
+    "environment",
+    "set_patch_types",
+    "write_case",
+    "write_inlets",
+    "write_parameters",
+]
 
-PARAMETERS, INLETS = Path("system", "parameters"), Path("system", "inlets")
+PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
 MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 C_MU = 0.09
+
+
+# What the template knows: largest Courant number of a time-resolved run, and its share of the one asked for
+SETTINGS = {"normal": (math.inf, 1.0), "careful": (1.0, 0.5), "first-order": (0.5, 0.25)}
 
 
 @dataclass(frozen=True)
@@ -42,7 +57,9 @@ class Stream:
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
     ``intensity`` (u'/U at the inlet; not used when laminar), ``profile`` of the inlet's velocity (parabolic: fully
-    developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams."""
+    developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams. ``vibration``: of
+    bodies and mesh along the channel; None: the bodies are at rest in the air. ``settings``: one of SETTINGS, where the
+    ladder of safer ones starts; ``ranks``: MPI processes."""
 
     mesh: MeshSpec
     speed: float
@@ -54,12 +71,17 @@ class FlowSpec:
     max_courant: float = 2.0
     profile: Literal["uniform", "parabolic"] = "uniform"
     inlets: tuple[Stream, ...] = ()
+    settings: str = "normal"
+    ranks: int = 1
+    vibration: Vibration | None = None
 
     def __post_init__(self) -> None:
         if self.stepping == "time-resolved" and self.mesh.half:
             raise SceneError(
                 "a time-resolved airflow sheds vortices to both sides: it needs a mesh of the whole channel"
             )
+        if self.stepping == "steady" and self.vibration is not None:
+            raise SceneError("a steady airflow cannot follow a vibrating body: use rung standard")
 
     @property
     def reynolds(self) -> float:
@@ -93,6 +115,7 @@ class FlowSpec:
         """
         k, omega = self.incoming(self.speed, self.mesh.width)
         spec = self.mesh
+        most, share = SETTINGS[self.settings]
         return {
             "stepping": self.stepping,
             "turbulence": self.turbulence,
@@ -105,7 +128,10 @@ class FlowSpec:
             "inletOmega": omega,
             "bodyWidth": spec.projected_width,
             "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
-            "maxCo": self.max_courant,
+            "settings": self.settings,
+            "maxCo": min(most, share * self.max_courant),
+            "ranks": self.ranks,
+            **(self.vibration.parameters() if self.vibration is not None else {}),
         }
 
 
@@ -119,6 +145,10 @@ def write_case(spec: FlowSpec, folder: Path) -> None:
     shutil.copytree(case_template(), folder, dirs_exist_ok=True)
     write_parameters(folder, spec.parameters())
     write_inlets(spec, folder)
+    names = spec.mesh.names if len(spec.mesh.names) > 1 else ()
+    entries = "".join(f'drag_{name}\n{{\n    $forceCoefficients;\n    patches ("body_{name}");\n}}\n' for name in names)
+    with atomic_write(folder / FORCES) as out:
+        out.write((case_template() / FORCES).read_text() + entries)
 
 
 def write_parameters(folder: Path, values: Mapping[str, str | float | int]) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from ..errors import SceneError
+from ..geometry import are_symmetric
 from ..quantities import Coordinate, Name, Point
-from .common import Array, Table
+from .common import GRAVITY, Array, Table
 from .granules import Feed, Fraction
 from .surroundings import Air, Body, Channel, Vibration
 
@@ -94,6 +96,40 @@ class SceneTables(Table):
     def motion(self) -> tuple[Array, float]:
         """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest."""
         return (np.zeros(2), 0.0) if self.vibration is None else (self.vibration.displacement, self.vibration.omega)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether bodies and secondary streams are their own mirror image about x = 0, as the channel is."""
+        rows = [(i.side, i.position, i.width, i.velocity) for i in self.channel.inlet.values()]
+        other = {"left": "right", "right": "left"}
+        paired = all((other[side], *rest) in rows for side, *rest in rows)
+        return paired and are_symmetric([body.outline() for body in self.body.values()])
+
+    @property
+    def release(self) -> tuple[float, float]:
+        """Height (m) above the first body's top at which the curtain begins, and its fall speed (m/s) there.
+
+        With feed.speed it begins at most one body width above, with the speed that makes feed.speed of it at the top.
+        """
+        feed = self.feed
+        if feed.height is not None:
+            return feed.height, 0.0
+        assert feed.speed is not None
+        above = min(feed.speed**2 / (2 * GRAVITY), self.width)
+        return above, math.sqrt(max(0.0, feed.speed**2 - 2 * GRAVITY * above))
+
+    @property
+    def obstacles(self) -> list[str]:
+        """Names of the bodies, other than the first, that the falling curtain may meet before it meets the first."""
+        first, *others = ((name, body.outline()) for name, body in self.body.items())
+        reach = self.feed.width / 2 + max(float(f.diameters(np.array([0.999]))[0]) for f in self.fraction.values())
+        found = []
+        for name, outline in others:
+            (left, _), (right, high) = outline.min(axis=0), outline.max(axis=0)
+            beside = left > self.feed.position + reach or right < self.feed.position - reach
+            if not beside and high > first[1][:, 1].min():
+                found.append(name)
+        return found
 
     def mass_shares(self) -> dict[str, float]:
         """Share of every fraction in the feed, by mass; they add up to 1."""
