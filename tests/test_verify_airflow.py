@@ -270,3 +270,19 @@ def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pyt
     assert closer.met is True
     answers["draft"] = ("draft", 0.101)
     assert airflow.compare(case, Scene.parse(tomllib.loads(PRISM)))[0][-1].met is False
+
+
+@openfoam
+@pytest.mark.slow
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize(
+    "name", [name for name, case in cases().items() if case.order or case.closer or any(v.within for v in case.values)]
+)
+def test_published_values_are_met(name: str, tmp_path: Path) -> None:
+    report = airflow.run_scene(verification_scenes()[name], tmp_path)
+    missed = [
+        f"{row['quantity']}: {row['ours']:.4g}, published {row['theirs']}"
+        for row in report["rows"]
+        if row["met"] is False
+    ]
+    assert not missed, missed
