@@ -64,10 +64,7 @@ def test_the_plan_says_why_and_what_it_computes_beside(rhombus: Scene) -> None:
 
 
 def test_a_finer_rung_is_expected_to_cost_more(rhombus: Scene) -> None:
-    spent = [
-        typical_seconds(choose_airflow(rhombus, rung, 0.01))
-        for rung in ("draft", "standard", "reference")
-    ]
+    spent = [typical_seconds(choose_airflow(rhombus, rung, 0.01)) for rung in ("draft", "standard", "reference")]
     assert spent[0] < spent[1] < spent[2]
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import ProgramError
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
+from .flows import flow_spec, mesh_spec, nearest, remember
 from .planning import COMPARED, REPLICATES, Plan, make_plan
 from .process import call_in_child
 from .resources import case_template
@@ -27,6 +28,7 @@ from .scene import Scene
 if TYPE_CHECKING:
     from .field import FlowField
     from .flight import Tracked
+    from .foam import FlowSpec
     from .meshing import MeshSpec
 
 __all__ = ["Chain", "Companion", "Listener", "silent"]
@@ -73,24 +75,7 @@ class Chain:
     @cached_property
     def mesh_spec(self) -> MeshSpec:
         """What the plan wants meshed."""
-        from .meshing import SideInlet, plan_mesh
-
-        channel, air = self.scene.channel, self.scene.air
-        assert air is not None
-        return plan_mesh(
-            [body.outline() for body in self.scene.body.values()],
-            width=channel.width,
-            top=channel.top,
-            bottom=channel.bottom,
-            names=list(self.scene.body),
-            walls=channel.walls,
-            direction=air.direction,
-            rung="draft" if self.plan.airflow.stepping == "steady" else "standard",
-            scale=self.scene.numerics.mesh_scale * self.plan.airflow.scales[self.grid],
-            inlets=[SideInlet(name, inlet.side, *inlet.span) for name, inlet in channel.inlet.items()],
-            extend=channel.extend,
-            half=self.plan.airflow.half,
-        )
+        return mesh_spec(self.scene, self.plan, self.grid)
 
     @cached_property
     def mesh(self) -> tuple[str, Path]:
@@ -111,42 +96,30 @@ class Chain:
     @cached_property
     def solution(self) -> tuple[str, Path]:
         """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from a solved one."""
-        from .foam import FlowSpec, Stream, solve_airflow
+        from .foam import solve_airflow
         from .foam.version import version
 
-        air, how, stage = self.scene.air, self.plan.airflow, "airflow"
-        assert air is not None
-        assert how.turbulence is not None
-        assert how.stepping is not None
         mesh_key, mesh_folder = self.mesh
-        spec = FlowSpec(
-            mesh=self.mesh_spec,
-            speed=air.speed,
-            density=air.density,
-            viscosity=air.viscosity,
-            turbulence=how.turbulence,
-            stepping=how.stepping,
-            intensity=air.turbulence,
-            profile=air.profile,
-            inlets=tuple(
-                Stream(name, inlet.side, inlet.width, inlet.velocity)
-                for name, inlet in self.scene.channel.inlet.items()
-            ),
-        )
+        spec = flow_spec(self.scene, self.plan, self.mesh_spec)
         code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
-        key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
+        key = content_key("airflow", mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
 
         def work(part: Path) -> None:
-            start = self.draft.solution[1] / "case" if how.stepping == "time-resolved" else None
             solve_airflow(
                 spec,
                 mesh_folder / "mesh.msh",
                 part / "case",
-                start=start,
-                listener=lambda now: self._tell(stage, str(now)),
+                start=self._start(mesh_key, spec) if spec.stepping == "time-resolved" else None,
+                listener=lambda now: self._tell("airflow", str(now)),
             )
+            remember(part, mesh_key, spec)
 
-        return key, self._stage(stage, key, work)
+        return key, self._stage("airflow", key, work)
+
+    def _start(self, mesh_key: str, spec: FlowSpec) -> Path:
+        """The case that a time-resolved airflow starts from: a solved one near to it, else the steady wake."""
+        found = nearest(self.store, mesh_key, spec)
+        return found if found is not None else self.draft.solution[1] / "case"
 
     @cached_property
     def draft(self) -> Chain:
@@ -203,9 +176,7 @@ class Chain:
         del tables["numerics"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        code = _sources(
-            "laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables"
-        )
+        code = _sources("laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables")
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         symmetric = self.plan.airflow.symmetric
