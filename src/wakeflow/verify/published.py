@@ -71,9 +71,9 @@ def _case(name: str, table: dict[str, Any]) -> Case:
         case = Case(name=name, values=values, **table)
     except TypeError as problem:
         raise SceneError(f"published.toml: {name}: {problem}") from None
-    for key in (case.closer, case.order and case.order[0]):
-        if key is not None and key not in quantities:
-            raise SceneError(f"published.toml: {name}: unknown quantity {key!r}")
+    for quantity in (case.closer, None if case.order is None else case.order[0]):
+        if quantity is not None and quantity not in quantities:
+            raise SceneError(f"published.toml: {name}: unknown quantity {quantity!r}")
     if case.closer is not None and (case.beside is None or not any(v.quantity == case.closer for v in values)):
         raise SceneError(f"published.toml: {name}: closer needs beside and a value of {case.closer}")
     return case
