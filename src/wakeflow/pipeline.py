@@ -141,7 +141,7 @@ class Chain:
             assert self.scene.air is not None
             time = "latest" if self.airflow["period"] is None else "all"
             read = FlowField.from_openfoam(folder / "case", time=time, density=self.scene.air.density)
-            (read.mirrored() if self.mesh_spec.half else read).save(part / "field.npz")
+            (read.mirrored() if self.mesh_spec.half else read).compressed().save(part / "field.npz")
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
 
