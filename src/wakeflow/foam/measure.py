@@ -224,22 +224,23 @@ def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
     """Flow rate through the whole channel (m2/s, secondary streams included) and (inflow - outflow)/inflow, from the
-    conserved flux where it is stored.
+    conserved flux where it is stored. That of a moving mesh is relative to it: what is lost is seen there as well, the
+    flow rate is not.
     """
     plane = fields.mesh.plane
     latest = fields.folder("latest")
 
-    def through(patch: str) -> float:
+    def through(patch: str, *, conserved: bool) -> float:
         chosen = plane.on(patch)
-        if fields.has(latest, "phi"):
-            moving = 0.0 if spec.vibration is None else spec.vibration.speed(float(latest.name))
-            swept = moving * float((plane.normals[:, 1] * plane.lengths)[chosen].sum())  # phi is relative to the mesh
-            return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness + swept
+        if conserved and fields.has(latest, "phi"):
+            return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness
         across = (shots[-1].velocity_faces[chosen] * plane.normals[chosen]).sum(axis=1)
         return float((across * plane.lengths[chosen]).sum())
 
-    inflow = -sum(through(patch) for patch in plane.patches if patch == "inlet" or patch.startswith("inlet_"))
-    return inflow * (2 if spec.mesh.half else 1), (inflow - through("outlet")) / inflow
+    inlets = [patch for patch in plane.patches if patch == "inlet" or patch.startswith("inlet_")]
+    inflow = -sum(through(patch, conserved=spec.vibration is None) for patch in inlets)
+    lost = -sum(through(patch, conserved=True) for patch in (*inlets, "outlet"))
+    return inflow * (2 if spec.mesh.half else 1), lost / inflow
 
 
 def _y_plus(

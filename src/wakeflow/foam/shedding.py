@@ -98,7 +98,11 @@ def _swing_to_middle(
     now = float(time_folders(folder)[-1].name)
     left = -now % vibration.period
     if left > 1e-6 * vibration.period:
-        end = {"endTime": now + left, "writeControl": "adjustableRunTime", "writeInterval": left}
+        end: dict[str, str | float | int] = {
+            "endTime": now + left,
+            "writeControl": "adjustableRunTime",
+            "writeInterval": left,
+        }
         write_parameters(folder, {"startFrom": "latestTime", **end})
         solver(
             folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, lambda rows: False, now + left), timeout
