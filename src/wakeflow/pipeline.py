@@ -184,8 +184,6 @@ class Chain:
             case = self.given or folder / "case"
             read = FlowField.from_openfoam(case, time=self.airflow["field_time"], density=self.scene.air.density)
             read = read.mirrored() if half else read
-            if (motion := self.airflow.get("motion")) is not None:
-                read = read.moving(**motion)
             (read.compressed() if read.period is not None else read).save(part / "field.npz")
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
