@@ -20,9 +20,10 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import CD, CL, read_table
 from wakeflow.foam.initial import _write_internal
+from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
 from wakeflow.foam.shedding import best_loop
-from wakeflow.foam.solve import _call, _drop_broken_times, prepare
+from wakeflow.foam.solve import _drop_broken_times, prepare
 from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
@@ -52,7 +53,7 @@ def forces(spec: FlowSpec, folder: Path, end: float, step: float, change: Callab
         change(case)
     values = {"endTime": end, "deltaT": step, "maxDeltaT": step, "writeControl": "adjustableRunTime"}
     write_parameters(case, {**values, "writeInterval": end / 2})
-    _call(case, ["pimpleFoam"])  # without a watch: against still air every drag coefficient is absurd
+    call(case, ["pimpleFoam"])  # without a watch: against still air every drag coefficient is absurd
     return read_table(case, "forceCoefficients", (CD, CL)).T
 
 
@@ -124,7 +125,7 @@ class TestMovingMesh:
         middle, last = time_folders(case)
         whole = CaseFields(case).field(last, "U")[0]
         shutil.rmtree(last)
-        _call(case, ["pimpleFoam"])  # goes on from the middle, where the mesh stands elsewhere
+        call(case, ["pimpleFoam"])  # goes on from the middle, where the mesh stands elsewhere
         assert time_folders(case) == [middle, last]
         np.testing.assert_allclose(CaseFields(case).field(last, "U")[0], whole, atol=2e-3)
 
@@ -139,11 +140,11 @@ class TestMovingMesh:
             case.mkdir()
             write_case(replace(spec, vibration=vibration), case)
             (case / "system" / "blockMeshDict").write_text(CHANNEL)
-            _call(case, ["blockMesh"])
+            call(case, ["blockMesh"])
             set_patch_types(case, walls=walls)
             steps = {"deltaT": 0.01, "maxDeltaT": 0.01, "writeControl": "adjustableRunTime", "writeInterval": 0.6}
             write_parameters(case, {"endTime": 0.6, **steps})
-            _call(case, ["pimpleFoam"])
+            call(case, ["pimpleFoam"])
             read = CaseFields(case)
             last = read.folder("latest")
             fields[name] = [read.field(last, field)[0] for field in ("U", "p")]

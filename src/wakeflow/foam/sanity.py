@@ -94,10 +94,11 @@ def gap_speed(spec: FlowSpec, inflow: float = 0.0, fastest: float = 0.0) -> floa
     """V (m/s): the air's mean speed beside the bodies where they leave it least room, or the inlets' largest speed.
 
     ``inflow`` (m2/s) of all inlets together and ``fastest`` (m/s) on any of them, where the inlet's mean speed is not
-    all there is.
+    all there is. A vibrating body's own speed comes on top.
     """
     share = blockage(spec.mesh.bodies, spec.mesh.width)
-    return max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, 1e-3)
+    own = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed)
+    return max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, 1e-3) + own
 
 
 def friction(spec: FlowSpec) -> float:
