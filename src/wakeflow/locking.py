@@ -9,12 +9,12 @@ import math
 from dataclasses import dataclass
 
 from .errors import SceneError
+from .gate import VIBRATION
 from .rungs import SHEDDING_ABOVE
 from .scene import Scene
 
 __all__ = ["AirMotion", "frequency_ratios", "vibration_of_air", "vibration_of_scene"]
 
-TERM = "vibration-of-the-air"  # its name in --force and among what is left out
 SMALL = 0.1  # a w / U above which the body's motion is never left out
 ANYWHERE = 0.9  # largest change of mean drag or base pressure over a w / U, locked or not, up to SMALL
 BESIDE = 0.3  # the same outside the bands
@@ -80,10 +80,11 @@ def frequency_ratios(scene: Scene) -> tuple[float, float]:
     return reduced / STROUHAL[1], reduced / STROUHAL[0]
 
 
-def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, off: bool = False) -> AirMotion | None:
-    """What a scene's vibration asks of its airflow; None without air or vibration. ``off``: it is switched off by hand.
+def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | None = None) -> AirMotion | None:
+    """What a scene's vibration asks of its airflow; None without air or vibration. ``asked``: switched by hand.
 
-    Raises SceneError for sideways vibration that could lock the wake: the mesh moves along the channel only.
+    Raises SceneError for sideways vibration that could lock the wake, or is switched on: the mesh moves along the
+    channel only.
     """
     if scene.air is None or scene.vibration is None:
         return None
@@ -93,14 +94,16 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, off: bool = Fals
     sheds = scene.reynolds >= SHEDDING_ABOVE
     sideways = abs(float(across)) * omega / scene.air.speed
     motion = vibration_of_air(float(along) * omega / scene.air.speed, ratios, accuracy, sheds=sheds)
-    if off:
+    if asked is False:
         return AirMotion(False, max(motion.bound, sideways), f"{motion.why}; switched off by --force")
-    if sideways > _most_sideways(ratios, sheds=sheds):
+    if sideways > _most_sideways(ratios, sheds=sheds) or (asked and sideways > abs(float(along)) * omega):
         raise SceneError(
             f"vibration.direction = {math.degrees(scene.vibration.direction):.3g} deg: sideways at a w / U = "
             f"{sideways:.2g} the body may lock its wake, and the mesh moves along the channel only; turn the vibration "
-            f"to 90 deg, make it weaker, or let the air see a body at rest with --force {TERM}=off"
+            f"to 90 deg, make it weaker, or let the air see a body at rest with --force {VIBRATION}=off"
         )
+    if asked:
+        motion = AirMotion(True, motion.bound, f"{motion.why}; switched on by --force")
     if sideways > 1e-9:
         return AirMotion(motion.used, max(motion.bound, sideways), f"{motion.why}; its sideways part is left out")
     return motion

@@ -124,6 +124,7 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
         tracked = chain.tracks()
         if table["airflow"] is not None:
             table["airflow"]["divergence"] = chain.divergence
+            table["airflow"]["truncation"] = chain.truncation
         table["fates"] = tracked.fates
         table["met_by_law"] = tracked.injected
     if tracked is not None and until is None:

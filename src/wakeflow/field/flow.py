@@ -28,6 +28,7 @@ __all__ = ["Divergence", "FlowField", "Swing", "Truncation"]
 
 Array = NDArray[np.float64]
 NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")
+LEAST = 0.05  # of their means: k and dissipation of a compressed field are no smaller
 WHOLE = 0.01  # vibrations by which a moving field's period may miss a whole number of them
 
 
@@ -306,14 +307,23 @@ class FlowField(Triangles):
         return replace(self, **changes, times=start, coefficients=coefficients)
 
     def snapshots(self) -> FlowField:
-        """Mean and modes as snapshots at the knots; other fields as they are."""
+        """Mean and modes as snapshots at the knots; other fields as they are.
+
+        k and dissipation, of which a truncation may leave nothing or less where they are small, are kept above a
+        twentieth of their means: an eddy's lifetime is their quotient.
+        """
         if self.coefficients is None:
             return self
         assert self.times is not None
         assert self.period is not None
         drawn = design(self.times, float(self.times[0]), self.period, len(self.times)) @ self.coefficients
         whole = self._mapped(lambda nodal: np.tensordot(drawn, nodal, axes=1))
-        return replace(whole, coefficients=None, truncation=None)
+        limited: dict[str, Any] = {
+            name: np.maximum(values, LEAST * getattr(self, name)[0])
+            for name in ("k", "dissipation")
+            if (values := getattr(whole, name)) is not None
+        }
+        return replace(whole, **limited, coefficients=None, truncation=None)
 
     def moving(self, amplitude: ArrayLike, omega: float, phase: float = 0.0) -> FlowField:
         """The field on a mesh that swings by ``amplitude`` (2,) m times sin(``omega`` t + ``phase``), rad/s and rad.

@@ -12,7 +12,7 @@ from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start
 from .measure import AirflowResult, measure
-from .sanity import check_airflow, check_fields
+from .sanity import check_airflow, check_finite
 from .shedding import run_time_resolved
 from .solve import Listener, MeshCheck, prepare, run_steady
 
@@ -68,7 +68,7 @@ def _solve(
         verdict = run_steady(spec, folder, listener=listener, timeout=timeout)
     else:
         verdict = run_time_resolved(spec, folder, start=start, listener=listener, timeout=timeout)
-    checks = check_fields(spec, folder)
+    check_finite(folder)
     result = measure(
         spec,
         folder,
@@ -81,7 +81,7 @@ def _solve(
             "skewness": mesh.skewness,
         },
     )
-    checks += check_airflow(spec, result)
+    checks = check_airflow(spec, folder, result)
     return replace(result, checks={check.name: check.used for check in checks})
 
 

@@ -31,7 +31,6 @@ WINDOW, STANDSTILL = 300, 2e-4  # a steady run ends when Cd moved by less than t
 USABLE = 0.01  # range of Cd over the window, relative, that still counts as steady
 TYPICAL_ITERATIONS = 900
 ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
-SILENCE = 900.0  # s without a line in the log: no iteration of a two-dimensional case takes that long
 MOST_SWEEPS, UNSOLVED = 1000, 20  # OpenFOAM's own limit on a linear solver; reached so often in a row it is stuck
 CRAWL, CRAWLING = 10.0, 200  # so many time steps in a row below so many of the least ones: time stands still
 IMPULSE = 50  # first steps, in which a flow started from a guess pushes the body without bound as the step shrinks
@@ -210,7 +209,7 @@ def solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> N
     _drop_broken_times(folder)
     launcher, options = scatter(folder)
     try:
-        call(folder, [program, *options], watch, launcher=launcher, timeout=timeout, silence=SILENCE)
+        call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
         gather(folder, is_whole=lambda path: _is_whole(folder, path))
     finally:
         (folder / STOP).unlink(missing_ok=True)
