@@ -348,14 +348,14 @@ class TestRule:
         assert motion.bound < 0.05
         strong = scene.replace({"vibration.gamma": 8.0})
         assert vibration_of_scene(strong).used  # type: ignore[union-attr]
-        assert not vibration_of_scene(strong, off=True).used  # type: ignore[union-attr]
+        assert not vibration_of_scene(strong, asked=False).used  # type: ignore[union-attr]
         assert vibration_of_scene(Scene.load(cases / "vacuum.toml")) is None
 
     def test_sideways_vibration_that_could_lock_the_wake_is_refused(self, cases: Path) -> None:
         scene = Scene.load(cases / "rhombus.toml").replace({"vibration.direction": 0.0, "vibration.frequency": 20.0})
         with pytest.raises(SceneError, match=r"turn the vibration to 90 deg.*--force vibration-of-the-air=off"):
             vibration_of_scene(scene)
-        assert not vibration_of_scene(scene, off=True).used  # type: ignore[union-attr]
+        assert not vibration_of_scene(scene, asked=False).used  # type: ignore[union-attr]
         feeble = vibration_of_scene(scene.replace({"vibration.gamma": 0.1}))
         assert feeble is not None
         assert not feeble.used
