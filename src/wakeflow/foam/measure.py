@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .case import FlowSpec
+from .failure import Attempt
 from .history import CD, CL, Interval, batch_interval, read_table, upward_crossings
 from .read import CaseFields, Snapshot, loop_of, read_flow
 
@@ -41,14 +43,18 @@ class Suction:
 @dataclass(frozen=True)
 class AirflowResult:
     """Measured airflow. Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width;
-    with several bodies Cd and Cl are of all of them together.
+    with several bodies Cd and Cl are of all of them together, and ``cd_of`` holds each one's share of Cd by name.
 
     Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken
     where the vertical line through the middle of the first body meets its rear and its front. ``p_inlet`` (Pa):
     mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the outlet. ``flow_rate`` (m2/s,
     per metre of depth, whole channel); ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None
     when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity
-    difference between the snapshots at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
+    difference between the snapshots at the join of the loop over the rms fluctuation. ``motion``: of the mesh, where
+    the body vibrates in the air: amplitude (x, y) m, omega (rad/s), phase (rad) at the loop's start; the stored field
+    belongs to positions less amplitude sin(omega t + phase). ``seconds`` of wall time. ``settings`` that served and
+    the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of
+    :mod:`wakeflow.foam.sanity` that the solution takes up.
 
     Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the
     normal Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
@@ -74,9 +80,14 @@ class AirflowResult:
     seconds: float
     field_time: str
     period: float | None = None
+    motion: dict[str, Any] | None = None
     loop_mismatch: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
+    cd_of: dict[str, float] = field(default_factory=dict)
+    settings: str = "normal"
+    attempts: tuple[Attempt, ...] = ()
+    checks: dict[str, float] = field(default_factory=dict)
 
 
 def measure(
@@ -124,9 +135,11 @@ def measure(
         seconds=seconds,
         field_time="all" if loop else "latest",
         period=loop["period"] if loop else None,
+        motion=loop.get("motion") if loop else None,
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
         mesh=mesh or {},
+        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
     )
 
 
@@ -184,6 +197,16 @@ def _coefficients(
     )
 
 
+def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
+    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
+    found = {}
+    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
+        rows = read_table(folder, f"drag_{name}", (CD,))
+        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
+        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
+    return found
+
+
 def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
     """(length, mean Cd, mean square of Cl about its mean) of every whole period; time steps differ, so by
     trapezoids.
@@ -200,21 +223,24 @@ def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
-    """Flow rate through the whole channel (m2/s) and (inflow - outflow)/inflow, from the conserved flux where it is
-    stored.
+    """Flow rate through the whole channel (m2/s, secondary streams included) and (inflow - outflow)/inflow, from the
+    conserved flux where it is stored. That of a moving mesh is relative to it: what is lost is seen there as well, the
+    flow rate is not.
     """
     plane = fields.mesh.plane
     latest = fields.folder("latest")
 
-    def through(patch: str) -> float:
+    def through(patch: str, *, conserved: bool) -> float:
         chosen = plane.on(patch)
-        if fields.has(latest, "phi"):
+        if conserved and fields.has(latest, "phi"):
             return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness
         across = (shots[-1].velocity_faces[chosen] * plane.normals[chosen]).sum(axis=1)
         return float((across * plane.lengths[chosen]).sum())
 
-    inflow = -through("inlet")
-    return inflow * (2 if spec.mesh.half else 1), (inflow - through("outlet")) / inflow
+    inlets = [patch for patch in plane.patches if patch == "inlet" or patch.startswith("inlet_")]
+    inflow = -sum(through(patch, conserved=spec.vibration is None) for patch in inlets)
+    lost = -sum(through(patch, conserved=True) for patch in (*inlets, "outlet"))
+    return inflow * (2 if spec.mesh.half else 1), lost / inflow
 
 
 def _y_plus(
@@ -225,7 +251,7 @@ def _y_plus(
     nu = spec.viscosity / spec.density
     cell, normal = plane.owner[body], plane.normals[body]
     distance = ((plane.midpoints[body] - plane.centres[cell]) * normal).sum(axis=1)
-    velocity = shot.velocity[cell]
+    velocity = shot.velocity[cell] - shot.velocity_faces[body]
     along = velocity - (velocity * normal).sum(axis=1, keepdims=True) * normal
     effective = np.full(len(cell), nu)
     if fields.has(time, "nut") and spec.turbulence != "laminar":
