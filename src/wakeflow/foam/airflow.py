@@ -31,8 +31,8 @@ def solve_airflow(
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
-    Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of a solved draft for a
-    time-resolved run to start from. ``listener`` gets a :class:`Progress` several times a second; an exception it
+    Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow
+    to start from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a :class:`Progress` several times a second; an exception it
     raises ends the solver. ``timeout`` (s) bounds each program. Raises MeshError for a mesh that checkMesh refuses;
     FoamError when OpenFOAM is missing, fails, diverges, or leaves a solution that does not conserve mass.
     """
@@ -40,7 +40,7 @@ def solve_airflow(
     folder.mkdir(parents=True, exist_ok=True)
     check = prepare(spec, msh, folder)
     if spec.stepping == "steady":
-        verdict = run_steady(spec, folder, listener=listener, timeout=timeout)
+        verdict = run_steady(spec, folder, start=start, listener=listener, timeout=timeout)
         log = folder / "log.simpleFoam"
     else:
         verdict = run_time_resolved(spec, folder, start=start, listener=listener, timeout=timeout)
@@ -71,7 +71,7 @@ def _last_residuals(log: Path) -> dict[str, float]:
 
 
 def _refuse_nonsense(result: AirflowResult, log: Path) -> None:
-    numbers = [result.cd.value, result.cp_base, result.pressure_drop, result.flow_rate, result.mass_error]
+    numbers = [result.cd.value, result.cp_base.value, result.pressure_drop, result.flow_rate, result.mass_error]
     if not all(math.isfinite(number) for number in numbers):
         raise FoamError(f"the airflow has values that are not finite; log: {log}", log=log)
     if abs(result.mass_error) > LEAK:

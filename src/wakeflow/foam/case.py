@@ -10,23 +10,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from ..errors import FoamError, SceneError
 from ..files import atomic_write
 from ..meshing import MeshSpec
 from ..resources import case_template
 
-__all__ = ["FlowSpec", "environment", "set_patch_types", "write_case", "write_parameters"]
+__all__ = ["FlowSpec", "axis_points", "environment", "set_patch_types", "write_case", "write_parameters"]
 
 PARAMETERS = Path("system", "parameters")
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
 MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 C_MU = 0.09
+LONGEST_STEP = 0.05  # convective times: about 100 steps a shedding period where the Courant number allows more
+WAKE_PROBES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # projected widths behind the first body: a steady run's velocities
 
 
 @dataclass(frozen=True)
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
-    ``intensity`` (u'/U at the inlet; not used when laminar)."""
+    ``intensity`` (u'/U at the inlet; not used when laminar). ``accuracy``: relative half-width of the 95 % intervals at
+    which a time-resolved run ends, see :func:`wakeflow.foam.statistics.wanted`."""
 
     mesh: MeshSpec
     speed: float
@@ -35,7 +40,8 @@ class FlowSpec:
     turbulence: Literal["laminar", "kOmegaSST"]
     stepping: Literal["steady", "time-resolved"] = "steady"
     intensity: float = 0.05
-    max_courant: float = 2.0
+    max_courant: float = 4.0
+    accuracy: float = 0.02
 
     def __post_init__(self) -> None:
         if self.stepping == "time-resolved" and self.mesh.half:
@@ -67,6 +73,9 @@ class FlowSpec:
         """
         k = 1.5 * (self.intensity * self.speed) ** 2
         spec = self.mesh
+        middle, _, rear = axis_points(self)
+        size, depth = spec.projected_width, 0.5 * spec.thickness
+        behind = [self.along * (rear + distance * size) for distance in WAKE_PROBES]
         return {
             "stepping": self.stepping,
             "turbulence": self.turbulence,
@@ -79,8 +88,24 @@ class FlowSpec:
             "inletOmega": k**0.5 / (C_MU**0.25 * MIXING_LENGTH * spec.width),
             "bodyWidth": spec.projected_width,
             "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
+            "basePoint": f"({middle:.9g} {self.along * rear:.9g} {depth:.9g})",
+            "wakePoints": "(" + " ".join(f"({middle + 0.01 * size:.9g} {y:.9g} {depth:.9g})" for y in behind) + ")",
             "maxCo": self.max_courant,
+            "maxDeltaT": LONGEST_STEP * self.convective_time,
         }
+
+
+def axis_points(spec: FlowSpec) -> tuple[float, float, float]:
+    """x of the first body's middle; where that vertical line meets its front and rear, along the air (m)."""
+    outline = np.array(spec.mesh.bodies[0])
+    middle = float(outline[:, 0].min() + outline[:, 0].max()) / 2
+    start, end = outline, np.roll(outline, -1, axis=0)
+    met = []
+    for (x0, y0), (x1, y1) in zip(start, end, strict=True):
+        if min(x0, x1) <= middle <= max(x0, x1):
+            met += [y0, y1] if x0 == x1 else [y0 + (middle - x0) * (y1 - y0) / (x1 - x0)]
+    along = spec.along * np.array(met)
+    return middle, float(along.min()), float(along.max())
 
 
 def environment() -> dict[str, str]:
