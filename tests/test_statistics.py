@@ -1,4 +1,4 @@
-"""What a history says so far: intervals that cover known means, start-ups dropped, drifts noticed, runs ended in time."""
+"""What a history says so far: intervals that cover known means, start-ups dropped, drifts noticed, ends in time."""
 
 from __future__ import annotations
 
