@@ -128,14 +128,15 @@ def test_faces_in_the_shadow_get_nothing() -> None:
 # -- costs, numbers ----------------------------------------------------------------------------------------------------
 
 
-def test_core_seconds_count_every_restart_and_rank(tmp_path: Path) -> None:
+def test_core_seconds_count_every_attempt_restart_and_rank(tmp_path: Path) -> None:
     step = "Time = {}\nExecutionTime = {} s  ClockTime = 99 s\n\n"
     one = "nProcs : 1\n" + step.format(1, 2.5) + step.format(2, 4.5)
     two = "nProcs : 2\n" + step.format(3, 0.5) + step.format(4, 10)
     (tmp_path / "log.pimpleFoam").write_text(one + two)
     (tmp_path / "log.simpleFoam").write_text(one)
     (tmp_path / "log.checkMesh").write_text(one)
-    assert core_seconds(tmp_path) == pytest.approx(4.5 + 20 + 4.5)
+    (tmp_path / "failed-1.log").write_text("nProcs : 1\n" + step.format(1, 3.0))
+    assert core_seconds(tmp_path) == pytest.approx(4.5 + 20 + 4.5 + 3.0)
 
 
 def _airflow(case: Path, **changes: Any) -> Measured:
