@@ -32,8 +32,8 @@ def solve_airflow(
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
     Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow
-    to start from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a :class:`Progress` several times a second; an exception it
-    raises ends the solver. ``timeout`` (s) bounds each program. Raises MeshError for a mesh that checkMesh refuses;
+    to start from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets
+    a :class:`Progress` several times a second; an exception it raises ends the solver. ``timeout`` (s) bounds each program. Raises MeshError for a mesh that checkMesh refuses;
     FoamError when OpenFOAM is missing, fails, diverges, or leaves a solution that does not conserve mass.
     """
     begun = time.monotonic()

@@ -51,9 +51,10 @@ class AirflowResult:
     when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity
     difference between the snapshots at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
 
-    Intervals: of a steady run the range over its last iterations; of a time-resolved one 95 % intervals of the long-time
-    mean (:mod:`wakeflow.foam.statistics`). ``statistics`` of a time-resolved run: whole ``periods`` averaged, ``start_up``
-    (s) dropped, ``accuracy`` asked, ``excess`` (largest half-width over the one asked). ``notes``: what a reader must know.
+    Intervals: of a steady run the range over its last iterations; of a time-resolved one 95 % intervals of the
+    long-time mean (:mod:`wakeflow.foam.statistics`). ``statistics`` of a time-resolved run: whole ``periods`` averaged,
+    ``start_up`` (s) dropped, ``accuracy`` asked, ``excess`` (largest half-width over the one asked). ``notes``: what a
+    reader must know.
 
     Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the
     normal Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
@@ -210,7 +211,7 @@ def _times(part: Interval, factor: float) -> Interval:
 
 
 def _base(probed: Interval, rows: Array, loop: dict[str, Any] | None, field: float) -> Interval:
-    """The probe's base pressure coefficient, shifted to what the fields give: second order on the wall and without 2k/3.
+    """The probe's base pressure coefficient, shifted to what the fields give: second order on the wall, without 2k/3.
 
     The shift is the fields' mean over the loop less the probe's over the same times.
     """

@@ -249,8 +249,8 @@ def run_steady(
 
     Standing still, over the last 300 iterations: Cd within 2e-4, base pressure within 1e-3 (of the dynamic pressure at
     least), the velocities along the wake's axis (and with them the reversal length) within 0.5 % of the inlet speed.
-    "steady" when Cd moved by less than 1 % over those iterations; else how it moves: "periodic" or "broadband" (then the
-    flow asks for the time-resolved rung; nothing has failed).
+    "steady" when Cd moved by less than 1 % over those iterations; else how it moves: "periodic" or "broadband" (then
+    the flow asks for the time-resolved rung; nothing has failed).
     """
     wake = _Wake(folder, spec.speed)
 
@@ -292,6 +292,6 @@ class _Wake:
         self.folder, self.speed = folder, speed
 
     def stands_still(self) -> bool:
-        """Whether none moved by more than the share STILL_WAKE of the inlet speed over the window; true without record."""
+        """Whether none moved by more than STILL_WAKE of the inlet speed over the window; true without a record."""
         rows = read_vectors(self.folder, "wakeAxis")[-WINDOW:]
         return not len(rows) or bool(np.ptp(rows[:, 1:], axis=0).max() <= STILL_WAKE * self.speed)
