@@ -538,6 +538,20 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
     assert "nan" not in page.text.lower().split()
 
 
+def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
+    result = _result(rhombus, {**AIRFLOW, "momentum": {"cp_front": 1.0, "cd": 1.62}})
+    row = {"quantity": "cd", "cells": [4321, 1920], "values": [1.23, 1.3], "low": 1.2, "high": 1.26, "order": None,
+           "why": "two grids"}  # fmt: skip
+    result["airflow"]["grids"] = [row]
+    result["bracket"] = {"wheat": {"middle": {"steady": 0.25, "computed": 0.125}, "elsewhere": {"steady": 0.0,
+                         "computed": 0.0}}}  # fmt: skip
+    found = _Page(html.render(result, {})).tables
+    assert found["grids"][1] == ["cd", "1.23", "1.3", "1.2 to 1.26", "–", "two grids"]
+    assert found["bracket"] == [["fraction", "bin", "steady", "computed"], ["wheat", "middle", "25.0", "12.5"]]
+    rows = {row[0]: row[1] for row in found["airflow"]}
+    assert rows["the paper's momentum model: drag coefficient, with the computed base pressure"] == "1.62"
+
+
 def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
     text = write_report(tmp_path, _outcome(rhombus)).read_text()
     page = _Page(text)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .case import FlowSpec, axis_points
-from .history import Interval, Tail
+from .failure import Attempt
+from .history import CD, Interval, Tail, read_table
 from .read import CaseFields, Snapshot, loop_of, read_flow
-from .statistics import evaluate
+from .statistics import evaluate, is_still
 
 __all__ = ["AirflowResult", "Suction", "measure", "suction_zone"]
 
@@ -42,14 +43,18 @@ class Suction:
 @dataclass(frozen=True)
 class AirflowResult:
     """Measured airflow. Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width;
-    with several bodies Cd and Cl are of all of them together.
+    with several bodies Cd and Cl are of all of them together, and ``cd_of`` holds each one's share of Cd by name.
 
     Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static (without 2k/3). ``cp_base`` and ``cp_front`` are taken
     where the vertical line through the middle of the first body meets its rear and its front. ``p_inlet`` (Pa):
     mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the outlet. ``flow_rate`` (m2/s,
     per metre of depth, whole channel); ``mass_error``: inflow less outflow over inflow. ``strouhal`` = f D / U, None
     when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking. ``loop_mismatch``: rms velocity
-    difference between the snapshots at the join of the loop over the rms fluctuation. ``seconds`` of wall time.
+    difference between the snapshots at the join of the loop over the rms fluctuation. ``motion``: of the mesh, where
+    the body vibrates in the air: amplitude (x, y) m, omega (rad/s), phase (rad) at the loop's start; the stored field
+    belongs to positions less amplitude sin(omega t + phase). ``seconds`` of wall time. ``settings`` that served and
+    the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of
+    :mod:`wakeflow.foam.sanity` that the solution takes up.
 
     Intervals: of a steady run the range over its last iterations; of a time-resolved one 95 % intervals of the
     long-time mean (:mod:`wakeflow.foam.statistics`). ``statistics`` of a time-resolved run: whole ``periods`` averaged,
@@ -80,11 +85,16 @@ class AirflowResult:
     seconds: float
     field_time: str
     period: float | None = None
+    motion: dict[str, Any] | None = None
     loop_mismatch: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
     statistics: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    cd_of: dict[str, float] = field(default_factory=dict)
+    settings: str = "normal"
+    attempts: tuple[Attempt, ...] = ()
+    checks: dict[str, float] = field(default_factory=dict)
 
 
 def measure(
@@ -134,11 +144,13 @@ def measure(
         seconds=seconds,
         field_time="all" if loop else "latest",
         period=loop["period"] if loop else None,
+        motion=loop.get("motion") if loop else None,
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
         mesh=mesh or {},
         statistics=history.statistics,
         notes=history.notes,
+        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
     )
 
 
@@ -172,6 +184,16 @@ class _Coefficients:
     notes: list[str]
 
 
+def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
+    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
+    found = {}
+    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
+        rows = read_table(folder, f"drag_{name}", (CD,))
+        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
+        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
+    return found
+
+
 def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _Coefficients:
     """Steady: the last values with the range they moved through. Time-resolved: means since the end of the start-up."""
     if loop is None:
@@ -179,13 +201,15 @@ def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _
         rms = float(recent[:, 2].std())
         lift = Interval(rms, 0.0, float(np.ptp(recent[:, 2])))
         return _Coefficients(_last(recent[:, 1]), lift, _last(recent[:, 3]), None, len(rows), {}, [])
-    found = evaluate(rows, spec.accuracy)
-    if found is None:  # an irregular wake that shed less than six times
+    swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
+    found = None if swings else evaluate(rows, spec.accuracy)
+    if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
         late = rows[rows[:, 0] >= loop["begin"]]
         rms = float(late[:, 2].std())
         wide = Interval(rms, 0.0, float(np.ptp(late[:, 2])))
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
-        return _Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, len(rows), {}, [note])
+        said = [] if swings else [note]
+        return _Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, len(rows), {}, said)
     scale = spec.convective_time
     notes: list[str] = []
     if not found.stands:
@@ -223,21 +247,24 @@ def _base(probed: Interval, rows: Array, loop: dict[str, Any] | None, field: flo
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
-    """Flow rate through the whole channel (m2/s) and (inflow - outflow)/inflow, from the conserved flux where it is
-    stored.
+    """Flow rate through the whole channel (m2/s, secondary streams included) and (inflow - outflow)/inflow, from the
+    conserved flux where it is stored. That of a moving mesh is relative to it: what is lost is seen there as well, the
+    flow rate is not.
     """
     plane = fields.mesh.plane
     latest = fields.folder("latest")
 
-    def through(patch: str) -> float:
+    def through(patch: str, *, conserved: bool) -> float:
         chosen = plane.on(patch)
-        if fields.has(latest, "phi"):
+        if conserved and fields.has(latest, "phi"):
             return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness
         across = (shots[-1].velocity_faces[chosen] * plane.normals[chosen]).sum(axis=1)
         return float((across * plane.lengths[chosen]).sum())
 
-    inflow = -through("inlet")
-    return inflow * (2 if spec.mesh.half else 1), (inflow - through("outlet")) / inflow
+    inlets = [patch for patch in plane.patches if patch == "inlet" or patch.startswith("inlet_")]
+    inflow = -sum(through(patch, conserved=spec.vibration is None) for patch in inlets)
+    lost = -sum(through(patch, conserved=True) for patch in (*inlets, "outlet"))
+    return inflow * (2 if spec.mesh.half else 1), lost / inflow
 
 
 def _y_plus(
@@ -248,7 +275,7 @@ def _y_plus(
     nu = spec.viscosity / spec.density
     cell, normal = plane.owner[body], plane.normals[body]
     distance = ((plane.midpoints[body] - plane.centres[cell]) * normal).sum(axis=1)
-    velocity = shot.velocity[cell]
+    velocity = shot.velocity[cell] - shot.velocity_faces[body]
     along = velocity - (velocity * normal).sum(axis=1, keepdims=True) * normal
     effective = np.full(len(cell), nu)
     if fields.has(time, "nut") and spec.turbulence != "laminar":

@@ -215,17 +215,19 @@ def _verdict(kept: Array, square: Array) -> str:
     return "periodic" if all(spread[name] <= most for name, most in PERIODIC.items()) else "broadband"
 
 
-def is_still(rows: Array, scale: float) -> bool:
+def is_still(rows: Array, scale: float, *, swings: bool = False) -> bool:
     """Whether the wake has come to rest: over ten convective times (``scale``, s) drag and base pressure stay within
     0.1 % (of the dynamic pressure at least), lift within 1e-3 and shrinking.
+
+    Where the body vibrates (``swings``) drag and pressure never rest: there the lift decides.
     """
     if rows[-1, 0] < 30 * scale:
         return False
     recent = rows[rows[:, 0] > rows[-1, 0] - 10 * scale]
     half = len(recent) // 2
     shrinks = np.ptp(recent[half:, 2]) <= np.ptp(recent[:half, 2])
-    drag = np.ptp(recent[:, 1]) < 1e-3 * abs(recent[:, 1].mean())
-    pressure = np.ptp(recent[:, 3]) < 1e-3 * max(abs(float(recent[:, 3].mean())), 1.0)
+    drag = swings or np.ptp(recent[:, 1]) < 1e-3 * abs(recent[:, 1].mean())
+    pressure = swings or np.ptp(recent[:, 3]) < 1e-3 * max(abs(float(recent[:, 3].mean())), 1.0)
     return bool(drag and pressure and np.ptp(recent[:, 2]) < 1e-3 and shrinks)
 
 
