@@ -6,9 +6,9 @@ solver ended well. With V = the largest mean speed in a gap (:func:`gap_speed`),
 - **speed** at most SPEED_FACTOR V: 1.5 for a parabolic profile times 2 for the side of a cylinder in potential flow,
   and a third more for the vortices of a time-resolved wake.
 - **pressure** at most the largest total pressure on the inlets + friction: the total pressure of steady air has its
-  largest value on a boundary (it obeys a maximum principle); only friction, of the order mu V / D, can raise it. In time
-  it may exceed that by the unsteady part, and coarse cells add their error: 0.5 V^2 covers both. (An inlet of uniform
-  speed near the body has more than the mean pressure in its middle, so that Cp on the front may exceed 1.)
+  largest value on a boundary (it obeys a maximum principle); only friction, of the order mu V / D, can raise it. In
+  time it may exceed that by the unsteady part, and coarse cells add their error: 0.5 V^2 covers both. (An inlet of
+  uniform speed near the body has more than the mean pressure in its middle, so that Cp on the front may exceed 1.)
 - **suction**: p at least that, less SPEED_FACTOR^2 V^2, less friction, by Bernoulli's equation at the highest speed.
 - **drag** between 0 and (DRAG_FACTOR V / U)^2 + friction for all bodies, on their summed widths: the front has at most
   the stagnation pressure, the rear at least that of the fastest air that leaves the body's edges (a flat plate in
