@@ -31,7 +31,7 @@ def scatter(folder: Path) -> tuple[list[str], list[str]]:
     if ranks == 1:
         return [], []
     call(folder, ["decomposePar", "-force", "-latestTime"])
-    # Not bound to cores (two runs side by side would share one), idle ranks yield; in a container the user is often root
+    # Not bound to cores (two runs side by side would share one), idle ranks yield; in a container one is often root
     how = "--allow-run-as-root --oversubscribe --bind-to none --mca mpi_yield_when_idle 1"
     return ["mpirun", "-np", str(ranks), *how.split()], ["-parallel"]
 
