@@ -1,0 +1,101 @@
+"""A mesh file read back: points, cells, patches, and how good the cells are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .spec import Array
+
+__all__ = ["MeshReport", "judge", "read_mesh", "write_vtu"]
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """What the mesh is: counts, quality of its 2D cells (angles in degrees), edges on each patch, where it lies."""
+
+    cells: int
+    points: int
+    quads: int
+    triangles: int
+    min_angle: float
+    max_angle: float
+    max_aspect: float
+    smallest_edge: float
+    boundary: dict[str, int] = field(default_factory=dict)
+
+
+def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str, int]]:
+    """The 2D mesh in a one-layer ``.msh``: points (n, 2) m, cells {"triangle": (m, 3), "quad": (m, 4)}, edges per
+    patch.
+    """
+    import contextlib
+    import io
+
+    import meshio
+
+    with contextlib.redirect_stdout(io.StringIO()):  # meshio prints an empty line
+        mesh = meshio.read(path)
+    tags = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
+    cells: dict[str, NDArray[np.intp]] = {}
+    boundary: dict[str, int] = {}
+    for block, physical in zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True):
+        if block.type not in ("triangle", "quad"):
+            continue
+        for tag in np.unique(physical):
+            name, chosen = tags[int(tag)], block.data[physical == tag].astype(np.intp)
+            if name == "back":
+                cells[block.type] = np.vstack([cells[block.type], chosen]) if block.type in cells else chosen
+            elif name != "front":
+                boundary[name] = boundary.get(name, 0) + len(chosen)
+    used = np.unique(np.concatenate([block.ravel() for block in cells.values()]))
+    renumber = np.full(len(mesh.points), -1, dtype=np.intp)
+    renumber[used] = np.arange(len(used))
+    points = np.ascontiguousarray(mesh.points[used, :2])
+    return points, {kind: _anticlockwise(points, renumber[block]) for kind, block in cells.items()}, boundary
+
+
+def _anticlockwise(points: Array, cells: NDArray[np.intp]) -> NDArray[np.intp]:
+    x, y = points[cells, 0], points[cells, 1]
+    area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
+    return np.where(area[:, None] < 0, cells[:, ::-1], cells)
+
+
+def judge(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[str, int]) -> MeshReport:
+    """Counts and quality of a mesh as :func:`read_mesh` gives it."""
+    lowest, highest, aspect, shortest = 180.0, 0.0, 1.0, math.inf
+    for block in cells.values():
+        corner = points[block]
+        out, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
+        turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
+        angle = np.degrees(np.arctan2(turn, (out * back).sum(axis=2)))
+        length = np.linalg.norm(out, axis=2)
+        lowest, highest = min(lowest, float(angle.min())), max(highest, float((angle % 360).max()))
+        aspect = max(aspect, float((length.max(axis=1) / length.min(axis=1)).max()))
+        shortest = min(shortest, float(length.min()))
+    count = {kind: len(block) for kind, block in cells.items()}
+    return MeshReport(
+        cells=sum(count.values()),
+        points=len(points),
+        quads=count.get("quad", 0),
+        triangles=count.get("triangle", 0),
+        min_angle=lowest,
+        max_angle=highest,
+        max_aspect=aspect,
+        smallest_edge=shortest,
+        boundary=dict(sorted(boundary.items())),
+    )
+
+
+def write_vtu(points: Array, cells: dict[str, NDArray[np.intp]], path: Path) -> None:
+    """Write the 2D mesh for ParaView."""
+    import meshio
+
+    flat = np.column_stack([points, np.zeros(len(points))])
+    partial = path.with_name("partial.vtu")
+    meshio.vtu.write(str(partial), meshio.Mesh(flat, list(cells.items())))
+    partial.replace(path)
