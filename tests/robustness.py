@@ -29,7 +29,7 @@ from wakeflow.resources import case_template
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000
-CONVECTIVE_TIMES = 25.0  # of a start-up: enough to shed or to fail
+CONVECTIVE_TIMES = 40.0  # of a start-up: enough to shed or to fail
 SHAPES = {
     "rhombus 45": ("rhombus", {"slope_angle": np.radians(45)}),
     "rhombus 10": ("rhombus", {"slope_angle": np.radians(10)}),

@@ -278,7 +278,7 @@ def test_slopes_and_blockages_of_the_whole_range_mesh_with_few_sound_cells(
 def test_the_reference_rung_is_the_finest_of_three_similar_grids(tmp_path: Path) -> None:
     fine = coarse([RHOMBUS], scale=1.0, rung="reference")
     middle, standard = fine.scaled(1.5), coarse([RHOMBUS], scale=1.0, rung="standard")
-    for name in ("h_body", "h_corner", "h_wake", "growth", "per_edge", "per_gap"):
+    for name in ("h_body", "h_corner", "h_wake", "growth", "of_edge", "of_gap"):
         assert getattr(middle, name) == pytest.approx(getattr(standard, name))
     cells = [build_mesh(fine.scaled(factor), tmp_path / str(factor)).cells for factor in (2.25, 1.5)]
     assert cells[1] / cells[0] == pytest.approx(2.25, rel=0.1)

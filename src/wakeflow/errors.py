@@ -22,7 +22,7 @@ class SceneError(WakeflowError, ValueError):
 class ProgramError(WakeflowError):
     """An outside program failed: carries the command, where its log is, the log's last lines, and how it ended.
 
-    ``ended``: "missing", "timed out", "silent" or "failed" where a program was started and did not end well; then
+    ``ended``: "missing", "timed out" or "failed" where a program was started and did not end well; then
     ``returncode`` is its exit code, or minus the number of the signal that ended it.
     """
 

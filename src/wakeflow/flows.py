@@ -47,8 +47,10 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
 def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     """The airflow that the plan wants through a mesh, or that a given case must be."""
     from .foam import FlowSpec, Stream
+    from .foam.vibration import Vibration
 
     air, how = scene.air, plan.airflow
+    amplitude, omega = scene.motion
     assert air is not None
     assert how.turbulence is not None
     return FlowSpec(
@@ -63,6 +65,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         inlets=tuple(
             Stream(name, inlet.side, inlet.width, inlet.velocity) for name, inlet in scene.channel.inlet.items()
         ),
+        vibration=Vibration(float(amplitude[1]), omega) if how.moving else None,
     )
 
 

@@ -183,9 +183,16 @@ class Chain:
             half = self.airflow["half"] if self.given else self.mesh_spec.half
             case = self.given or folder / "case"
             read = FlowField.from_openfoam(case, time=self.airflow["field_time"], density=self.scene.air.density)
-            (read.mirrored() if half else read).save(part / "field.npz")
+            read = read.mirrored() if half else read
+            (read.compressed() if read.period is not None else read).save(part / "field.npz")
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
+
+    @property
+    def truncation(self) -> dict[str, Any] | None:
+        """What the time-resolved field lost when it was stored as a mean and modes; None for a steady one."""
+        lost = self.field[1].truncation
+        return None if lost is None else lost._asdict()
 
     @property
     def divergence(self) -> dict[str, float]:

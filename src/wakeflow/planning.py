@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
-from .gate import Gate, LeftOut, check_switches, open_gate
+from .gate import VIBRATION, Gate, LeftOut, check_switches, open_gate
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -21,6 +21,7 @@ from .laws.drag import (
     slip_correction,
     terminal_velocity,
 )
+from .locking import AirMotion, vibration_of_scene
 from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, typical_cells, typical_seconds
 from .scales import flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
@@ -104,8 +105,11 @@ def make_plan(
     target = scene.numerics.target_error if target_error is None else target_error
     if not 0.0 < target <= 0.5:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
-    airflow = choose_airflow(scene, rung or scene.numerics.rung, target)
-    switches = dict(force or {})
+    airflow, switches = choose_airflow(scene, rung or scene.numerics.rung, target), dict(force or {})
+    motion = None
+    if airflow.stepping == "time-resolved":
+        motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
+        airflow = replace(airflow, moving=motion is not None and motion.used)
     check_switches(scene, switches, airflow.turbulence)
     plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={})
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name)) is not None}
@@ -113,7 +117,7 @@ def make_plan(
     plan.estimate.update(_estimate(scene, plan))
     if scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
-    plan.used.extend(_used(scene, plan))
+    plan.used.extend(_used(scene, plan, motion))
     plan.warnings.extend(_warnings(scene, plan))
     return plan
 
@@ -128,7 +132,9 @@ def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
         scene, name, how.drag, how.drag_scale, injected=how.mode == "injected",
         turbulent=plan.airflow.turbulence != "laminar",
     )  # fmt: skip
-    gate = open_gate(scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence)
+    gate = open_gate(
+        scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence, moving=plan.airflow.moving
+    )
     plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
     plan.left_out.extend(gate.left_out)
     return gate
@@ -187,7 +193,7 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     return FractionPlan(mode, law, scale, settling, tau, stokes)
 
 
-def _used(scene: Scene, plan: Plan) -> list[str]:
+def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     lines = list(_airflow_lines(plan.airflow))
     for name, how in plan.fractions.items():
         resolved = "released above the body, impacts resolved"
@@ -197,7 +203,9 @@ def _used(scene: Scene, plan: Plan) -> list[str]:
         lines.append(f"{name}: {impact}{stokes}{drag}; forces {', '.join(how.forces)}")
     if scene.vibration is not None:
         peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
-        lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; the air sees a body at rest")
+        seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
+        why = "" if motion is None else f" ({motion.why})"
+        lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; {seen}{why}")
     return lines
 
 

@@ -59,16 +59,16 @@ def run(
     env: Mapping[str, str] | None = None,
     on_line: Callable[[str], None] | None = None,
     timeout: float | None = None,
-    silence: float | None = None,
+    on_idle: Callable[[float], None] | None = None,
     append: bool = False,
     error: type[ProgramError] = ProgramError,
     hint: str = "",
 ) -> Finished:
     """Run ``command`` to its end; its output goes to ``log``, each finished line of it to ``on_line``.
 
-    Raises ``error`` (a ProgramError) when the program is missing or ends with another code than 0, when ``timeout``
-    (s) passes, and when it logs nothing for ``silence`` (s). ``hint`` is appended to the message when the program is
-    missing.
+    ``on_idle`` hears, while the log does not grow, for how long (s); what either raises ends the program. Raises
+    ``error`` (a ProgramError) when the program is missing or ends with another code than 0, and when ``timeout`` (s)
+    passes. ``hint`` is appended to the message when the program is missing.
     """
     words = [str(word) for word in command]
     if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
@@ -88,17 +88,16 @@ def run(
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-
-        def given_up(words_said: str, ended: str) -> ProgramError:
-            said = f"{words[0]} {words_said}; log: {log}"
-            return error(said, command=" ".join(words), log=log, tail=tail(log), ended=ended)
-
         try:
-            _follow(child, source, on_line, None if timeout is None else started + timeout, silence)
+            _follow(child, source, on_line, on_idle, None if timeout is None else started + timeout)
         except subprocess.TimeoutExpired:
-            raise given_up(f"did not end within {timeout:.0f} s", "timed out") from None
-        except _Silent:
-            raise given_up(f"logged nothing for {silence:.0f} s", "silent") from None
+            raise error(
+                f"{words[0]} did not end within {timeout:.0f} s; log: {log}",
+                command=" ".join(words),
+                log=log,
+                tail=tail(log),
+                ended="timed out",
+            ) from None
         finally:
             _end_group(child)
     if child.returncode != 0:
@@ -113,16 +112,12 @@ def run(
     return Finished(child.returncode, time.monotonic() - started, log)
 
 
-class _Silent(Exception):
-    """The child has logged nothing for longer than it may."""
-
-
 def _follow(
     child: subprocess.Popen[bytes],
     source: IO[bytes],
     on_line: Callable[[str], None] | None,
+    on_idle: Callable[[float], None] | None,
     deadline: float | None,
-    silence: float | None,
 ) -> None:
     """Hand every finished line of the log to ``on_line`` until the child has ended."""
     rest, heard = b"", time.monotonic()
@@ -137,8 +132,8 @@ def _follow(
                 on_line(line.decode(errors="replace"))
         if ended:
             return
-        if silence is not None and time.monotonic() - heard > silence:
-            raise _Silent
+        if on_idle is not None and time.monotonic() - heard > POLL:
+            on_idle(time.monotonic() - heard)
         if deadline is not None and time.monotonic() > deadline:
             raise subprocess.TimeoutExpired(child.args, 0.0)
         try:

@@ -39,6 +39,7 @@ class AirflowPlan:
 
     ``symmetric``: the geometry is its own mirror image about x = 0; ``half``: only half of the channel is solved, the
     other half is its mirror image. ``scales``: cell edges over the rung's own, one a grid, the first is the answer's.
+    ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
     """
 
@@ -50,6 +51,7 @@ class AirflowPlan:
     half: bool
     scales: tuple[float, ...] = (1.0,)
     brackets: bool = False
+    moving: bool = False
 
 
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:

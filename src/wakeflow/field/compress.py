@@ -1,8 +1,9 @@
 """A repeating field as its mean and the modes that matter, with functions of time that are smooth.
 
-Proper orthogonal decomposition by the method of snapshots (Sirovich 1987, Q. Appl. Math. 45, 561) of velocity and pressure
-together, each weighted by the area a node stands for and scaled to unit energy; k and dissipation are projected on the same
-functions of time (extended modes: Boree 2003, Exp. Fluids 35, 188). What is cut off is measured on the snapshots.
+Proper orthogonal decomposition by the method of snapshots (Sirovich 1987, Q. Appl. Math. 45, 561) of velocity and
+pressure together, each weighted by the area a node stands for and scaled to unit energy; k and dissipation are
+projected on the same functions of time (extended modes: Boree 2003, Exp. Fluids 35, 188). What is cut off is measured
+on the snapshots.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ FEWEST_KNOTS = 8
 
 class Truncation(NamedTuple):
     """What a compressed field lost, measured on its ``snapshots``: rms error of velocity and pressure over the rms of
-    their fluctuation, largest velocity error over the field's rms speed, rms errors of k and dissipation over their rms.
-    Zero for what the field has not.
+    their fluctuation, largest velocity error over the field's rms speed, rms errors of k and dissipation over their
+    rms. Zero for what the field has not.
     """
 
     modes: int
@@ -42,7 +43,7 @@ class Truncation(NamedTuple):
 
 
 def time_shares(times: Array, period: float | None) -> Array:
-    """The part of the time that each snapshot stands for (T,), trapezoidal rule, round the period where there is one."""
+    """The part of the time that each snapshot stands for (T,): trapezoidal rule, round the period if there is one."""
     step = np.diff(times)
     share = np.zeros(len(times))
     share[:-1] += step / 2
@@ -57,8 +58,8 @@ def time_shares(times: Array, period: float | None) -> Array:
 def compress(field: FlowField, error: float, knots: int | None) -> tuple[dict[str, Array], Array, Truncation]:
     """Nodal parts (R, N, ..) by name, spline coefficients (M, R) of their functions of time, and what was lost.
 
-    Part 0 is the mean over time. As few modes and, unless ``knots`` says how many, as few knots as keep the rms error of
-    velocity and pressure below ``error`` times the rms of their fluctuations.
+    Part 0 is the mean over time. As few modes and, unless ``knots`` says how many, as few knots as keep the rms error
+    of velocity and pressure below ``error`` times the rms of their fluctuations.
     """
     times, period = field.times, field.period
     if times is None or period is None or len(times) < FEWEST_KNOTS:

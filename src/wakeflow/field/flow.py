@@ -1,8 +1,9 @@
 """FlowField: velocity and pressure on a triangle mesh, steady or in time; linear inside every triangle.
 
-Three forms, told apart by what is given with the nodal arrays: nothing (steady), ``times`` (snapshots, between which the
-field is linear in time; with a ``period`` it repeats, without one it stands still before the first and after the last),
-or ``times``, ``period`` and ``coefficients`` (a mean and modes, whose functions of time are periodic cubic splines).
+Three forms, told apart by what is given with the nodal arrays: nothing (steady), ``times`` (snapshots, between which
+the field is linear in time; with a ``period`` it repeats, without one it stands still before the first and after the
+last), or ``times``, ``period`` and ``coefficients`` (a mean and modes, whose functions of time are periodic cubic
+splines).
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ from ..errors import SceneError
 from ..files import atomic_write
 from . import checks
 from .compress import Truncation, compress, time_shares
+from .mirror import mirrored, reflected
 from .recovery import gradient_operators
-from .splines import around, design
+from .splines import POWERS, around, design
 from .triangles import Triangles
 
 __all__ = ["Divergence", "FlowField", "Swing", "Truncation"]
 
 Array = NDArray[np.float64]
 NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")
+LEAST = 0.05  # of their means: k and dissipation of a compressed field are no smaller
 WHOLE = 0.01  # vibrations by which a moving field's period may miss a whole number of them
 
 
@@ -68,8 +71,8 @@ class FlowField(Triangles):
     ``points`` (N, 2) m, ``triangles`` (M, 3) counter-clockwise, ``velocity`` (.., N, 2) m/s, ``pressure`` (.., N) Pa,
     ``k`` (.., N) m2/s2, ``dissipation`` (.., N) m2/s3, ``times`` (T,) s, ``density`` kg/m3, ``viscosity`` dynamic, Pa
     s. Nodal arrays have a leading axis T when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is
-    given too: the mean and R - 1 modes, ``times`` being the splines' uniform knots, and ``truncation`` what was cut off.
-    ``motion``: the mesh swings as a rigid whole, ``points`` being its middle position; velocities are absolute.
+    given too: the mean and R - 1 modes, ``times`` being the splines' uniform knots, and ``truncation`` what was cut
+    off. ``motion``: the mesh swings as a rigid whole, ``points`` being its middle position; velocities are absolute.
     """
 
     velocity: Array
@@ -181,9 +184,9 @@ class FlowField(Triangles):
         return i, j, float(np.clip((t - times[i]) / (times[j] - times[i]), 0.0, 1.0)) if j > i else 0.0
 
     def weights(self, t: float) -> Array:
-        """What of each snapshot or part makes up the field at time ``t`` (s); empty when steady."""
+        """What of each snapshot or part (R,) makes up the field at time ``t`` (s); a lone 1 when steady."""
         if self.times is None:
-            return np.zeros(0)
+            return np.ones(1)
         if self.coefficients is not None:
             assert self.period is not None
             index, share = around(t, float(self.times[0]), self.period, len(self.times))
@@ -193,6 +196,27 @@ class FlowField(Triangles):
         weight[i] += 1.0 - w
         weight[j] += w
         return weight
+
+    def polynomial(self, t: float) -> tuple[float, float, Array]:
+        """The piece of time from ``t`` (s) on in which the field is a polynomial: its origin and end (s), and what of
+        each snapshot or part (P, R) makes up the coefficient of each power of the time since the origin.
+        """
+        if self.times is None:
+            return t, np.inf, np.ones((1, 1))
+        if self.coefficients is not None:
+            assert self.period is not None
+            step = self.period / len(self.times)
+            first = np.floor((t - self.times[0]) / step)
+            around = (int(first) + np.arange(-1, 3)) % len(self.times)
+            shares = POWERS @ self.coefficients[around] / step ** np.arange(4)[:, None]
+            return float(self.times[0] + first * step), float(self.times[0] + (first + 1) * step), shares
+        i, j, w = self.at_time(t)
+        rise = np.zeros(len(self.times))
+        if i == j:
+            return t, np.inf, np.stack([self.weights(t), rise])
+        step = self.times[j] - self.times[i] + (0.0 if j > i else self.period or 0.0)
+        rise[i], rise[j] = -1.0 / step, 1.0 / step
+        return t, t + (1.0 - w) * float(step), np.stack([self.weights(t), rise])
 
     def sample(self, x: ArrayLike, t: float = 0.0) -> tuple[Array, Array, Array]:
         """Velocity (n, 2), pressure (n,) and pressure gradient (n, 2) at points (n, 2) and time ``t``; NaN outside.
@@ -237,7 +261,7 @@ class FlowField(Triangles):
             return self
         share = self._shares()
         steady: dict[str, Any] = {"times": None, "period": None, "coefficients": None, "truncation": None}
-        return replace(self._mapped(lambda nodal: np.tensordot(share, nodal, axes=1)), **steady)
+        return replace(self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)), **steady)
 
     def _shares(self) -> Array:
         """The time mean of every snapshot's or part's weight."""
@@ -262,7 +286,7 @@ class FlowField(Triangles):
                 return np.asarray(mean + lam * (nodal - mean))
             return np.concatenate([mean[None], lam * nodal[1:]])  # part 0 is the mean
 
-        scaled = {
+        scaled: dict[str, Any] = {
             n: blend(v) for n in ("velocity", "pressure", "given_gradient") if (v := getattr(self, n)) is not None
         }
         return replace(self, **scaled)
@@ -280,18 +304,27 @@ class FlowField(Triangles):
         parts, coefficients, lost = compress(self, error, knots)
         assert self.period is not None
         start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
-        lost = lost._replace(knots=len(coefficients))
-        return replace(self, **parts, times=start, coefficients=coefficients, truncation=lost)
+        changes: dict[str, Any] = {**parts, "truncation": lost._replace(knots=len(coefficients))}
+        return replace(self, **changes, times=start, coefficients=coefficients)
 
     def snapshots(self) -> FlowField:
-        """Mean and modes as snapshots at the knots; other fields as they are."""
+        """Mean and modes as snapshots at the knots; other fields as they are.
+
+        k and dissipation, of which a truncation may leave nothing or less where they are small, are kept above a
+        twentieth of their means: an eddy's lifetime is their quotient.
+        """
         if self.coefficients is None:
             return self
         assert self.times is not None
         assert self.period is not None
         drawn = design(self.times, float(self.times[0]), self.period, len(self.times)) @ self.coefficients
-        whole = self._mapped(lambda nodal: np.tensordot(drawn, nodal, axes=1))
-        return replace(whole, coefficients=None, truncation=None)
+        whole = self.mapped(lambda nodal: np.tensordot(drawn, nodal, axes=1))
+        limited: dict[str, Any] = {
+            name: np.maximum(values, LEAST * getattr(self, name)[0])
+            for name in ("k", "dissipation")
+            if (values := getattr(whole, name)) is not None
+        }
+        return replace(whole, **limited, coefficients=None, truncation=None)
 
     def moving(self, amplitude: ArrayLike, omega: float, phase: float = 0.0) -> FlowField:
         """The field on a mesh that swings by ``amplitude`` (2,) m times sin(``omega`` t + ``phase``), rad/s and rad.
@@ -299,9 +332,8 @@ class FlowField(Triangles):
         The points are those of the middle position; velocities stay what they are, absolute. A field in time must
         repeat after a whole number of swings, which is a SceneError otherwise.
         """
-        swing = Swing(
-            *map(float, np.broadcast_to(np.asarray(amplitude, dtype=float), (2,))), float(omega), float(phase)
-        )
+        across, along = np.asarray(amplitude, dtype=float).tolist()
+        swing = Swing(across, along, float(omega), float(phase))
         if not (np.all(np.isfinite(swing)) and swing.omega > 0):
             raise SceneError(f"motion: amplitude, omega and phase {tuple(swing)} must be finite, and omega positive")
         if self.times is not None:
@@ -317,47 +349,13 @@ class FlowField(Triangles):
         The x components of velocity and pressure gradient change sign across the axis and are zero on it.
         Raises SceneError when points lie on both sides, or none on the axis.
         """
-        offset = self.points[:, 0] - x
-        slack = 1e-9 * float(np.ptp(self.points, axis=0).max())
-        axis = np.abs(offset) <= slack
-        if offset.min() < -slack and offset.max() > slack:
-            raise SceneError(f"mirrored: points lie on both sides of x = {x:g} m")
-        if not axis.any():
-            raise SceneError(f"mirrored: no points on the axis x = {x:g} m")
-        if self.motion is not None and self.motion.x != 0.0:
-            raise SceneError("mirrored: the mesh moves across the axis")
-        count, off = len(self.points), ~axis
-        image = np.arange(count)
-        image[off] = count + np.arange(off.sum())
-        points = self.points.copy()
-        points[axis, 0] = x
-
-        def double(nodal: Array) -> Array:
-            if nodal.ndim == self.velocity.ndim:  # a vector
-                near = nodal.copy()
-                near[..., axis, 0] = 0.0
-                return np.concatenate([near, near[..., off, :] * (-1.0, 1.0)], axis=-2)
-            return np.concatenate([nodal, nodal[..., off]], axis=-1)
-
-        whole = self._mapped(double)
-        return replace(
-            whole,
-            points=np.concatenate([points, (2 * x, 0.0) + points[off] * (-1.0, 1.0)]),
-            triangles=np.concatenate([self.triangles, image[self.triangles[:, ::-1]]]),
-        )
+        return mirrored(self, x)
 
     def reflected(self, x: float = 0.0) -> FlowField:
         """The mirror image of the field about the vertical line at ``x``."""
+        return reflected(self, x)
 
-        def flip(nodal: Array) -> Array:
-            return nodal * (-1.0, 1.0) if nodal.ndim == self.velocity.ndim else nodal
-
-        points = (2 * x, 0.0) + self.points * (-1.0, 1.0)
-        motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
-        triangles = np.ascontiguousarray(self.triangles[:, ::-1])
-        return replace(self._mapped(flip), points=points, triangles=triangles, motion=motion)
-
-    def _mapped(self, function: Any) -> FlowField:
+    def mapped(self, function: Any) -> FlowField:
         """The same field with ``function`` applied to every nodal array."""
         return replace(self, **{n: function(v) for n in NODAL if (v := getattr(self, n)) is not None})
 

@@ -8,12 +8,13 @@ from pathlib import Path
 from ..errors import FoamError
 from ..process import Finished, run, tail
 from .case import INSTALL, environment
-from .failure import AirflowFailure, Cause, diagnose
+from .failure import AirflowFailure, Cause, diagnose, disk_is_full
 
 __all__ = ["SOLVERS", "call"]
 
 SOLVERS = ("simpleFoam", "pimpleFoam")  # only what these compute can be cured by safer settings
-CAUSES = {"missing": Cause.MISSING, "timed out": Cause.TIMED_OUT, "silent": Cause.SILENT}
+SILENCE = 900.0  # s without a line in the log: no iteration of a two-dimensional case takes that long
+SUSPICION = 2.0  # s without a line after which the disk is looked at: a full one swallows the log too
 
 
 def call(
@@ -23,7 +24,6 @@ def call(
     *,
     launcher: Sequence[str] = (),
     timeout: float | None = None,
-    silence: float | None = None,
 ) -> Finished:
     """Run ``command`` in the case ``folder``, its output appended to log.PROGRAM there.
 
@@ -33,24 +33,36 @@ def call(
     log = folder / f"log.{program}"
     before = log.stat().st_size if log.exists() else 0
     words = [*launcher, *command]
+
+    def idle(seconds: float) -> None:
+        if seconds > SUSPICION and disk_is_full(folder):
+            raise _failure(Cause.DISK_FULL, f"{program} could not go on: {folder} is on a full disk", log)
+        if seconds > SILENCE:
+            raise _failure(Cause.SILENT, f"{program} logged nothing for {seconds:.0f} s", log)
+
     try:
         return run(
-            words, cwd=folder, log=log, env=environment(), on_line=on_line, append=True, error=FoamError,
-            hint=INSTALL, timeout=timeout, silence=silence,
+            words, cwd=folder, log=log, env=environment(), append=True, error=FoamError, hint=INSTALL,
+            on_line=on_line, on_idle=idle, timeout=timeout,
         )  # fmt: skip
     except FoamError as problem:
         if not problem.ended:  # raised by on_line: it says why itself
             problem.command = problem.command or " ".join(words)
             raise
-        cause, message = CAUSES.get(problem.ended), str(problem)
-        if cause is None:
+        if problem.ended == "missing":
+            raise AirflowFailure(Cause.MISSING, str(problem), command=problem.command) from None
+        if problem.ended == "timed out":
+            cause, why = Cause.TIMED_OUT, str(problem).split("; log:")[0].split(" ", 1)[1]
+        else:
             cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
-            if cause.numerical and program not in SOLVERS:
-                cause = Cause.CRASHED
-            message = f"{program} {why}; log: {log}"
-        if cause.advice:
-            message += f"; {cause.advice}"
-        raise AirflowFailure(cause, message, command=problem.command, log=problem.log, tail=tail(log)) from None
+        if cause.numerical and program not in SOLVERS:
+            cause = Cause.CRASHED
+        raise _failure(cause, f"{program} {why}", log, problem.command) from None
+
+
+def _failure(cause: Cause, said: str, log: Path, command: str = "") -> AirflowFailure:
+    advice = f"; {cause.advice}" if cause.advice else ""
+    return AirflowFailure(cause, f"{said}; log: {log}{advice}", command=command, log=log, tail=tail(log))
 
 
 def _since(log: Path, start: int) -> str:

@@ -12,6 +12,7 @@ __all__ = ["Vibration", "repeats"]
 
 Array = NDArray[np.float64]
 SNAPSHOTS = 12  # a vibration, at least: the field between them is interpolated
+ROUND_OFF = 1e-6  # rad: of a time that is meant to be whole vibrations
 HARMONICS = 6  # of a period: more would explain by chance
 STEPS = 48  # time steps a vibration period, at least: a second-order step follows the motion to 0.3 % there
 
@@ -55,6 +56,7 @@ class Vibration:
         Displacement at time t of that clock: amplitude sin(omega t + phase).
         """
         phase = math.remainder(self.omega * begin, 2.0 * math.pi)
+        phase = 0.0 if abs(phase) < ROUND_OFF else phase
         return {"amplitude": [0.0, self.amplitude], "omega": self.omega, "phase": phase}
 
     def parameters(self) -> dict[str, str | float]:

@@ -1,10 +1,15 @@
-"""The Gmsh model of a mesh spec: runs only in a child process, for Gmsh is global and not thread-safe."""
+"""Gmsh's part: triangles or quads between the loops. Runs only in a child process: Gmsh is global, not thread-safe."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import MeshError
+from .flat import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
 from .outline import Piece, loops
 from .spec import MeshSpec
 from .zones import Sizes, boxes, levels, sources
@@ -14,20 +19,24 @@ __all__ = ["mesh_in_this_process"]
 
 def mesh_in_this_process(argument: dict[str, Any]) -> None:
     """Mesh ``argument['spec']`` into the file ``argument['path']``; MeshError says what Gmsh stumbled over."""
+    spec = MeshSpec.from_json(argument["spec"])
+    sizes = sources(spec)
+    mesh = _fill(spec, loops(spec, sizes.at), sizes)
+    write_msh(mesh.ordered(), spec.thickness, Path(argument["path"]))
+
+
+def _fill(spec: MeshSpec, rings: list[list[Piece]], sizes: Sizes) -> FlatMesh:
+    """The mesh between the rings."""
     import gmsh
 
-    spec = MeshSpec.from_json(argument["spec"])
     gmsh.initialize(argv=["gmsh"], readConfigFiles=False, interruptible=False)
     try:
         for option, value in _options(spec).items():
             gmsh.option.setNumber(option, value)
-        sizes = sources(spec)
-        _model(gmsh, spec, loops(spec, sizes.at))
+        surface, lines = _model(gmsh, rings)
         _set_sizes(gmsh, spec, sizes)
-        gmsh.model.mesh.generate(3)
-        gmsh.write(argument["path"])
-    except MeshError:
-        raise
+        gmsh.model.mesh.generate(2)
+        return _read(gmsh, surface, lines)
     except Exception as problem:  # Gmsh raises bare Exception; its own words say what it stumbled over
         raise MeshError(f"Gmsh could not mesh the channel: {problem}") from None
     finally:
@@ -38,8 +47,6 @@ def _options(spec: MeshSpec) -> dict[str, float]:
     quad = spec.strategy != "triangles"
     return {
         "General.NumThreads": 1,  # more threads would make the numbering depend on their timing
-        "Mesh.MshFileVersion": 2.2,
-        "Mesh.Binary": 0,
         "Mesh.Algorithm": 8 if quad else 6,  # frontal-Delaunay, for quads or for triangles
         "Mesh.RecombineAll": int(quad),
         "Mesh.RecombinationAlgorithm": 1,  # blossom
@@ -51,28 +58,43 @@ def _options(spec: MeshSpec) -> dict[str, float]:
     }
 
 
-def _model(gmsh: Any, spec: MeshSpec, rings: list[list[Piece]]) -> None:
-    """The channel as one plane surface, extruded by one layer, with a physical group a patch."""
+def _model(gmsh: Any, rings: list[list[Piece]]) -> tuple[int, list[tuple[int, str]]]:
+    """One plane surface between the rings; its tag, and tag and patch of every line."""
     geo = gmsh.model.geo
-    lines: list[tuple[int, Piece]] = []
+    lines: list[tuple[int, str]] = []
     ring_tags = []
     for ring in rings:
         points = [geo.addPoint(*piece.start, 0.0) for piece in ring]
         tags = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-        lines += zip(tags, ring, strict=True)
+        for tag, piece in zip(tags, ring, strict=True):
+            lines.append((tag, piece.patch))
+            if piece.whole:
+                geo.mesh.setTransfiniteCurve(tag, 2)
         ring_tags.append(geo.addCurveLoop(tags))
     surface = geo.addPlaneSurface(ring_tags)
-    for tag, piece in lines:
-        if piece.cells:
-            geo.mesh.setTransfiniteCurve(tag, piece.cells + 1)
-    made = geo.extrude([(2, surface)], 0, 0, spec.thickness, numElements=[1], recombine=True)
     geo.synchronize()
-    groups: dict[str, list[int]] = {"back": [surface], "front": [made[0][1]]}
-    for (_, piece), (_, side) in zip(lines, made[2:], strict=True):
-        groups.setdefault(piece.patch, []).append(side)
-    for name, tags in groups.items():
-        gmsh.model.addPhysicalGroup(2, tags, name=name)
-    gmsh.model.addPhysicalGroup(3, [made[1][1]], name="air")
+    return int(surface), lines
+
+
+def _read(gmsh: Any, surface: int, lines: list[tuple[int, str]]) -> FlatMesh:
+    """Gmsh's mesh as arrays: only points that cells use."""
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    index = np.zeros(int(tags.max()) + 1, dtype=np.intp)
+    index[tags] = np.arange(len(tags))
+
+    def elements(dimension: int, tag: int, kind: int, corners: int) -> NDArray[np.intp]:
+        nodes = gmsh.model.mesh.getElementsByType(kind, tag)[1]
+        return np.asarray(index[nodes].reshape(-1, corners))
+
+    triangles, quads = elements(2, surface, TRIANGLE, 3), elements(2, surface, QUAD, 4)
+    edges = [elements(1, tag, LINE, 2) for tag, _ in lines]
+    names = tuple(sorted({name for _, name in lines}))
+    patch = np.repeat([names.index(name) for _, name in lines], [len(part) for part in edges])
+    used = np.unique(np.concatenate([triangles.ravel(), quads.ravel()]))
+    number = np.full(len(tags), -1, dtype=np.intp)
+    number[used] = np.arange(len(used))
+    points = places.reshape(-1, 3)[used, :2]
+    return FlatMesh(points, number[triangles], number[quads], number[np.concatenate(edges)], patch, names)
 
 
 def _set_sizes(gmsh: Any, spec: MeshSpec, sizes: Sizes) -> None:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from ..errors import MeshError
 from ..geometry import edges
-from .spec import Array, MeshSpec, Outline
+from .spec import Array, MeshSpec
 
-__all__ = ["Piece", "chains", "distance", "loops", "sharp", "to_edges", "turning"]
+__all__ = ["Piece", "chains", "distance", "loops", "seen", "sharp", "to_edges", "turning"]
 
 SMOOTH = math.radians(25)  # a corner that turns less is part of a curve
 OFF = 0.05  # of a cell: how far the mesh's boundary may lie off the outline
@@ -30,14 +30,36 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Piece:
-    """A straight part of the boundary that starts at ``start`` (m) on patch ``patch``.
-
-    ``cells`` is how many cells lie on it, 0 for as many as the sizes around want.
-    """
+    """A straight part of the boundary from ``start`` (m) on, of patch ``patch``; ``whole``: it is one cell's edge."""
 
     start: tuple[float, float]
     patch: str
-    cells: int = 0
+    whole: bool = False
+
+
+def seen(spec: MeshSpec, index: int) -> Array:
+    """A body's outline as the mesh sees it: of a row of corners shorter than 3/4 of a corner cell, the middle one.
+
+    So that no speck rules the time step; a right angle's rounding moves by a seventh of a corner cell at most.
+    """
+    outline = np.array(spec.bodies[index])
+    least = 0.75 * min(spec.h_corner, spec.h_body) * spec.widths[index] / min(spec.widths)
+    start, end = edges(outline)
+    length = np.linalg.norm(end - start, axis=1)
+    if (length >= least).sum() < 3:  # a smooth curve of short segments all around
+        return outline
+    first = int(np.flatnonzero(length >= least)[0]) + 1
+    rows: list[list[int]] = []
+    for corner in (np.arange(first, first + len(outline)) % len(outline)).tolist():
+        if rows and length[rows[-1][-1]] < least:
+            rows[-1].append(corner)
+        else:
+            rows.append([corner])
+    return np.array([
+        corner
+        for row in rows
+        for corner in (outline[row] if length[row[:-1]].sum() > least else outline[row[len(row) // 2], None])
+    ])  # fmt: skip
 
 
 def turning(outline: Array) -> Array:
@@ -95,13 +117,12 @@ def loops(spec: MeshSpec, size: Callable[[Array], Array]) -> list[list[Piece]]:
     pieces = _channel(spec)
     holes = []
     on_axis = []
-    for name, outline in zip(spec.names, spec.bodies, strict=True):
-        patch = f"body_{name}"
-        if not spec.half or min(x for x, _ in outline) > 0:
-            ring = np.array(outline)
+    for index, name in enumerate(spec.names):
+        ring, patch = seen(spec, index), f"body_{name}"
+        if not spec.half or ring[:, 0].min() > 0:
             holes.append([piece for chain, _ in chains(ring) for piece in _nodes(ring[chain], patch, size)])
-        elif max(x for x, _ in outline) > 0:
-            on_axis.append((np.array(_right_half(outline))[::-1], patch))
+        elif ring[:, 0].max() > 0:
+            on_axis.append((_right_half(ring)[::-1], patch))
     for chain, patch in sorted(on_axis, key=lambda item: -item[0][0][1]):  # down the axis, from the top
         for part in _split(chain):
             pieces += _nodes(part, patch, size)
@@ -110,16 +131,17 @@ def loops(spec: MeshSpec, size: Callable[[Array], Array]) -> list[list[Piece]]:
 
 
 def _even(ring: list[Piece]) -> list[Piece]:
-    """A ring whose given cells are even in number, for only then can all triangles be paired to quadrilaterals.
+    """A ring with evenly many whole pieces, for only then can all triangles be paired to quadrilaterals.
 
-    (Gmsh gives even numbers to the other pieces.) The piece with the longest cells takes one more.
+    (Gmsh itself gives even numbers to the other pieces.) The longest is halved.
     """
-    if sum(piece.cells for piece in ring) % 2 == 0:
+    whole = [i for i, piece in enumerate(ring) if piece.whole]
+    if len(whole) % 2 == 0:
         return ring
-    following = ring[1:] + ring[:1]
-    given = [i for i, piece in enumerate(ring) if piece.cells]
-    longest = max(given, key=lambda i: math.dist(ring[i].start, following[i].start) / ring[i].cells)
-    return [replace(piece, cells=piece.cells + (i == longest)) for i, piece in enumerate(ring)]
+    ends = [piece.start for piece in ring[1:] + ring[:1]]
+    longest = max(whole, key=lambda i: math.dist(ring[i].start, ends[i]))
+    (x0, y0), (x1, y1) = ring[longest].start, ends[longest]
+    return [*ring[: longest + 1], replace(ring[longest], start=((x0 + x1) / 2, (y0 + y1) / 2)), *ring[longest + 1 :]]
 
 
 def _channel(spec: MeshSpec) -> list[Piece]:
@@ -154,48 +176,56 @@ def _split(chain: Array) -> list[Array]:
 
 
 def _nodes(chain: Array, patch: str, size: Callable[[Array], Array]) -> list[Piece]:
-    """Pieces along a smooth chain (k, 2), whose last point starts the next one."""
-    if len(chain) == 2:
-        return [Piece((float(chain[0][0]), float(chain[0][1])), patch)]
+    """One piece a cell along a smooth chain (k, 2), whose last point starts the next one."""
     length = np.linalg.norm(np.diff(chain, axis=0), axis=1)
-    edge = size(0.5 * (chain[1:] + chain[:-1]))
-    cells = length / edge
-    long = cells >= LONG
-    pieces: list[Piece] = []
+    cells = length / size(0.5 * (chain[1:] + chain[:-1]))
+    long = cells >= LONG if len(length) > 1 else np.ones(1, dtype=bool)
+    nodes: list[Array] = []
     first = 0
     while first < len(length):
         last = first + 1
-        if not long[first]:
-            while last < len(length) and not long[last]:
-                last += 1
+        while not long[first] and last < len(length) and not long[last]:
+            last += 1
         run = chain[first : last + 1]
-        kept, each = ([0], 0 if cells[first] > 4 else max(1, round(float(cells[first]))))
-        if not long[first]:
-            kept, each = _thinned(run, cells[first:last], float(edge[first:last].min())), 1
-        pieces += [Piece((float(run[k][0]), float(run[k][1])), patch, each) for k in kept]
+        nodes.append(
+            _divided(run[0], run[1], size, even=len(length) == 1) if long[first] else _thinned(run, cells[first:last])
+        )
         first = last
-    return pieces
+    return [Piece((x, y), patch, whole=True) for x, y in np.concatenate(nodes).tolist()]
 
 
-def _thinned(run: Array, cells: Array, edge: float) -> list[int]:
-    """Which corners of a run of short segments become nodes, the first included and the last not.
+def _divided(start: Array, end: Array, size: Callable[[Array], Array], *, even: bool) -> Array:
+    """Nodes on a straight line with cells of the size wanted, evenly many if so; ``end`` is left out."""
+    share = np.linspace(0, 1, 401)
+    cells = float(np.linalg.norm(end - start)) / size(start + share[:, None] * (end - start))
+    reached = np.concatenate([[0.0], np.cumsum(0.5 * (cells[1:] + cells[:-1]) * np.diff(share))])
+    count = max(2, 2 * round(float(reached[-1]) / 2)) if even else max(1, round(float(reached[-1])))
+    at = np.interp(np.linspace(0, reached[-1], count + 1)[:-1], reached, share)
+    return np.asarray(start + at[:, None] * (end - start))
 
-    Evenly spaced in cells; more of them where the boundary through them lay further than 5 % of a cell off the run.
+
+def _thinned(run: Array, cells: Array) -> Array:
+    """Which corners of a run (k, 2) of short segments become nodes; its end is left out.
+
+    Evenly many and evenly spaced in cells (k - 1,); more where the boundary through them lay further than 5 % of the
+    shortest cell off the run.
     """
     reached = np.concatenate([[0.0], np.cumsum(cells)])
-    for count in range(max(1, round(float(reached[-1]))), len(cells)):
+    edge = float((np.linalg.norm(np.diff(run, axis=0), axis=1) / cells).min())
+    wanted = float(reached[-1])
+    for count in range(1 if wanted < 1.5 else max(2, 2 * round(wanted / 2)), len(cells)):
         kept = np.unique(np.abs(reached[:, None] - np.linspace(0, reached[-1], count + 1)).argmin(axis=0))
         off = max(float(_to_segments(run[a : b + 1], run[None, a], run[None, b]).max()) for a, b in pairwise(kept))
         if off <= OFF * edge:
-            return [int(k) for k in kept[:-1]]
-    return list(range(len(cells)))
+            return np.asarray(run[kept[:-1]])
+    return run[:-1]
 
 
-def _right_half(outline: Outline) -> list[tuple[float, float]]:
+def _right_half(outline: Array) -> Array:
     """The part of a counter-clockwise outline at x >= 0, from its lower to its upper end on the axis x = 0."""
-    size = max(abs(v) for corner in outline for v in corner)
+    size = float(np.abs(outline).max())
     points: list[tuple[float, float]] = []
-    for (x0, y0), (x1, y1) in zip(outline, outline[1:] + outline[:1], strict=True):
+    for (x0, y0), (x1, y1) in zip(*edges(outline), strict=True):
         points.append((0.0 if abs(x0) < 1e-9 * size else x0, y0))
         if min(x0, x1) < -1e-9 * size and max(x0, x1) > 1e-9 * size:
             points.append((0.0, y0 - x0 * (y1 - y0) / (x1 - x0)))
@@ -206,4 +236,4 @@ def _right_half(outline: Outline) -> list[tuple[float, float]]:
     chain = [points[starts[0]]]
     while len(chain) == 1 or chain[-1][0] > 0:
         chain.append(points[(starts[0] + len(chain)) % count])
-    return chain
+    return np.array(chain)

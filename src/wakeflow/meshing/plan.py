@@ -15,15 +15,15 @@ __all__ = ["plan_mesh"]
 # Cell edge over projected body width at the body, its corners, in the near wake and far away. "draft" is meant for
 # the half domain and a steady solution; "standard" for a time-resolved one, whose time step the smallest cells dictate;
 # "reference" is the finest of three similar grids: itself, .scaled(1.5), which is "standard", and .scaled(2.25).
-STANDARD = {"body": 1 / 40, "corner": 1 / 80, "wake": 1 / 26, "far": 1 / 5, "growth": 0.13}
-RATIO = 1.5
 RESOLUTION = {
     "draft": {"body": 1 / 60, "corner": 1 / 160, "wake": 1 / 28, "far": 1 / 6, "growth": 0.12},
-    "standard": STANDARD,
-    "reference": {name: value / RATIO for name, value in STANDARD.items()},
+    "standard": {"body": 1 / 40, "corner": 1 / 80, "wake": 1 / 26, "far": 1 / 5, "growth": 0.13},
 }
-PER_EDGE, PER_GAP, ACROSS = 6.0, 8.0, 40.0  # cells on an edge, across a gap, across a wide channel far away
-PER_WALL = 40.0  # a no-slip side wall has cells of the channel's width over this
+# over an edge's length, a gap, the channel's width: on short edges, at narrow gaps, far away in a wide channel, and on
+# no-slip side walls
+SHARES = {"edge": 1 / 6, "gap": 1 / 8, "across": 1 / 40, "wall": 1 / 40}
+RATIO = 1.5
+RESOLUTION["reference"] = {name: value / RATIO for name, value in RESOLUTION["standard"].items()}
 UPSTREAM, DOWNSTREAM = 3.0, 8.0  # shortest distance from bodies to inlet and outlet, in projected widths
 
 
@@ -62,7 +62,8 @@ def plan_mesh(
     symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
-    table = RESOLUTION[rung]
+    finer = 1 / RATIO if rung == "reference" else 1.0
+    table = RESOLUTION[rung] | {name: finer * share for name, share in SHARES.items()}
     across = [float(np.ptp(outline[:, 0])) for outline in outlines]
     size, largest = min(across), max(across)
     low = min(float(o[:, 1].min()) for o in outlines)
@@ -81,12 +82,12 @@ def plan_mesh(
         h_body=scale * table["body"] * size,
         h_corner=scale * table["corner"] * size,
         h_wake=scale * table["wake"] * size,
-        h_far=scale * max(table["far"] * largest, width / ACROSS),
+        h_far=scale * max(table["far"] * largest, table["across"] * width),
         growth=scale * table["growth"],
         wake_length=2.5 * largest,
-        h_wall=scale * width / PER_WALL if walls == "no-slip" else float("inf"),
-        per_edge=PER_EDGE / scale,
-        per_gap=PER_GAP / scale,
+        h_wall=scale * table["wall"] * width if walls == "no-slip" else float("inf"),
+        of_edge=scale * table["edge"],
+        of_gap=scale * table["gap"],
         inlets=tuple(inlets),
         strategy=strategy or "quads",
     )

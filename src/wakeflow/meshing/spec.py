@@ -39,9 +39,9 @@ class MeshSpec:
     ``bodies`` are (k, 2) outlines, counter-clockwise; ``names`` name their patches (``body_NAME``). ``half`` meshes x
     >= 0 only. Cell edges, for the narrowest body and in proportion for wider ones: ``h_body`` along the outlines,
     ``h_corner`` at their sharp corners, ``h_wake`` downstream over ``wake_length``; for all: ``h_wall`` on no-slip side
-    walls, ``h_far`` at most; between them the edge grows by ``growth`` metres a metre. At least ``per_edge`` cells lie
-    on an edge between two sharp corners; at the ends of a gap between bodies or to a side wall they are no longer than
-    the gap over ``per_gap``.
+    walls, ``h_far`` at most; between them the edge grows by ``growth`` metres a metre. On an edge between two sharp
+    corners it is no longer than ``of_edge`` times that edge, at a gap between bodies or to a side wall ``of_gap`` times
+    the gap.
     """
 
     bodies: tuple[Outline, ...]
@@ -59,8 +59,8 @@ class MeshSpec:
     growth: float
     wake_length: float
     h_wall: float = float("inf")
-    per_edge: float = 6.0
-    per_gap: float = 8.0
+    of_edge: float = 1 / 6
+    of_gap: float = 1 / 8
     inlets: tuple[SideInlet, ...] = ()
     strategy: Strategy = "quads"
 
@@ -100,6 +100,6 @@ class MeshSpec:
 
     def scaled(self, factor: float) -> MeshSpec:
         """The same spec with the cell edge multiplied by ``factor`` everywhere, growth included (for grid studies)."""
-        longer = {name: getattr(self, name) * factor for name in
-                  ("h_body", "h_corner", "h_wake", "h_far", "h_wall", "growth")}  # fmt: skip
-        return replace(self, **longer, per_edge=self.per_edge / factor, per_gap=self.per_gap / factor)
+        names = ("h_body", "h_corner", "h_wake", "h_far", "h_wall", "growth", "of_edge", "of_gap")
+        longer: dict[str, Any] = {name: getattr(self, name) * factor for name in names}
+        return replace(self, **longer)

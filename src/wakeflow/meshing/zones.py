@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import edges
-from .outline import chains, sharp, to_edges, turning
+from .outline import chains, seen, sharp, to_edges, turning
 from .spec import Array, MeshSpec
 
 __all__ = ["Box", "Sizes", "boxes", "levels", "sources"]
@@ -52,7 +52,7 @@ def sources(spec: MeshSpec) -> Sizes:
     parts = [_on_body(spec, index) for index in range(len(spec.bodies))]
     for inlet in spec.inlets:
         x = spec.width / 2 * (1 if inlet.side == "right" else -1)
-        size = min((inlet.end - inlet.start) / spec.per_gap, spec.h_far)
+        size = min((inlet.end - inlet.start) * spec.of_gap, spec.h_far)
         y = _along(inlet.start, inlet.end, size)
         parts.append((np.column_stack([np.full(len(y), x), y]), np.full(len(y), size)))
     if spec.h_wall < spec.h_far:
@@ -89,7 +89,7 @@ def boxes(spec: MeshSpec) -> list[Box]:
 
 def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
     """Points along one outline and the edge wanted at each: corners, short edges, tight roundings, narrow gaps."""
-    outline = np.array(spec.bodies[index])
+    outline = seen(spec, index)
     share = spec.widths[index] / min(spec.widths)
     body, corner = share * spec.h_body, share * min(spec.h_corner, spec.h_body)
     wanted = np.full(len(outline), body)
@@ -104,14 +104,14 @@ def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
     for chain, closed in chains(outline):
         total = length[chain[:-1]].sum()
         if not closed:
-            along[chain[:-1]] = np.minimum(along[chain[:-1]], total / spec.per_edge)
+            along[chain[:-1]] = np.minimum(along[chain[:-1]], max(total * spec.of_edge, corner / 3))
     points, edge = [outline], [np.minimum(wanted, np.minimum(along, np.roll(along, 1)))]
     for a, b, size in zip(start, end, along, strict=True):
-        share_along = _along(0.0, 1.0, size / float(np.linalg.norm(b - a)))[1:-1]
+        share_along = _along(0.0, 1.0, 0.5 * size / float(np.linalg.norm(b - a)))[1:-1]
         points.append(a + share_along[:, None] * (b - a))
         edge.append(np.full(len(share_along), size))
     places = np.concatenate(points)
-    return places, np.minimum(np.concatenate(edge), _gap(spec, index, places) / spec.per_gap)
+    return places, np.minimum(np.concatenate(edge), _gap(spec, index, places) * spec.of_gap)
 
 
 def _gap(spec: MeshSpec, index: int, places: Array) -> Array:

@@ -54,6 +54,11 @@ MOMENTUM = (
     ("cp_front", "the paper's momentum model: pressure coefficient, mean over the front", ""),
     ("cd", "the paper's momentum model: drag coefficient, with the computed base pressure", ""),
 )
+TRUNCATION = (
+    ("modes", "time-resolved field: modes kept", ""),
+    ("velocity", "time-resolved field: velocity cut off, rms over rms of its fluctuation", ""),
+    ("pressure", "time-resolved field: pressure cut off, rms over rms of its fluctuation", ""),
+)
 SCALE = {"mm": 1e3, "cm²": 1e4}
 HOW = {
     "measured": "from this run",
@@ -140,6 +145,7 @@ def _airflow_rows(airflow: Mapping[str, Any] | None, mesh: Mapping[str, Any] | N
         (airflow.get("momentum") or {}, MOMENTUM),
         (quality, QUALITY),
         (airflow.get("divergence") or {}, DIVERGENCE),
+        (airflow.get("truncation") or {}, TRUNCATION),
     )
     found = [(name, values.get(key), unit) for values, rows in parts for key, name, unit in rows]
     return [(name, _measured(value, SCALE.get(unit, 1.0)), unit) for name, value, unit in found if value is not None]

@@ -37,16 +37,19 @@ class Number:
 
 @dataclass(frozen=True)
 class Measured:
-    """A solved airflow: its ``airflow`` table, its OpenFOAM case, the body's projected width (m)."""
+    """A solved airflow: its ``airflow`` table, its OpenFOAM case, the body's projected width (m), and the case of the
+    draft that a time-resolved one starts from.
+    """
 
     table: dict[str, Any]
     case: Path
     width: float
+    start: Path | None = None
 
     @cached_property
     def cost(self) -> float:
-        """Processor seconds of its solver (a time-resolved run's start from a draft not counted)."""
-        return core_seconds(self.case)
+        """Processor seconds of its solver, and of the draft that it starts from."""
+        return core_seconds(self.case) + (0.0 if self.start is None else core_seconds(self.start))
 
     @cached_property
     def day(self) -> str:
@@ -76,7 +79,8 @@ quantities: Registry[Quantity] = Registry("quantity")
 
 def measured(chain: Chain) -> Measured:
     """The airflow of a scene, solved or from the cache."""
-    return Measured(chain.airflow, chain.solution[1] / "case", chain.scene.width)
+    start = chain.draft.solution[1] / "case" if chain.plan.airflow.stepping == "time-resolved" else None
+    return Measured(chain.airflow, chain.solution[1] / "case", chain.scene.width, start)
 
 
 def _number(entry: Any, scale: float = 1.0) -> Number | None:
