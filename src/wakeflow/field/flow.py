@@ -20,6 +20,7 @@ from ..errors import SceneError
 from ..files import atomic_write
 from . import checks
 from .compress import Truncation, compress, time_shares
+from .mirror import mirrored, reflected
 from .recovery import gradient_operators
 from .splines import POWERS, around, design
 from .triangles import Triangles
@@ -260,7 +261,7 @@ class FlowField(Triangles):
             return self
         share = self._shares()
         steady: dict[str, Any] = {"times": None, "period": None, "coefficients": None, "truncation": None}
-        return replace(self._mapped(lambda nodal: np.tensordot(share, nodal, axes=1)), **steady)
+        return replace(self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)), **steady)
 
     def _shares(self) -> Array:
         """The time mean of every snapshot's or part's weight."""
@@ -317,7 +318,7 @@ class FlowField(Triangles):
         assert self.times is not None
         assert self.period is not None
         drawn = design(self.times, float(self.times[0]), self.period, len(self.times)) @ self.coefficients
-        whole = self._mapped(lambda nodal: np.tensordot(drawn, nodal, axes=1))
+        whole = self.mapped(lambda nodal: np.tensordot(drawn, nodal, axes=1))
         limited: dict[str, Any] = {
             name: np.maximum(values, LEAST * getattr(self, name)[0])
             for name in ("k", "dissipation")
@@ -348,47 +349,13 @@ class FlowField(Triangles):
         The x components of velocity and pressure gradient change sign across the axis and are zero on it.
         Raises SceneError when points lie on both sides, or none on the axis.
         """
-        offset = self.points[:, 0] - x
-        slack = 1e-9 * float(np.ptp(self.points, axis=0).max())
-        axis = np.abs(offset) <= slack
-        if offset.min() < -slack and offset.max() > slack:
-            raise SceneError(f"mirrored: points lie on both sides of x = {x:g} m")
-        if not axis.any():
-            raise SceneError(f"mirrored: no points on the axis x = {x:g} m")
-        if self.motion is not None and self.motion.x != 0.0:
-            raise SceneError("mirrored: the mesh moves across the axis")
-        count, off = len(self.points), ~axis
-        image = np.arange(count)
-        image[off] = count + np.arange(off.sum())
-        points = self.points.copy()
-        points[axis, 0] = x
-
-        def double(nodal: Array) -> Array:
-            if nodal.ndim == self.velocity.ndim:  # a vector
-                near = nodal.copy()
-                near[..., axis, 0] = 0.0
-                return np.concatenate([near, near[..., off, :] * (-1.0, 1.0)], axis=-2)
-            return np.concatenate([nodal, nodal[..., off]], axis=-1)
-
-        whole = self._mapped(double)
-        return replace(
-            whole,
-            points=np.concatenate([points, (2 * x, 0.0) + points[off] * (-1.0, 1.0)]),
-            triangles=np.concatenate([self.triangles, image[self.triangles[:, ::-1]]]),
-        )
+        return mirrored(self, x)
 
     def reflected(self, x: float = 0.0) -> FlowField:
         """The mirror image of the field about the vertical line at ``x``."""
+        return reflected(self, x)
 
-        def flip(nodal: Array) -> Array:
-            return nodal * (-1.0, 1.0) if nodal.ndim == self.velocity.ndim else nodal
-
-        points = (2 * x, 0.0) + self.points * (-1.0, 1.0)
-        motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
-        triangles = np.ascontiguousarray(self.triangles[:, ::-1])
-        return replace(self._mapped(flip), points=points, triangles=triangles, motion=motion)
-
-    def _mapped(self, function: Any) -> FlowField:
+    def mapped(self, function: Any) -> FlowField:
         """The same field with ``function`` applied to every nodal array."""
         return replace(self, **{n: function(v) for n in NODAL if (v := getattr(self, n)) is not None})
 

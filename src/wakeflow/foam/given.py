@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..geometry import distance_to
 from ..reconstruction import PlaneMesh
-from .case import FlowSpec
-from .measure import _axis_points, _on_edges, _y_plus, suction_zone
+from .case import FlowSpec, axis_points
+from .measure import _on_edges, _y_plus, suction_zone
 from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
 
 __all__ = ["case_files", "measure_given"]
@@ -187,7 +187,7 @@ def _on_body(
     arrays = read_flow(case, "latest" if time == "latest" else "mean", density=1.0)
     cp = (arrays["pressure"] - at_inlet) / (0.5 * spec.speed**2)
     points, edges = arrays["points"], plane.faces[wall]
-    middle, front, rear = _axis_points(spec)
+    middle, front, rear = axis_points(spec)
     base = _on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
     zone = suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges))
     return {

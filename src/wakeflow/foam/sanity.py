@@ -168,12 +168,11 @@ def check_airflow(spec: FlowSpec, folder: Path, result: AirflowResult) -> list[C
     scale, rubbing = gap_speed(spec) / spec.speed, friction(spec)
     widths = sum(float(np.ptp([x for x, _ in body])) for body in spec.mesh.bodies) / spec.mesh.projected_width
     pressure = next(check for check in checks if check.name == "least Cp")
-    base = getattr(result.cp_base, "value", result.cp_base)
     checks += [
         Check("the mass lost between inlets and outlet, of the inflow,", result.mass_error, -LEAK, LEAK),
         Check("the drag coefficient", result.cd.value, 0.0, widths * (DRAG_FACTOR * scale) ** 2 + rubbing),
         Check("Cp on the front", result.cp_front, pressure.low, pressure.high),
-        Check("Cp on the rear", base, pressure.low, pressure.high),
+        Check("Cp on the rear", result.cp_base.value, pressure.low, pressure.high),
     ]
     broken = [str(check) for check in checks if not check.holds]
     if broken:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 
 from .advance import EDGE, HOP_LIMIT, confined_step, leap, leaves, longest_step
+from .air import bracket, load
 from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
 from .events import CROSSED, EXIT, GRIPS, HALTED, LIFTED, NOTHING, SLID_OFF, WALL, displacement
 from .exponential import along, sway
 from .jit import compiled, entry, inlined, merged
-from .locate import barycentric, bracket, load, reproject, walk
+from .locate import barycentric, reproject, walk
 from .seen import renew
 from .state import (
     AIRBORNE,

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 
+from .air import shares, swinging
 from .exponential import phis
 from .jit import compiled, inlined
-from .locate import barycentric, shares, swinging
+from .locate import barycentric
 from .state import (
     DISPERSION,
     EVALUATIONS,

@@ -13,8 +13,9 @@ import math
 import numpy as np
 
 from ..laws import turbulence
+from .air import nodal, swinging
 from .jit import compiled
-from .locate import barycentric, nodal, swinging
+from .locate import barycentric
 from .state import (
     BORN,
     DIFFUSIVITY,

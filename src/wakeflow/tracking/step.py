@@ -15,9 +15,10 @@ import math
 
 from ..laws import lift, rotation
 from ..laws.drag import TABLE_CELLS, TABLE_DECADES
+from .air import air_at, gradient_at, rise_at, swinging
 from .exponential import along, phis
 from .jit import compiled
-from .locate import air_at, barycentric, gradient_at, rise_at, swinging
+from .locate import barycentric
 from .state import EVALUATIONS, EXTRA, INERTIAL, KIND, LIFT, MAGNUS, REYNOLDS2, SPIN, STOKES, SWING, TURN, VORTICITY, T
 from .walls import constrain
 
