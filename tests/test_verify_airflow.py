@@ -238,6 +238,7 @@ def test_a_case_that_fails_does_not_stop_the_others(tmp_path: Path, monkeypatch:
     assert ran == quick
     report = json.loads((tmp_path / "airflow.json").read_text())
     assert len(report["momentum"]) == len(quick) - 1
+    assert report["notes"] == [f"{case.title}: {case.note}" for case in cases().values() if case.quick and case.note]
     assert "failed: dfg-2d1" in (tmp_path / "airflow.md").read_text()
 
 

@@ -128,6 +128,7 @@ def airflow_markdown(report: dict[str, Any]) -> str:
     lines = [f"{report['date']}, {report['machine']}", ""]
     lines += [*_grid(AIRFLOW, map(_airflow_cells, report["rows"])), ""]
     lines += [*_grid(MOMENTUM, map(_momentum_cells, report["momentum"])), ""]
+    lines += [f"- {note}" for note in report["notes"]]
     lines += [f"failed: {failure['case']}: {failure['why']}" for failure in report["failed"]]
     return "\n".join(lines)
 
