@@ -135,7 +135,10 @@ def airflow_markdown(report: dict[str, Any]) -> str:
 
 def _airflow_cells(row: dict[str, Any]) -> list[str]:
     def percent(value: float | None, signed: bool = False) -> str:
-        return "–" if value is None else f"{100 * value:{'+' if signed else ''}.2g}"
+        if value is None:
+            return "–"
+        digits = ".0f" if abs(value) >= 0.995 else ".2g"
+        return f"{100 * value:{'+' if signed else ''}{digits}}"
 
     theirs = "–" if row["theirs"] is None else " to ".join(f"{value:.5g}" for value in dict.fromkeys(row["theirs"]))
     band = "–" if row["low"] is None else f"{row['low']:.4g} to {row['high']:.4g}"
