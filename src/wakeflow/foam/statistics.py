@@ -166,10 +166,9 @@ def _interval(values: Array) -> Interval:
     if spread == 0:
         return Interval(mean, mean, mean)
     correlation = float(np.clip((off[1:] * off[:-1]).sum() / (off**2).sum() + 1 / count, 0.0, 0.8))
-    half = OFTEN * student(count - 1) * spread * np.sqrt((1 + correlation) / (1 - correlation)) + _drift(
-        values, batches
-    )
-    return Interval(mean, mean - half, mean + half)
+    half = OFTEN * student(count - 1) * spread * np.sqrt((1 + correlation) / (1 - correlation))
+    half += _drift(values, batches)
+    return Interval(mean, float(mean - half), float(mean + half))
 
 
 def _drift(values: Array, batches: Array) -> float:
