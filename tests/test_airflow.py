@@ -379,10 +379,12 @@ class TestFailure:
     pytestmark = openfoam
 
     def test_a_diverging_airflow_says_so_with_its_log(self, rhombus: Solved, tmp_path: Path) -> None:
+        """No settings cure a negative viscosity: the logs of all attempts are kept, the last one is named."""
         spec = replace(rhombus.spec, viscosity=-0.02, turbulence="laminar")
         with pytest.raises(FoamError, match="diverged") as failed:
             solve_airflow(spec, rhombus.folder / "mesh.msh", tmp_path / "case")
-        assert failed.value.log == tmp_path / "case" / "log.simpleFoam"
+        assert failed.value.log == tmp_path / "case" / "failed-4.log"
+        assert failed.value.log.exists()
         assert failed.value.tail
         assert "\n" not in str(failed.value)
         assert failed.value.exit_code == 3

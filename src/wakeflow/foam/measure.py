@@ -89,12 +89,12 @@ class AirflowResult:
     loop_mismatch: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
+    statistics: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     cd_of: dict[str, float] = field(default_factory=dict)
     settings: str = "normal"
     attempts: tuple[Attempt, ...] = ()
     checks: dict[str, float] = field(default_factory=dict)
-    statistics: dict[str, float] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
 
 
 def measure(
@@ -148,9 +148,9 @@ def measure(
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
         mesh=mesh or {},
-        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
         statistics=history.statistics,
         notes=history.notes,
+        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
     )
 
 
@@ -182,6 +182,16 @@ class _Coefficients:
     steps: int
     statistics: dict[str, float]
     notes: list[str]
+
+
+def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
+    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
+    found = {}
+    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
+        rows = read_table(folder, f"drag_{name}", (CD,))
+        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
+        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
+    return found
 
 
 def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _Coefficients:
@@ -234,16 +244,6 @@ def _base(probed: Interval, rows: Array, loop: dict[str, Any] | None, field: flo
     times = rows[-1:, 0] if loop is None else np.array([float(name) for name in loop["times"]])
     shift = field - float(np.interp(times, rows[:, 0], rows[:, 3]).mean())
     return Interval(probed.value + shift, probed.low + shift, probed.high + shift)
-
-
-def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
-    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
-    found = {}
-    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
-        rows = read_table(folder, f"drag_{name}", (CD,))
-        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
-        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
-    return found
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
