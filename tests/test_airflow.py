@@ -435,6 +435,7 @@ def test_a_time_resolved_half_domain_is_refused() -> None:
 def test_the_template_leaves_no_parameter_unresolved() -> None:
     template = case_template()
     given = set(re.findall(r"^(\w+)\s+[^;]*;", (template / "system" / "parameters").read_text(), re.M))
+    given |= set(re.findall(r"^(\w+)\s*$", (template / "system" / "inlets").read_text(), re.M))
     own = {"p", "U", "FOAM_CASE"}
     for path in (p for p in template.rglob("*") if p.is_file()):
         code = re.sub(r"//.*", "", path.read_text())
