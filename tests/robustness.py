@@ -114,7 +114,7 @@ def mesh_of(case: Case, scale: float) -> MeshSpec:
 
 def coarse_mesh(case: Case, folder: Path) -> MeshSpec:
     """Build the finest mesh, of a few sizes tried, that stays within MOST_CELLS."""
-    scale = 2.0
+    scale = 1.5
     while True:
         spec = mesh_of(case, scale)
         try:
