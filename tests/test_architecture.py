@@ -11,9 +11,10 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
-    "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "tables", "checks",
-    "scene", "bounds", "scales", "gate", "planning", "meshing", "reconstruction", "foam", "field", "tracking",
-    "injection", "separation", "flight", "pipeline", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
+    "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
+    "tables", "checks", "scene", "bounds", "scales", "gate", "rungs", "locking", "planning", "meshing",
+    "reconstruction", "foam", "field", "tracking", "injection", "separation", "flight", "flows", "pipeline",
+    "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {
     "gmsh": {"meshing"},

@@ -40,7 +40,8 @@ def test_half_of_the_granules_fly_in_the_mirror_image_of_a_time_resolved_airflow
 
 
 def test_an_unsymmetric_geometry_has_no_mirror_image(scene: Scene, tmp_path: Path) -> None:
-    plan = replace(make_plan(scene, rung="standard", force={"dispersion": False}), symmetric=False)
+    plan = make_plan(scene, rung="standard", force={"dispersion": False})
+    plan = replace(plan, airflow=replace(plan.airflow, symmetric=False))
     Flight(scene, plan, leaning(scene), 1e-4).fly_all(tmp_path, drawn=False)
     for landing in load(tmp_path, scene).landings.values():
         assert landing.position[landing.replicate % 2 == 1, 0].mean() > 5e-3

@@ -25,7 +25,8 @@ from wakeflow.scene import Scene
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {
     "rung": "draft", "verdict": "steady", "cells": 4321, "reynolds": 16493.0,
-    "cd": {"value": 1.2345, "low": 1.21, "high": 1.26}, "cl_rms": 0.0, "strouhal": None, "cp_base": -0.62,
+    "cd": {"value": 1.2345, "low": 1.21, "high": 1.26}, "strouhal": None,
+    "cl_rms": {"value": 0.0, "low": 0.0, "high": 0.001}, "cp_base": {"value": -0.62, "low": -0.63, "high": -0.61},
     "pressure_drop": 3.14, "flow_rate": 1.5, "p_inlet": INLET,
     "suction": {"cp_min": -1.93, "length": 0.083, "width": 0.061, "area": 0.0041, "reversal_length": 0.131},
 }  # fmt: skip
@@ -535,6 +536,20 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
     assert [row[:2] for row in page.tables["seconds"][1:]] == [["mesh", "1.2 s"], ["tracks", "3.3 min"]]
     assert "the curtain is dense" in page.text
     assert "nan" not in page.text.lower().split()
+
+
+def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
+    result = _result(rhombus, {**AIRFLOW, "momentum": {"cp_front": 1.0, "cd": 1.62}})
+    row = {"quantity": "cd", "cells": [4321, 1920], "values": [1.23, 1.3], "low": 1.2, "high": 1.26, "order": None,
+           "why": "two grids"}  # fmt: skip
+    result["airflow"]["grids"] = [row]
+    result["bracket"] = {"wheat": {"middle": {"steady": 0.25, "computed": 0.125}, "elsewhere": {"steady": 0.0,
+                         "computed": 0.0}}}  # fmt: skip
+    found = _Page(html.render(result, {})).tables
+    assert found["grids"][1] == ["cd", "1.23", "1.3", "1.2 to 1.26", "–", "two grids"]
+    assert found["bracket"] == [["fraction", "bin", "steady", "computed"], ["wheat", "middle", "25.0", "12.5"]]
+    rows = {row[0]: row[1] for row in found["airflow"]}
+    assert rows["the paper's momentum model: drag coefficient, with the computed base pressure"] == "1.62"
 
 
 def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
 from wakeflow.scene import Scene
 
+INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
+ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}
 SHIPPED = ["rhombus", "prism", "vacuum"]
 
 
@@ -58,7 +60,33 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"body.rhombus.at": [0.0]}, "body.rhombus.at"),
         ({"body.rhombus.at": [0.19, 0.0]}, "no room beside it"),
         ({"body.rhombus.at": [0.0, -0.19]}, "outside channel.bottom"),
-        ({"body.two": {"shape": "rhombus", "width": 0.01, "height": 0.01}}, "this version computes one"),
+        (
+            {"body.two": {"shape": "rhombus", "width": 0.01, "height": 0.01}},
+            "rhombus and body.two touch each other",
+        ),
+        (
+            {"body.two": {"shape": "circle", "width": 0.01, "at": [0.0305, 0.0]}},
+            "body.rhombus and body.two are only 0.0005 m apart",
+        ),
+        ({"body.two": ABOVE}, "the curtain begins at y = 0.125 m, inside body.two"),
+        ({"body.two": ABOVE, "feed.mode": "injected", "feed.height": 0.2}, "body.two may be met before the first body"),
+        ({"body.rhombus.slope_angle": "9 deg"}, "allowed: >= 0.174533 and <= 1.39626 rad"),
+        ({"body.rhombus.slope_angle": "81 deg"}, "allowed: >= 0.174533 and <= 1.39626 rad"),
+        ({"body.rhombus.rounding": "18 mm"}, "rounding = 0.018 m eats an edge of the outline (allowed: < 0.01768 m)"),
+        (
+            {"body.two": {"shape": "circle", "width": 0.01, "corners": 30, "at": [0.1, 0]}},
+            "corners = 30: a multiple of 4",
+        ),
+        ({"channel.inlet.a.position": 0.0}, "channel.inlet.a.side: missing"),
+        ({"channel.inlet.a": INLET, "channel.inlet.b": {**INLET, "position": 0.01}}, "channel.inlet.b overlap"),
+        ({"channel.inlet.a": {**INLET, "velocity": -1.0}}, "channel.inlet.a.velocity = -1.0: input should be greater"),
+        ({"channel.inlet.a": {**INLET, "position": "0.2 m"}}, "channel.inlet.a reaches from y = 0.19 to 0.21 m"),
+        ({"channel.inlet.a": {**INLET, "sid": "left"}}, "channel.inlet.a.sid: unknown key; did you mean 'side'?"),
+        ({"channel.inlet.a": INLET, "bin.w": {"on": "left", "from": 0.0, "to": 0.1}}, "bin.w overlaps channel.inlet.a"),
+        ({"channel.inlet.a": INLET, "air": None}, "secondary air streams need an [air] table"),
+        ({"air.profile": "flat"}, "'uniform' or 'parabolic'"),
+        ({"numerics.mesh_scale": 9}, "allowed: >= 0.2 and <= 4"),
+        ({"channel.extend": "no"}, "channel.extend = 'no'"),
         ({"channel": 3}, "channel = 3"),
         ({"channel.top": -0.6}, "channel.bottom"),
         ({"fraction.dust.material": "wheet"}, "unknown material 'wheet'; did you mean 'wheat'?"),
@@ -123,6 +151,7 @@ def test_own_terminal_velocity_and_material_each_bring_their_diameter(rhombus: S
 SHAPE_PARAMETERS = {
     "rhombus": {"width": 2.0, "slope_angle": math.radians(60)},
     "prism": {"width": 2.0, "slope_angle": math.radians(60)},
+    "circle": {"width": 2.0, "corners": 16},
     "polygon": {"points": [[0, 0], [0, 1], [1, 0]]},
 }
 
@@ -152,3 +181,25 @@ def test_materials_state_source_and_confidence(name: str) -> None:
     assert len(material.source) > 20
     assert 0 <= material.restitution <= 1
     assert material.friction >= 0
+
+
+def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
+    from wakeflow.planning import make_plan
+
+    above = rhombus.replace({"body.two": ABOVE, "feed.height": 0.16, "numerics.rung": "draft"})
+    assert above.obstacles == ["two"]
+    assert make_plan(rhombus).fractions["wheat"].mode == "injected"
+    assert make_plan(above).fractions["wheat"].mode == "resolved"
+    assert above.replace({"body.two.at": [0.1, 0.12]}).obstacles == []
+    assert above.replace({"body.two.at": [0.0, -0.12]}).obstacles == []
+
+
+def test_symmetry_counts_pairs_of_bodies_and_streams(rhombus: Scene) -> None:
+    left, right = ({"shape": "circle", "width": 0.02, "at": [x, -0.1]} for x in (-0.1, 0.1))
+    assert rhombus.symmetric
+    assert not rhombus.replace({"body.left": left}).symmetric
+    assert rhombus.replace({"body.left": left, "body.right": right}).symmetric
+    streamed = rhombus.replace({"channel.inlet.a": INLET})
+    assert not streamed.symmetric
+    assert streamed.replace({"channel.inlet.b": {**INLET, "side": "right"}}).symmetric
+    assert not streamed.replace({"channel.inlet.b": {**INLET, "side": "right", "velocity": 1.0}}).symmetric

@@ -233,7 +233,7 @@ def test_score_counts_what_met_the_walls_otherwise() -> None:
 
 def test_what_is_not_there_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SceneError, match="not in this version"):
-        prove("airflow", slow=False, tell=lambda text: None)
+        prove("extremes", slow=False, tell=lambda text: None)
     assert main(["verify", "trackers"]) == 2
     assert "did you mean" in capsys.readouterr().err
 

@@ -1,33 +1,43 @@
 """The budget: what each source of error contributes to an answer, and what knowing it cost in run time.
 
-Measured here: sampling (spread of independent replicates) and integration (a companion run at a hundredth of the
-tolerance). Each term that is left out is calibrated: the plan's bound on its landing shift times the landing density
-that was found at a bin's ends. The rest is named and unknown, and so is the total: a sum that leaves parts out is no
-total.
+Measured: sampling (spread of independent replicates). By companions, the same granules flown again: integration (at a
+hundredth of the tolerance), the airflow's model (in the steady wake and with less of the fluctuation) and the mesh
+(on other grids). Calibrated: each term that is left out, by the plan's bound on its landing shift times the landing
+density found at a bin's ends; the airflow's statistics, by what the fluctuation changes. The rest is named and unknown,
+and so is the total: a sum that leaves parts out is no total.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .companions import HALVED, Comparison, airflows, compared, differences, finer_steps, grids, mesh_error
 from .gate import TYPICAL
 from .pipeline import Chain
 from .planning import LeftOut, Plan
+from .rungs import SHEDDING_ABOVE
 from .scene import RESERVED_BIN, Scene
-from .separation import Landings, separate
+from .separation import Landings
 
 if TYPE_CHECKING:
     from .flight import Tracked
 
-__all__ = ["FINER", "crossing_share", "free_ends", "left_out_terms", "make_budget", "together"]
+__all__ = [
+    "Companions",
+    "crossing_share",
+    "fly_companions",
+    "free_ends",
+    "left_out_terms",
+    "make_budget",
+    "together",
+]
 
 Array = NDArray[np.float64]
-FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
-UNKNOWN_IN_AIR = ("mesh", "airflow-model")  # named in every budget, measured by none yet
 WINDOW = 0.1  # body widths to each side of a bin's end over which the landing density is taken, or the shift if more
 
 
@@ -43,38 +53,94 @@ def _upper(count: int, total: int) -> float:
     return float(binomtest(count, total).proportion_ci(0.95, method="wilson").high)
 
 
-def make_budget(chain: Chain, tracked: Tracked, separation: dict[str, Any]) -> list[dict[str, Any]]:
+@dataclass(frozen=True)
+class Companions:
+    """Every comparison that the plan pays for, and what the integration of the steps and the tracks took (s)."""
+
+    finer: Tracked
+    seconds: float
+    tracks: float
+    airflows: Comparison | None
+    grids: Comparison | None
+
+
+def fly_companions(chain: Chain, tracked: Tracked) -> Companions:
+    """Run the comparisons, or read them from the cache."""
+    finer, seconds = finer_steps(chain)
+    spent = chain.seconds["tracks"]["seconds"]
+    return Companions(finer, seconds, spent, airflows(chain, tracked), grids(chain, tracked))
+
+
+def make_budget(chain: Chain, tracked: Tracked, separation: dict[str, Any], others: Companions) -> list[dict[str, Any]]:
     """Rows ``{quantity, parts, total}``: shares of every fraction and bin that got any, then landing places.
 
     Errors of shares are absolute; a row with a ``unit`` states its errors in that unit. The error of a landing place is
     the 95th percentile over the granules of how far the companion run moves them. A part that stands for a left-out
     term has a ``note`` and a ``kind``: left-out (small enough for the accuracy asked for) or not-computed.
     """
-    finer = chain.tracks(FINER * chain.scene.numerics.tolerance)
-    companion, cost = (chain.seconds[stage]["seconds"] for stage in ("companion", "tracks"))
-    other = separate(chain.scene, finer.landings)
-    unknown = () if chain.scene.air is None else UNKNOWN_IN_AIR
-    if chain.plan.rung == "standard":
-        unknown = ("airflow-statistics", *unknown)
-    rest = [{"source": s, "error": None, "seconds": 0.0, "how": "unknown"} for s in (*unknown, "impact-parameters")]
-    total = {"error": None, "seconds": cost + companion}
+    total = {"error": None, "seconds": sum(spent["seconds"] for spent in chain.seconds.values())}
     rows, places = [], []
     for name, shares in separation["fractions"].items():
-        landing, fine = tracked.landings[name], finer.landings[name]
-        integration = {"source": "integration", "seconds": companion, "how": "companion"}
-        changed = {**integration, "error": _changed(landing.bin, fine.bin)}
+        landing, same, fine = tracked.landings[name], compared(tracked.landings[name]), others.finer.landings[name]
+        integration = {"source": "integration", "seconds": others.seconds, "how": "companion"}
+        changed = {**integration, "error": _changed(same.bin, fine.bin)}
         terms = left_out_terms(chain.scene, chain.plan, name, landing)
-        for place, share in shares.items():
-            if share["share"] == other["fractions"][name][place]["share"] == 0.0:
+        for number, (place, share) in enumerate(shares.items()):
+            parts = list(_airflow_parts(chain, others, name, number))
+            if share["share"] == 0.0 and not any(part["error"] for part in parts):
                 continue
             half = 0.5 * (share["high"] - share["low"])
-            sampling = {"source": "sampling", "error": half, "seconds": cost, "how": "measured"}
-            parts = [sampling, changed, *terms[place], *rest]
+            sampling = {"source": "sampling", "error": half, "seconds": others.tracks, "how": "measured"}
+            parts = [sampling, changed, *terms[place], *parts, _unknown("impact-parameters")]
             rows.append({"quantity": f"share.{name}.{place}", "parts": parts, "total": dict(total)})
-        shift = np.linalg.norm(landing.position - fine.position, axis=1) / chain.scene.width
+        shift = np.linalg.norm(same.position - fine.position, axis=1) / chain.scene.width
         parts = [{**integration, "error": float(np.percentile(shift, 95))}]
-        places.append({"quantity": f"landing.{name}", "unit": "body widths", "parts": parts, "total": dict(total)})
+        cost = {"error": None, "seconds": others.tracks + others.seconds}
+        places.append({"quantity": f"landing.{name}", "unit": "body widths", "parts": parts, "total": cost})
     return rows + places
+
+
+def _unknown(source: str) -> dict[str, Any]:
+    return {"source": source, "error": None, "seconds": 0.0, "how": "unknown"}
+
+
+def _airflow_parts(chain: Chain, others: Companions, name: str, place: int) -> Iterator[dict[str, Any]]:
+    """What the airflow contributes to the error of a share: its mesh, its model, its finite sample of the shedding."""
+    if chain.scene.air is None:
+        return
+    if others.grids is None:
+        yield _unknown("mesh")
+    else:
+        found = mesh_error(others.grids, name, place)
+        half = max(found.high - found.value, found.value - found.low)
+        yield {"source": "mesh", "error": half, "seconds": others.grids.seconds, "how": "companion", "note": found.why}
+    how = chain.plan.airflow
+    if others.airflows is not None:
+        yield from _model_parts(chain, others.airflows, name, place)
+    elif how.rung == "given" or (how.stepping == "steady" and (chain.scene.reynolds or 0.0) >= SHEDDING_ABOVE):
+        yield _unknown("airflow-model")
+    if others.airflows is None and chain.airflow["period"] is not None:
+        yield _unknown("airflow-statistics")
+
+
+def _model_parts(chain: Chain, compared_: Comparison, name: str, place: int) -> Iterator[dict[str, Any]]:
+    """The airflow's model: the farthest of the steady wake, the mean wake and half of the fluctuation. Its statistics:
+    what the whole fluctuation changes more than half of it, per relative error of its strength.
+    """
+    moved = dict(differences(compared_, name, place))
+    which = max(moved, key=lambda key: abs(moved[key]))
+    note = f"farthest: {which} ({100 * moved[which]:+.2g} points)"
+    yield {
+        "source": "airflow-model", "error": abs(moved[which]), "seconds": compared_.seconds, "how": "companion",
+        "note": note,
+    }  # fmt: skip
+    strength = chain.airflow["cl_rms"]
+    relative = 0.5 * (strength["high"] - strength["low"]) / max(strength["value"], 1e-12)
+    note = f"strength of the fluctuation (Cl rms) known within {100 * relative:.2g} %"
+    yield {
+        "source": "airflow-statistics", "error": min(1.0, 2.0 * abs(moved[HALVED]) * relative), "seconds": 0.0,
+        "how": "calibrated", "note": note,
+    }  # fmt: skip
 
 
 def together(rows: Sequence[Mapping[str, Any]], target: float) -> list[str]:

@@ -9,19 +9,24 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import contains, edges, segments_cross
+from .geometry import contains, distance, edges, segments_cross
 from .registry import nearest
 from .tables import SceneTables
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
 
+APART = 0.02  # widths of the first body: bodies nearer to each other, or to an opening, are not meshed
 RESERVED_BIN = "elsewhere"  # where everything counts that reaches no bin
 Array = NDArray[np.float64]
 
 
-def _one_body(scene: SceneTables) -> Iterator[str]:
-    if len(scene.body) > 1:
-        yield f"body: {len(scene.body)} bodies given, this version computes one"
+def _bodies_apart(scene: SceneTables) -> Iterator[str]:
+    outlines = [(name, body.outline()) for name, body in scene.body.items()]
+    for (name, one), (other_name, other) in itertools.combinations(outlines, 2):
+        gap = distance(one, other)
+        if gap < APART * scene.width:
+            how = "touch each other" if gap == 0.0 else f"are only {gap:.3g} m apart"
+            yield f"body.{name} and body.{other_name} {how} (allowed: at least {APART * scene.width:.3g} m)"
 
 
 def _body_fits(scene: SceneTables) -> Iterator[str]:
@@ -51,7 +56,15 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
             yield f"fraction.{name}: granules of {size:.3g} m are wider than the body ({scene.width:.3g} m)"
     if abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
         yield f"feed.width = {feed.width:g} m at feed.position = {feed.position:g} m touches the channel's walls"
-    x = next(iter(scene.body.values())).outline()[:, 0]
+    if feed.mode == "injected" and scene.obstacles:
+        names = ", ".join(f"body.{name}" for name in scene.obstacles)
+        yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
+    x, y = next(iter(scene.body.values())).outline().T
+    level = min(float(y.max()) + scene.release[0], scene.channel.top)
+    curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
+    for name, body in list(scene.body.items())[1:]:
+        if _meets(body.outline(), curtain):
+            yield f"feed: the curtain begins at y = {level:.3g} m, inside body.{name}; move either"
     if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
         reach = f"x from {x.min():g} to {x.max():g} m"
         yield f"feed.position = {feed.position:g} m: the curtain falls past the body ({reach})"
@@ -94,9 +107,9 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
 def _meets(outline: Array, points: list[list[float]]) -> bool:
     """Whether a polyline touches or enters an outline."""
     line = np.asarray(points)
-    sides = list(zip(*edges(outline), strict=True))
-    crosses = any(segments_cross(a, b, c, d) for a, b in itertools.pairwise(line) for c, d in sides)
-    return crosses or bool(contains(outline, line).any())
+    start, end = edges(outline)
+    crosses = segments_cross(line[:-1, None], line[1:, None], start, end).any()
+    return bool(crosses or contains(outline, line).any())
 
 
 def _bins_apart(scene: SceneTables) -> Iterator[str]:
@@ -108,17 +121,37 @@ def _bins_apart(scene: SceneTables) -> Iterator[str]:
                 yield f"bin.{name} and bin.{other_name} overlap"
 
 
+def _inlets_fit(scene: SceneTables) -> Iterator[str]:
+    channel, placed = scene.channel, list(scene.channel.inlet.items())
+    if placed and scene.air is None:
+        yield "channel.inlet: secondary air streams need an [air] table"
+    for name, one in placed:
+        low, high = one.span
+        if low <= channel.bottom or high >= channel.top:
+            yield f"channel.inlet.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
+    for (name, one), (other_name, other) in itertools.combinations(placed, 2):
+        if one.side == other.side and abs(one.position - other.position) < (one.width + other.width) / 2:
+            yield f"channel.inlet.{name} and channel.inlet.{other_name} overlap"
+    for bin_name, collector in scene.bin.items():
+        for name, one in placed:
+            if collector.points is None and collector.on == one.side:
+                low, high = one.span
+                if min(high, collector.to or 0.0) - max(low, collector.start or 0.0) > 1e-9:
+                    yield f"bin.{bin_name} overlaps channel.inlet.{name}"
+
+
 def _rung_fits(scene: SceneTables) -> Iterator[str]:
     if scene.air is None and scene.numerics.rung not in ("auto", "none"):
         yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
 
 
 CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
-    _one_body,
+    _bodies_apart,
     _body_fits,
     _feed_fits,
     _shares_add_up,
     _bins_exist,
     _bins_apart,
+    _inlets_fit,
     _rung_fits,
 )

@@ -244,14 +244,16 @@ def report(run_folder: Path) -> None:
 def verify(
     what: str | None = None, *, slow: bool = False, as_json: Annotated[bool, Parameter(name="--json")] = False
 ) -> None:
-    """Prove it: landing error against run time beside other trackers, and problems whose exact answers are known.
+    """Prove it: exact problems, landing error against run time beside other trackers, airflow beside published values.
 
     Parameters
     ----------
     what
-        tracker or problems; default both. Reports go to runs/verify.
+        tracker, problems or airflow; or a scene file: its airflow beside what is published of it, or on three grids.
+        Default: all three. Reports go to runs/verify.
     slow
-        Finer settings, a computed time-resolved wake and 1e7 granules as well: most of an hour.
+        tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
+        an hour or two of one core.
     as_json
         Print JSON instead of tables.
     """

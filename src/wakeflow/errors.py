@@ -20,12 +20,27 @@ class SceneError(WakeflowError, ValueError):
 
 
 class ProgramError(WakeflowError):
-    """An outside program failed: carries the command, where its log is, and the log's last lines."""
+    """An outside program failed: carries the command, where its log is, the log's last lines, and how it ended.
+
+    ``ended``: "missing", "timed out" or "failed" where a program was started and did not end well; then
+    ``returncode`` is its exit code, or minus the number of the signal that ended it.
+    """
 
     exit_code = 3
 
-    def __init__(self, message: str, *, command: str = "", log: Path | None = None, tail: str = "") -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        command: str = "",
+        log: Path | None = None,
+        tail: str = "",
+        ended: str = "",
+        returncode: int | None = None,
+    ) -> None:
         super().__init__(message)
+        self.ended = ended
+        self.returncode = returncode
         self.command = command
         self.log = log
         self.tail = tail

@@ -20,7 +20,7 @@ from .scene import GRAVITY, Scene
 from .separation import Landings
 from .tracking import Body, Fate, Granules, Motion, Tracks, track
 
-__all__ = ["Flight", "Tracked", "ends", "load", "solids"]
+__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "load", "solids"]
 
 Array = NDArray[np.float64]
 DRAWN = 48  # tracks kept for pictures, a fraction
@@ -52,11 +52,7 @@ class Flight:
     tolerance: float
     workers: int | None = None
     tell: Callable[[str], None] = lambda text: None
-
-    def warm_up(self) -> None:
-        """Have the tracker compiled, or read from its cache, before time is taken."""
-        still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
-        track(None, still, until=1e-3, length=self.scene.width, forces=("gravity",))
+    replicates: int = REPLICATES  # the first of them; all, but for a comparison
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
@@ -67,16 +63,16 @@ class Flight:
     def _fly_fraction(self, name: str, folder: Path, *, drawn: bool) -> None:
         """Whole replicates at a time, so that memory does not grow with the number of granules."""
         size, period = replicate_size(self.scene.feed.count), None if self.field is None else self.field.period
-        count, step = REPLICATES * size, max(1, AT_ONCE // size)
+        count, step = self.replicates * size, max(1, AT_ONCE // size)
         chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         parts, shown = [], []
-        for first in range(0, REPLICATES, step):
+        for first in range(0, self.replicates, step):
             self.tell(f"{name}: injecting {first * size} of {count}")
-            feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, REPLICATES)))
+            feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, self.replicates)))
             here = chosen[(chosen >= first * size) & (chosen < first * size + len(feed.replicate))] - first * size
             tracks = self.fly(name, feed.granules[here], record=True, stream=REPLICATES + first)
             shown += [tracks.path(i) for i in range(len(here))]
-            told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < REPLICATES else self
+            told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
             tracks = told._fly_ensemble(name, feed, first)
             parts.append(_columns(feed, tracks, len(self.scene.bin)))
         if drawn:
@@ -96,7 +92,7 @@ class Flight:
         much either does.
         """
         odd = feed.replicate % 2 == 1
-        if self.field is None or self.field.times is None or not self.plan.symmetric:
+        if self.field is None or self.field.times is None or not self.plan.airflow.symmetric:
             return self.fly(name, feed.granules, stream=stream)
         other = replace(self, field=self.field.reflected())
         even_tracks = self.fly(name, feed.granules[~odd], stream=stream)
@@ -125,6 +121,12 @@ class Flight:
         )
 
 
+def compile_tracker(_: None = None) -> None:
+    """Have the tracker compiled, or read from its cache, before time is taken."""
+    still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
+    track(None, still, until=1e-3, length=1.0, forces=("gravity",))
+
+
 def _seed(seed: int, name: str, stream: int) -> int:
     """A number of the tracker's random streams, of the scene's ``seed``, the fraction and a part of its granules."""
     state = np.random.SeedSequence([seed, zlib.crc32(name.encode()), stream]).generate_state(1, np.uint64)
@@ -145,21 +147,32 @@ def _interleaved(odd: NDArray[np.bool_], even_tracks: Tracks, odd_tracks: Tracks
 
 
 def solids(scene: Scene) -> list[Body]:
-    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands."""
+    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
+    stream enters.
+    """
     amplitude, omega = scene.motion
     motion = Motion(tuple(amplitude), omega / (2 * np.pi)) if omega > 0 else None
     found = [Body(body.outline(), motion=motion) for body in scene.body.values()]
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
         level = scene.channel.bottom - thick
-        open_ranges = sorted((b.start, b.to) for b in scene.bin.values() if b.points is None and b.on == side)
-        for start, end in [*open_ranges, (scene.channel.top + thick, None)]:
-            assert start is not None
+        for start, end in [*_openings(scene, side), (scene.channel.top + thick, None)]:
             if start > level:
                 low, high = sorted((inner, outer))
                 found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
             level = end if end is not None else level
     return found
+
+
+def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
+    """Where a wall is open, (from, to) along y in order: at bins, and where a secondary stream enters."""
+    found = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
+    for bin_ in scene.bin.values():
+        if bin_.points is None and bin_.on == side:
+            assert bin_.start is not None
+            assert bin_.to is not None
+            found.append((bin_.start, bin_.to))
+    return sorted(found)
 
 
 def ends(scene: Scene) -> list[Array]:

@@ -22,10 +22,11 @@ from .laws.forces import forces
 from .registry import nearest
 from .scene import Fraction, Scene
 
-__all__ = ["TYPICAL", "Gate", "LeftOut", "check_switches", "open_gate"]
+__all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "open_gate"]
 
 Array = NDArray[np.float64]
 ALWAYS = ("drag", "gravity")
+VIBRATION = "vibration-of-the-air"
 NOTHING = 0.05  # of the limit: a term below is left out whatever else is
 TYPICAL = 0.5  # mean shift over the bound, at most
 
@@ -73,6 +74,8 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
             continue
         if scene.air is None:
             raise SceneError(f"--force {key}=on: a term of the air; add an [air] table")
+        if term == VIBRATION and not fraction:
+            continue  # of the airflow, for all fractions
         if term not in forces or not forces[term].computed:
             raise SceneError(f"--force {key}=on: this version cannot compute it; its bound is in the plan")
         if forces[term].needs == "turbulence" and turbulence == "laminar":
@@ -90,9 +93,17 @@ def _switch(force: Mapping[str, bool], fraction: str, term: str) -> bool | None:
 
 
 def open_gate(
-    scene: Scene, name: str, found: list[Flight], force: Mapping[str, bool], target: float, turbulence: str | None
+    scene: Scene,
+    name: str,
+    found: list[Flight],
+    force: Mapping[str, bool],
+    target: float,
+    turbulence: str | None,
+    *,
+    moving: bool = False,
 ) -> Gate:
-    """Decide for fraction ``name``; ``found``: its flights at several sizes (``scales.flights``); ``target`` a share.
+    """Decide for fraction ``name``; ``found``: its flights at several sizes (``scales.flights``); ``target`` a share;
+    ``moving``: the airflow is computed round bodies that vibrate.
 
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
@@ -103,6 +114,8 @@ def open_gate(
     small = _small(sizes, blocked, gate.limit)
     used = []
     for term, size in sizes.items():
+        if moving and term == VIBRATION:
+            continue
         asked = _switch(force, name, term)
         if asked or (asked is None and term not in small and blocked[term] is None):
             used.append(term)

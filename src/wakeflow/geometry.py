@@ -6,11 +6,29 @@ solid on its left.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["area", "contains", "edges", "is_simple", "is_symmetric", "normals", "segments_cross"]
+from .errors import SceneError
 
+__all__ = [
+    "are_symmetric",
+    "area",
+    "contains",
+    "distance",
+    "distance_to",
+    "edges",
+    "is_simple",
+    "is_symmetric",
+    "normals",
+    "rounded",
+    "segments_cross",
+]
+
+ARC = math.radians(7.5)  # how much one chord of a rounded corner turns at most
 Array = NDArray[np.float64]
 
 
@@ -35,22 +53,68 @@ def normals(outline: Array) -> Array:
 
 def is_simple(outline: Array) -> bool:
     """Whether no two edges that are not neighbours touch."""
-    start, end = edges(outline)
     count = len(outline)
-    for i in range(count):
-        for j in range(i + 2, count):
-            if (j + 1) % count != i and segments_cross(start[i], end[i], start[j], end[j]):
-                return False
-    return True
+    first, second = np.triu_indices(count, 2)
+    apart = (second + 1) % count != first
+    start, end = edges(outline)
+    first, second = first[apart], second[apart]
+    return not segments_cross(start[first], end[first], start[second], end[second]).any()
 
 
-def segments_cross(a: Array, b: Array, c: Array, d: Array) -> bool:
-    """Whether the segments ab and cd meet; touching counts."""
+def segments_cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
+    """Whether the segments ab and cd meet, points (..., 2) that broadcast; touching counts."""
 
-    def side(p: Array, q: Array, r: Array) -> float:
-        return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
+    def side(p: Array, q: Array, r: Array) -> Array:
+        along, off = q - p, r - p
+        return np.asarray(along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0])
 
-    return side(a, b, c) * side(a, b, d) <= 0 and side(c, d, a) * side(c, d, b) <= 0
+    boxes = (np.minimum(a, b) <= np.maximum(c, d)) & (np.minimum(c, d) <= np.maximum(a, b))  # for collinear ones
+    return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0) & boxes.all(axis=-1)
+
+
+def distance(one: Array, other: Array) -> float:
+    """Least distance (m) between two outlines; 0 where they cross, touch or one holds the other."""
+    (a, b), (c, d) = edges(one), edges(other)
+    if segments_cross(a[:, None], b[:, None], c, d).any() or contains(one, other).any() or contains(other, one).any():
+        return 0.0
+    return float(min(distance_to(one, other).min(), distance_to(other, one).min()))
+
+
+def distance_to(points: Array, outline: Array) -> Array:
+    """Distance (n,) m of points (n, 2) from the nearest edge of the outline, inside or out."""
+    start, end = edges(outline)
+    along = end - start
+    offset = points[:, None] - start
+    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2).min(axis=1))
+
+
+def rounded(outline: Array, radius: float) -> Array:
+    """The outline with every corner, in or out, replaced by an arc of ``radius`` (m) that touches both its edges.
+
+    The arc is a chain of an even number of chords whose middle lies on the bisector of the corner, each turning by at
+    most ARC. An arc takes radius x tan(turn / 2) off either edge; raises SceneError where an edge is too short for
+    both of its arcs.
+    """
+    before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    length = np.linalg.norm(after, axis=1)
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    turn = np.arctan2(cross, (before * after).sum(axis=1))
+    cut = np.abs(np.tan(turn / 2))  # length taken off either edge, in radii
+    largest = float((length / np.maximum(cut + np.roll(cut, -1), 1e-12)).min())
+    if radius >= largest:
+        raise SceneError(f"rounding = {radius:g} m eats an edge of the outline (allowed: < {largest:.4g} m)")
+    along = after / length[:, None]
+    parts = []
+    for corner, angle, take, into in zip(outline, turn, radius * cut, np.roll(along, 1, axis=0), strict=True):
+        inward = np.copysign(1.0, angle) * np.array([-into[1], into[0]])
+        centre = corner - take * into + radius * inward
+        chords = 2 * max(1, math.ceil(abs(angle) / (2 * ARC)))
+        turned = np.linspace(0.0, angle, chords + 1)
+        arm = -radius * inward
+        x = arm[0] * np.cos(turned) - arm[1] * np.sin(turned)
+        parts.append(centre + np.stack([x, arm[0] * np.sin(turned) + arm[1] * np.cos(turned)], axis=1))
+    return np.concatenate(parts)
 
 
 def contains(outline: Array, points: Array) -> NDArray[np.bool_]:
@@ -66,6 +130,17 @@ def contains(outline: Array, points: Array) -> NDArray[np.bool_]:
 
 def is_symmetric(outline: Array, axis: float = 0.0, tolerance: float = 1e-9) -> bool:
     """Whether the outline is its own mirror image about x = axis (tolerance in its own widths)."""
-    mirrored = outline * (-1.0, 1.0) + (2 * axis, 0.0)
-    distance = np.linalg.norm(mirrored[:, None] - outline[None], axis=2).min(axis=1)
-    return bool(distance.max() <= tolerance * np.ptp(outline[:, 0]))
+    return are_symmetric([outline], axis, tolerance)
+
+
+def are_symmetric(outlines: Sequence[Array], axis: float = 0.0, tolerance: float = 1e-9) -> bool:
+    """Whether the mirror image about x = axis of every outline is one of them (tolerance in its own widths)."""
+
+    def same(one: Array, other: Array) -> bool:
+        if len(one) != len(other):
+            return False
+        apart = np.linalg.norm(one[:, None] - other[None], axis=2).min(axis=1)
+        return bool(apart.max() <= tolerance * np.ptp(one[:, 0]))
+
+    mirrored = (outline * (-1.0, 1.0) + (2 * axis, 0.0) for outline in outlines)
+    return all(any(same(image, outline) for outline in outlines) for image in mirrored)

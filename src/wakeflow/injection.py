@@ -21,7 +21,6 @@ from .geometry import edges, normals
 from .laws.collision import collide
 from .laws.drag import slip_correction
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
-from .scales import release
 from .scene import GRAVITY, Fraction, Scene
 from .tracking import Granules, track
 
@@ -91,7 +90,7 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
     uniform flow.
     """
-    reach = max(float(np.ptp(next(iter(scene.body.values())).outline()[:, 1])) + release(scene)[0], scene.width) + 1.0
+    reach = max(float(np.ptp(next(iter(scene.body.values())).outline()[:, 1])) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
     )  # the same for any part of the granules
@@ -171,7 +170,7 @@ def _first_descent(
 
 def _start(scene: Scene, top: float, radius: Array) -> tuple[Array, Array]:
     """Heights (n,) m of the centres where the fall begins, clear of the body, and the fall speeds (n,) m/s there."""
-    above, _ = release(scene)
+    above, _ = scene.release
     level = np.maximum(above, (1.0 + CLEARANCE) * radius)
     fall = scene.feed.speed or 0.0
     return top + level, np.sqrt(np.maximum(0.0, fall**2 - 2 * GRAVITY * level) if fall else np.zeros(radius.shape))

@@ -6,25 +6,32 @@ it and the versions of outside programs; a change of any other field answers fro
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
+from .errors import ProgramError
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
-from .planning import Plan, make_plan
+from .flows import flow_spec, mesh_spec, nearest, remember
+from .planning import COMPARED, REPLICATES, Plan, make_plan
+from .process import call_in_child
 from .resources import case_template
 from .scene import Scene
 
 if TYPE_CHECKING:
     from .field import FlowField
-    from .flight import Flight, Tracked
+    from .flight import Tracked
+    from .foam import FlowSpec
     from .meshing import MeshSpec
 
-__all__ = ["Chain", "Listener", "silent"]
+__all__ = ["Chain", "Companion", "Listener", "silent"]
 
 Listener = Callable[[str, str], None]  # (stage, text)
 CODE = Path(__file__).parent
@@ -34,9 +41,26 @@ def silent(stage: str, text: str) -> None:
     """The listener that hears nothing."""
 
 
+@dataclass(frozen=True)
+class Companion:
+    """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
+
+    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``blend`` of a time-resolved
+    airflow, u = mean + blend u' (0: the mean wake, 1: as computed).
+    """
+
+    name: str
+    tolerance: float | None = None
+    blend: float = 1.0
+
+
 @dataclass
 class Chain:
-    """The stages of one scene under one plan; each is made at most once and comes from the cache where it can."""
+    """The stages of one scene under one plan; each is made at most once and comes from the cache where it can.
+
+    ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
+    same scene apart in ``seconds`` and to the listener.
+    """
 
     scene: Scene
     plan: Plan
@@ -44,31 +68,21 @@ class Chain:
     workers: int | None = None
     store: Store = field(default_factory=lambda: Store(cache_root()))
     seconds: dict[str, dict[str, Any]] = field(default_factory=dict)
+    grid: int = 0
+    label: str = ""
+    _compiling: list[Thread] = field(default_factory=list, repr=False)
 
     @cached_property
     def mesh_spec(self) -> MeshSpec:
         """What the plan wants meshed."""
-        from .meshing import plan_mesh
-
-        channel, air = self.scene.channel, self.scene.air
-        assert air is not None
-        return plan_mesh(
-            [body.outline() for body in self.scene.body.values()],
-            width=channel.width,
-            top=channel.top,
-            bottom=channel.bottom,
-            names=list(self.scene.body),
-            walls=channel.walls,
-            direction=air.direction,
-            rung=self.plan.rung,
-        )
+        return mesh_spec(self.scene, self.plan, self.grid)
 
     @cached_property
     def mesh(self) -> tuple[str, Path]:
         """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
         from .meshing import build_mesh
 
-        key = content_key("mesh", asdict(self.mesh_spec), _sources("meshing", "geometry.py"), _version("gmsh"))
+        key = content_key("mesh", repr(self.mesh_spec), _sources("meshing", "geometry.py"), _version("gmsh"))
         folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", Path("meshes"), key)
         return key, folder
@@ -76,50 +90,77 @@ class Chain:
     @property
     def mesh_quality(self) -> dict[str, Any]:
         """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees)."""
+        if self.given is not None:
+            return {"cells": self.airflow["cells"]}
         table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
         return table
 
+    @property
+    def given(self) -> Path | None:
+        """The user's own case, where the scene names one."""
+        air = self.scene.air
+        return None if air is None or air.case is None else Path(air.case)
+
     @cached_property
     def solution(self) -> tuple[str, Path]:
-        """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from the draft's steady wake."""
-        from .foam import FlowSpec, solve_airflow
+        """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from a solved one."""
+        from .foam import solve_airflow
         from .foam.version import version
 
-        air, stage = self.scene.air, "airflow"
-        assert air is not None
-        assert self.plan.turbulence is not None
+        if self.given is not None:
+            return self._measured(self.given)
         mesh_key, mesh_folder = self.mesh
-        spec = FlowSpec(
-            mesh=self.mesh_spec,
-            speed=air.speed,
-            density=air.density,
-            viscosity=air.viscosity,
-            turbulence=self.plan.turbulence,
-            stepping="steady" if self.plan.rung == "draft" else "time-resolved",
-            intensity=air.turbulence,
-        )
+        spec = flow_spec(self.scene, self.plan, self.mesh_spec)
         code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
-        key = content_key(stage, mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
+        key = content_key("airflow", mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
 
         def work(part: Path) -> None:
-            start = self._draft() if self.plan.rung == "standard" else None
             solve_airflow(
                 spec,
                 mesh_folder / "mesh.msh",
                 part / "case",
-                start=start,
-                listener=lambda now: self.listener(stage, str(now)),
+                start=self._start(mesh_key, spec) if spec.stepping == "time-resolved" else None,
+                listener=lambda now: self._tell("airflow", str(now)),
             )
+            remember(part, mesh_key, spec)
 
-        return key, self._stage(stage, key, work)
+        return key, self._stage("airflow", key, work)
 
-    def _draft(self) -> Path:
-        """The case folder of the same scene's draft airflow."""
+    def _start(self, mesh_key: str, spec: FlowSpec) -> Path:
+        """The case that a time-resolved airflow starts from: a solved one near to it, else the steady wake."""
+        found = nearest(self.store, mesh_key, spec)
+        return found if found is not None else self.draft.solution[1] / "case"
+
+    def _measured(self, case: Path) -> tuple[str, Path]:
+        """Key and folder of what was measured on the user's case; its files are the key: a new solution counts."""
+        from .foam.given import case_files, measure_given
+
+        air, spec = self.scene.air, flow_spec(self.scene, self.plan, self.mesh_spec)
+        assert air is not None
+        time = air.time or "latest"
+        code = _sources("foam", "reconstruction.py")
+        key = content_key("given", repr(spec), time, digest_files(case_files(case, time)), code)
+
+        def work(part: Path) -> None:
+            self._tell("airflow", f"measuring {case}")
+            (part / "case").mkdir(exist_ok=True)
+            write_json(part / "case" / "airflow.json", measure_given(spec, case, time))
+
+        return key, self._stage("airflow", key, work)
+
+    @cached_property
+    def draft(self) -> Chain:
+        """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
         plan = make_plan(self.scene, rung="draft", force=self.plan.force, target_error=self.plan.target_error)
-        draft = replace(self, plan=plan, seconds={}, listener=lambda stage, text: self.listener(f"draft {stage}", text))
-        folder = draft.solution[1] / "case"
-        self.seconds.update({f"draft {stage}": spent for stage, spent in draft.seconds.items()})
-        return folder
+        return replace(self, plan=plan, grid=0, label=f"{self.label}draft ")
+
+    def on_grid(self, grid: int) -> Chain:
+        """The same scene on another of the plan's grids."""
+        scale = self.plan.airflow.scales[grid]
+        return self if grid == self.grid else replace(self, grid=grid, label=f"{self.label}grid x {scale:.2g} ")
+
+    def _tell(self, stage: str, text: str) -> None:
+        self.listener(f"{self.label}{stage}", text)
 
     @property
     def airflow(self) -> dict[str, Any]:
@@ -133,17 +174,25 @@ class Chain:
         from .field import FlowField
 
         key, folder = self.solution
-        code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field.py")
+        code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field")
         key = content_key("field", key, code, _version("foamlib"))
 
         def work(part: Path) -> None:
-            self.listener("field", "reading the airflow")
+            self._tell("field", "reading the airflow")
             assert self.scene.air is not None
-            time = "latest" if self.airflow["period"] is None else "all"
-            read = FlowField.from_openfoam(folder / "case", time=time, density=self.scene.air.density)
-            (read.mirrored() if self.mesh_spec.half else read).save(part / "field.npz")
+            half = self.airflow["half"] if self.given else self.mesh_spec.half
+            case = self.given or folder / "case"
+            read = FlowField.from_openfoam(case, time=self.airflow["field_time"], density=self.scene.air.density)
+            read = read.mirrored() if half else read
+            (read.compressed() if read.period is not None else read).save(part / "field.npz")
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
+
+    @property
+    def truncation(self) -> dict[str, Any] | None:
+        """What the time-resolved field lost when it was stored as a mean and modes; None for a steady one."""
+        lost = self.field[1].truncation
+        return None if lost is None else lost._asdict()
 
     @property
     def divergence(self) -> dict[str, float]:
@@ -162,32 +211,44 @@ class Chain:
         del tables["numerics"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        code = _sources(
-            "laws", "tracking", "field.py", "scales.py", "injection.py", "flight.py", "geometry.py", "tables.py"
-        )
+        code = _sources("laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables")
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
-        return content_key("tracks", tables, order, self.plan.symmetric, repr(how), upstream, code, versions)
+        symmetric = self.plan.airflow.symmetric
+        return content_key("tracks", tables, order, symmetric, repr(how), upstream, code, versions)
 
-    def tracks(self, tolerance: float | None = None) -> Tracked:
-        """Every granule's landing. Another ``tolerance`` than the scene's is a companion run for the budget."""
+    def tracks(self, companion: Companion | None = None) -> Tracked:
+        """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         from . import flight
 
-        asked = self.scene.numerics.tolerance if tolerance is None else tolerance
-        stage = "tracks" if tolerance is None else "companion"
-
-        key = content_key(self.tracks_key, asked)
+        change = companion or Companion("tracks")
+        tolerance = change.tolerance or self.scene.numerics.tolerance
+        replicates = REPLICATES if companion is None else COMPARED
+        key = content_key(self.tracks_key, tolerance, change.blend, replicates)
         flow = None if self.scene.air is None else self.field[1]
-        flights = flight.Flight(self.scene, self.plan, flow, asked, self.workers, partial(self.listener, stage))
-        if "compile" not in self.seconds and not self.store.holds(stage, key):
-            self._warm_up(flights)
-        folder = self._stage(stage, key, lambda part: flights.fly_all(part, drawn=tolerance is None))
+        if flow is not None and flow.times is not None and change.blend != 1.0:
+            flow = flow.blended(change.blend)
+        tell = partial(self._tell, change.name)
+        flights = flight.Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
+        if "compile" not in self.seconds and not self.store.holds(change.name, key):
+            self._warm_up()
+        folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
         return flight.load(folder, self.scene)
 
-    def _warm_up(self, flights: Flight) -> None:
+    def compile_beside(self) -> None:
+        """Have the tracker compiled into its cache by another process, while this one waits for OpenFOAM."""
+        if not self._compiling and (os.cpu_count() or 1) > 1:
+            self._compiling.append(Thread(target=_compile, args=(self.store.root / "log.compile",), daemon=True))
+            self._compiling[0].start()
+
+    def _warm_up(self) -> None:
+        from . import flight
+
         started = time.monotonic()
-        self.listener("compile", "the tracker is compiled, once for each version of it")
-        flights.warm_up()
+        self._tell("compile", "the tracker is compiled, once for each version of it")
+        for child in self._compiling:
+            child.join()
+        flight.compile_tracker()
         self.seconds["compile"] = {"seconds": time.monotonic() - started, "cached": False}
 
     # -- cache ---------------------------------------------------------------------------------------------------
@@ -204,12 +265,18 @@ class Chain:
                 write_json(spent, before + time.monotonic() - started)
 
         folder, cached = self.store.make(
-            stage, key, timed, on_wait=lambda: self.listener(stage, "another run is computing this; waiting for it")
+            stage, key, timed, on_wait=lambda: self._tell(stage, "another run is computing this; waiting for it")
         )
         seconds = json.loads((folder / "seconds.json").read_text())
-        self.seconds[stage] = {"seconds": seconds, "cached": cached}
-        self.listener(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
+        self.seconds[self.label + stage] = {"seconds": seconds, "cached": cached}
+        self._tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder
+
+
+def _compile(log: Path) -> None:
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(ProgramError):  # only time is lost: the tracker compiles where it is first used
+        call_in_child("wakeflow.flight:compile_tracker", None, log=log)
 
 
 def _sources(*names: str) -> str:

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
-from .gate import Gate, LeftOut, check_switches, open_gate
-from .geometry import is_symmetric
+from .gate import VIBRATION, Gate, LeftOut, check_switches, open_gate
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -22,20 +21,19 @@ from .laws.drag import (
     slip_correction,
     terminal_velocity,
 )
-from .registry import nearest
+from .locking import AirMotion, vibration_of_scene
+from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, typical_cells, typical_seconds
 from .scales import flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
 
-__all__ = ["AT_ONCE", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
+__all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
 
-LAMINAR_BELOW = 300.0  # Reynolds number; above it the k-omega SST model runs
-SHEDDING_ABOVE = 30.0  # no sharp-edged body of the kind sheds below (flat plate 27.8, triangle 34.3: Jackson 1987)
 INJECTED_ABOVE = (
     10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
 )
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
-RUNGS = ("auto", "none", "draft", "standard", "reference")
+COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 
 
 @dataclass(frozen=True)
@@ -63,10 +61,7 @@ class FractionPlan:
 class Plan:
     """What will be computed and what will not."""
 
-    rung: str  # none | draft | standard
-    turbulence: str | None  # laminar | kOmegaSST
-    symmetric: bool  # the airflow's geometry is its own mirror image about x = 0
-    half: bool  # only half of the channel is solved, the other half is its mirror image
+    airflow: AirflowPlan
     target_error: float  # of a bin's share: what the bounds were compared with
     force: dict[str, bool]  # terms switched by hand
     fractions: dict[str, FractionPlan]
@@ -74,6 +69,11 @@ class Plan:
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+
+    @property
+    def rung(self) -> str:
+        """none | draft | standard | reference | given"""
+        return self.airflow.rung
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
         """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
@@ -83,6 +83,7 @@ class Plan:
     def summary(self) -> dict[str, Any]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
         table = asdict(self)
+        table = {**table.pop("airflow"), **table}
         for row in table["fractions"].values():
             row.update({key: None for key, value in row.items() if isinstance(value, float) and math.isinf(value)})
         return table
@@ -101,34 +102,22 @@ def make_plan(
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
     """
-    chosen, switches = _rung(scene, rung or scene.numerics.rung), dict(force or {})
     target = scene.numerics.target_error if target_error is None else target_error
     if not 0.0 < target <= 0.5:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
-    turbulence = None
-    if scene.reynolds is not None:
-        turbulence = "laminar" if scene.reynolds < LAMINAR_BELOW else "kOmegaSST"
-    check_switches(scene, switches, turbulence)
-    symmetric = all(is_symmetric(body.outline()) for body in scene.body.values())
-    half = chosen == "draft" and symmetric
-    plan = Plan(
-        rung=chosen,
-        turbulence=turbulence,
-        symmetric=symmetric,
-        half=half,
-        target_error=target,
-        force=switches,
-        fractions={},
-        used=[],
-        left_out=[],
-        estimate={},
-    )
+    airflow, switches = choose_airflow(scene, rung or scene.numerics.rung, target), dict(force or {})
+    motion = None
+    if airflow.stepping == "time-resolved":
+        motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
+        airflow = replace(airflow, moving=motion is not None and motion.used)
+    check_switches(scene, switches, airflow.turbulence)
+    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={})
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name)) is not None}
     plan.warnings.extend(_missing(gates))
     plan.estimate.update(_estimate(scene, plan))
     if scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
-    plan.used.extend(_used(scene, plan))
+    plan.used.extend(_used(scene, plan, motion))
     plan.warnings.extend(_warnings(scene, plan))
     return plan
 
@@ -140,9 +129,12 @@ def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
         plan.fractions[name] = replace(how, forces=("gravity",))
         return None
     found = flights(
-        scene, name, how.drag, how.drag_scale, injected=how.mode == "injected", turbulent=plan.turbulence != "laminar"
+        scene, name, how.drag, how.drag_scale, injected=how.mode == "injected",
+        turbulent=plan.airflow.turbulence != "laminar",
+    )  # fmt: skip
+    gate = open_gate(
+        scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence, moving=plan.airflow.moving
     )
-    gate = open_gate(scene, name, found, plan.force, plan.target_error, plan.turbulence)
     plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
     plan.left_out.extend(gate.left_out)
     return gate
@@ -154,23 +146,6 @@ def _missing(gates: Mapping[str, Gate]) -> Iterator[str]:
     for term, why in terms:
         moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
         yield f"{term}, left out, could move {', '.join(moved)} body widths: {why}"
-
-
-def _rung(scene: Scene, asked: str) -> str:
-    if scene.air is None:
-        if asked not in ("auto", "none"):
-            raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
-        return "none"
-    if asked == "none":
-        raise SceneError("rung = 'none' is for scenes without air: remove the [air] table, or choose draft or standard")
-    if asked == "reference":
-        raise SceneError("rung = 'reference' is not in this version; choose draft or standard")
-    if asked not in RUNGS:
-        raise SceneError(f"rung = {asked!r}: unknown{nearest(asked, list(RUNGS))} (known: {', '.join(RUNGS)})")
-    if asked == "auto":
-        assert scene.reynolds is not None
-        return "draft" if scene.reynolds < SHEDDING_ABOVE else "standard"
-    return asked
 
 
 def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
@@ -197,7 +172,8 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
         scale = _calibration(name, law, *fraction.measured_settling)
     wanted = scene.feed.mode
     if scene.air is None:
-        mode = "injected" if wanted == "auto" else wanted
+        clear = "injected" if not scene.obstacles else "resolved"
+        mode = clear if wanted == "auto" else wanted
         return FractionPlan(mode, law, scale, None, math.inf, math.inf)
     air, own = scene.air, scale / float(slip_correction(granule.diameter))
     settling = float(
@@ -212,18 +188,13 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
     stokes = tau * fall / (0.5 * scene.width)
     falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
-    mode = wanted if wanted != "auto" else ("injected" if stokes > INJECTED_ABOVE and falls_into_calm else "resolved")
+    heavy = stokes > INJECTED_ABOVE and falls_into_calm and not scene.obstacles
+    mode = wanted if wanted != "auto" else ("injected" if heavy else "resolved")
     return FractionPlan(mode, law, scale, settling, tau, stokes)
 
 
-def _used(scene: Scene, plan: Plan) -> list[str]:
-    lines = []
-    if plan.rung == "draft":
-        part = ", half of the channel mirrored" if plan.half else ""
-        lines.append(f"airflow: steady, {plan.turbulence}{part} (Re {scene.reynolds:.3g})")
-    elif plan.rung == "standard":
-        part = "; half of the granules in its mirror image" if plan.symmetric else ""
-        lines.append(f"airflow: time-resolved, {plan.turbulence} (Re {scene.reynolds:.3g}){part}")
+def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
+    lines = list(_airflow_lines(plan.airflow))
     for name, how in plan.fractions.items():
         resolved = "released above the body, impacts resolved"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
@@ -232,8 +203,30 @@ def _used(scene: Scene, plan: Plan) -> list[str]:
         lines.append(f"{name}: {impact}{stokes}{drag}; forces {', '.join(how.forces)}")
     if scene.vibration is not None:
         peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
-        lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; the air sees a body at rest")
+        seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
+        why = "" if motion is None else f" ({motion.why})"
+        lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; {seen}{why}")
     return lines
+
+
+def _airflow_lines(airflow: AirflowPlan) -> Iterator[str]:
+    """The airflow that is computed, why, and what is computed beside it."""
+    if airflow.rung == "given":
+        yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
+    if airflow.stepping is None:
+        return
+    part = ", half of the channel mirrored" if airflow.half else ""
+    if airflow.symmetric and not airflow.half:
+        part = "; half of the granules fly in its mirror image"
+    yield f"airflow: rung {airflow.rung}, {airflow.stepping}, {airflow.turbulence}{part} ({airflow.why})"
+    if airflow.brackets:
+        yield (
+            f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in the steady "
+            "wake, the mean wake and with half of its fluctuation"
+        )
+    if len(airflow.scales) > 1:
+        sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)
+        yield f"beside it, for the error of the mesh: grids with cell edges of {sizes} times the usual"
 
 
 def replicate_size(count: int) -> int:
@@ -247,12 +240,15 @@ def _estimate(scene: Scene, plan: Plan) -> dict[str, float]:
     """Seconds, memory and disk, from runs of the shipped scenes on two cores of 2020s hardware; good to a factor 3."""
     count = REPLICATES * replicate_size(scene.feed.count)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
-    airflow = {"none": 0.0, "draft": 15.0 if plan.half else 40.0, "standard": 200.0}[plan.rung]
     noisy = sum("dispersion" in how.forces for how in plan.fractions.values())
+    again = 1 + (3 * plan.airflow.brackets + len(plan.airflow.scales) - 1) * COMPARED / REPLICATES
+    tracks = 150e-6 * count * (len(plan.fractions) + 2.0 * noisy) * again
+    cells = typical_cells(plan.airflow, len(scene.body))
+    snapshots = 150.0 if plan.airflow.stepping == "time-resolved" else 2.0
     return {
-        "seconds": 5.0 + airflow + 300e-6 * count * (len(plan.fractions) + 2.0 * noisy),  # with the budget's companion
+        "seconds": 5.0 + typical_seconds(plan.airflow) + tracks,
         "memory": 4e8 + 1500.0 * at_once + 120.0 * count,
-        "disk": {"none": 1e6, "draft": 5e7, "standard": 3e8}[plan.rung] + 80.0 * count * len(plan.fractions),
+        "disk": 1e6 + cells * (1500.0 + 80.0 * snapshots) + 80.0 * count * len(plan.fractions),
     }
 
 
@@ -272,13 +268,14 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
         if how.mode == "injected" and how.stokes < INJECTED_ABOVE:
             lines.append(f"{name}: injected at an approach Stokes number of {how.stokes:.2g}; the air turns many aside")
-    if plan.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
-        lines.append(
-            "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
+    return lines + list(_airflow_warnings(scene, plan.airflow))
+
+
+def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
+    if airflow.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
+        yield "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
+    if airflow.brackets:
+        yield (
+            f"{airflow.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
+            "truth lies between it and the draft"
         )
-    if plan.rung == "standard":
-        lines.append(
-            "standard airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the truth lies "
-            "between it and the draft"
-        )
-    return lines

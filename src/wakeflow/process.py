@@ -59,18 +59,21 @@ def run(
     env: Mapping[str, str] | None = None,
     on_line: Callable[[str], None] | None = None,
     timeout: float | None = None,
+    on_idle: Callable[[float], None] | None = None,
     append: bool = False,
     error: type[ProgramError] = ProgramError,
     hint: str = "",
 ) -> Finished:
     """Run ``command`` to its end; its output goes to ``log``, each finished line of it to ``on_line``.
 
-    Raises ``error`` (a ProgramError) when the program is missing or ends with another code than 0, and when
-    ``timeout`` (s) passes. ``hint`` is appended to the message when the program is missing.
+    ``on_idle`` hears, while the log does not grow, for how long (s); what either raises ends the program. Raises
+    ``error`` (a ProgramError) when the program is missing or ends with another code than 0, and when ``timeout`` (s)
+    passes. ``hint`` is appended to the message when the program is missing.
     """
     words = [str(word) for word in command]
     if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
-        raise error(f"program {words[0]!r} is not installed{'; ' + hint if hint else ''}", command=" ".join(words))
+        missing = f"program {words[0]!r} is not installed{'; ' + hint if hint else ''}"
+        raise error(missing, command=" ".join(words), ended="missing")
     guard = ["setpriv", "--pdeathsig", "TERM", "--"] if shutil.which("setpriv") else []
     log.parent.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
@@ -86,13 +89,14 @@ def run(
             start_new_session=True,
         )
         try:
-            _follow(child, source, on_line, None if timeout is None else started + timeout)
+            _follow(child, source, on_line, on_idle, None if timeout is None else started + timeout)
         except subprocess.TimeoutExpired:
             raise error(
                 f"{words[0]} did not end within {timeout:.0f} s; log: {log}",
                 command=" ".join(words),
                 log=log,
                 tail=tail(log),
+                ended="timed out",
             ) from None
         finally:
             _end_group(child)
@@ -102,23 +106,34 @@ def run(
             command=" ".join(words),
             log=log,
             tail=tail(log),
+            ended="failed",
+            returncode=child.returncode,
         )
     return Finished(child.returncode, time.monotonic() - started, log)
 
 
 def _follow(
-    child: subprocess.Popen[bytes], source: IO[bytes], on_line: Callable[[str], None] | None, deadline: float | None
+    child: subprocess.Popen[bytes],
+    source: IO[bytes],
+    on_line: Callable[[str], None] | None,
+    on_idle: Callable[[float], None] | None,
+    deadline: float | None,
 ) -> None:
     """Hand every finished line of the log to ``on_line`` until the child has ended."""
-    rest = b""
+    rest, heard = b"", time.monotonic()
     while True:
         ended = child.poll() is not None  # asked before reading, so that nothing written at the end is missed
+        new = source.read()
+        if new:
+            heard = time.monotonic()
         if on_line is not None:
-            *lines, rest = (rest + source.read()).split(b"\n")
+            *lines, rest = (rest + new).split(b"\n")
             for line in lines:
                 on_line(line.decode(errors="replace"))
         if ended:
             return
+        if on_idle is not None and time.monotonic() - heard > POLL:
+            on_idle(time.monotonic() - heard)
         if deadline is not None and time.monotonic() > deadline:
             raise subprocess.TimeoutExpired(child.args, 0.0)
         try:

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 __all__ = [
-    "Angle",
     "AnyAngle",
     "Coordinate",
     "Density",
@@ -20,6 +19,7 @@ __all__ = [
     "PositiveSpeed",
     "Rate",
     "Share",
+    "SlopeAngle",
     "Speed",
     "Viscosity",
 ]  # fmt: skip
@@ -51,7 +51,11 @@ Length = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("m")), _in
 Coordinate = Annotated[float, Field(gt=-1e3, lt=1e3, json_schema_extra=_unit("m")), _in("m", "-120 mm")]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Diameter = Annotated[float, Field(ge=1e-9, le=0.1, json_schema_extra=_unit("m")), _in("m", "50 um")]
-Angle = Annotated[float, Field(gt=0, lt=math.pi / 2, json_schema_extra=_unit("rad")), _in("rad", "60 deg")]
+SlopeAngle = Annotated[
+    float,
+    Field(ge=math.radians(10) - 1e-9, le=math.radians(80) + 1e-9, json_schema_extra=_unit("rad")),
+    _in("rad", "60 deg"),
+]
 AnyAngle = Annotated[
     float, Field(ge=-2 * math.pi, le=2 * math.pi, json_schema_extra=_unit("rad")), _in("rad", "90 deg")
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["case_template", "scene_templates"]
+__all__ = ["case_template", "scene_templates", "verification_scenes"]
 
 
 def _cases() -> Path:
@@ -16,6 +16,11 @@ def _cases() -> Path:
 def scene_templates() -> dict[str, Path]:
     """The shipped scenes by name."""
     return {path.stem: path for path in sorted(_cases().glob("*.toml"))}
+
+
+def verification_scenes() -> dict[str, Path]:
+    """The scenes whose airflow is compared with published values, by name."""
+    return {path.stem: path for path in sorted((_cases() / "verify").glob("*.toml"))}
 
 
 def case_template() -> Path:

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .budget import make_budget, together
+from .budget import fly_companions, make_budget, together
+from .companions import airflow_on_grids
 from .errors import SceneError
 from .files import atomic_write, content_key, digest_files, write_json
+from .laws.momentum import momentum_pressure
 from .pipeline import Chain, Listener, silent
 from .planning import Plan, make_plan
 from .scene import Scene
@@ -111,18 +113,25 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     }
     tracked: Tracked | None = None
     if scene.air is not None:
+        if until not in ("mesh", "airflow"):
+            chain.compile_beside()
         table["mesh"] = chain.mesh_quality
         if until != "mesh":
             table["airflow"] = chain.airflow
+            table["airflow"]["grids"] = airflow_on_grids(chain)
+            table["airflow"]["momentum"] = _momentum(scene, table["airflow"])
     if until not in ("mesh", "airflow"):
         tracked = chain.tracks()
         if table["airflow"] is not None:
             table["airflow"]["divergence"] = chain.divergence
+            table["airflow"]["truncation"] = chain.truncation
         table["fates"] = tracked.fates
         table["met_by_law"] = tracked.injected
     if tracked is not None and until is None:
         table["separation"] = separate(scene, tracked.landings)
-        table["budget"] = make_budget(chain, tracked, table["separation"])
+        others = fly_companions(chain, tracked)
+        table["bracket"] = None if others.airflows is None else others.airflows.table(list(scene.bin))
+        table["budget"] = make_budget(chain, tracked, table["separation"], others)
     table["warnings"] = plan.warnings + _notices(scene, chain, table, tracked)
     table["warnings"] += together(table.get("budget", []), plan.target_error)
     table["seconds"] = chain.seconds
@@ -195,6 +204,15 @@ def _versions() -> dict[str, str]:
     return found
 
 
+def _momentum(scene: Scene, airflow: dict[str, Any]) -> dict[str, float]:
+    """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
+    base pressure.
+    """
+    assert scene.air is not None
+    model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.air.direction)
+    return {"cp_front": model.front, "cd": model.drag(airflow["cp_base"]["value"])}
+
+
 def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
     """What a user must know of the airflow and of how the tracks ended."""
     lines = [] if table["airflow"] is None else _airflow_notices(scene, chain, table["airflow"])
@@ -218,13 +236,20 @@ def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked
 
 
 def _airflow_notices(scene: Scene, chain: Chain, airflow: dict[str, Any]) -> list[str]:
+    from .foam.failure import Attempt
+    from .foam.ladder import warning
+
     lines = []
     if airflow["rung"] == "draft" and airflow["verdict"] != "steady":
         lines.append(f"the steady airflow does not settle ({airflow['verdict']}): use rung standard")
-    if airflow["rung"] == "standard" and airflow["verdict"] == "broadband":
+    if airflow.get("period") is not None and airflow["verdict"] == "broadband":
         lines.append(
             "the wake sheds irregularly: a loop of a few periods is a small sample of it; compare left and right"
         )
+    tried = [Attempt(**attempt) for attempt in airflow.get("attempts") or []]
+    if (safer := warning(airflow.get("settings", "normal"), tried)) is not None:
+        lines.append(safer)
+    lines += airflow.get("notes") or []
     if (airflow["loop_mismatch"] or 0.0) > 0.1:
         lines.append(f"the stored loop joins with a mismatch of {airflow['loop_mismatch']:.2g} of the fluctuation")
     suction = airflow["suction"]

@@ -18,7 +18,7 @@ from .laws.drag import drag_laws, slip_correction, terminal_velocity
 from .laws.material import Material
 from .scene import GRAVITY, Air, Fraction, Scene
 
-__all__ = ["flights", "meetings", "release"]
+__all__ = ["flights", "meetings"]
 
 Array = NDArray[np.float64]
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over
@@ -60,24 +60,11 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, injected: bool, 
 
 
 def _thrown(scene: Scene, fraction: Fraction) -> float:
-    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on a face."""
+    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face."""
     granule = fraction.properties
-    across, up = np.abs(normals(next(iter(scene.body.values())).outline())).T
+    across, up = np.abs(np.concatenate([normals(body.outline()) for body in scene.body.values()])).T
     sliding = (1.0 + granule.restitution) * up * np.maximum(across - granule.friction * up, 0.0)
     return float(sliding.max())
-
-
-def release(scene: Scene) -> tuple[float, float]:
-    """Height (m) above the body's top at which the curtain begins, and its fall speed (m/s) there.
-
-    With feed.speed it begins at most one body width above, with the speed that makes feed.speed of it at the top.
-    """
-    feed = scene.feed
-    if feed.height is not None:
-        return feed.height, 0.0
-    assert feed.speed is not None
-    above = min(feed.speed**2 / (2 * GRAVITY), scene.width)
-    return above, math.sqrt(max(0.0, feed.speed**2 - 2 * GRAVITY * above))
 
 
 @dataclass(frozen=True)
@@ -114,7 +101,7 @@ class _Fall:
         """
         scene, channel = self.scene, self.scene.channel
         top = float(next(iter(scene.body.values())).outline()[:, 1].max())
-        above, speed = release(scene)
+        above, speed = scene.release
         before, _, arrival = _last(self._march(speed, above, max(channel.top - top - above, scene.width)))
         rows = list(self._march(0.0, -channel.bottom, channel.top))
         time, _, landing = rows[-1]

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ValidationError
 
 from .checks import CHECKS, RESERVED_BIN
 from .errors import SceneError
+from .opencase import air_of, find_case
 from .registry import nearest
 from .tables import (
     GRAVITY,
@@ -27,6 +28,7 @@ from .tables import (
     Channel,
     Feed,
     Fraction,
+    Inlet,
     Numerics,
     SceneTables,
     Size,
@@ -42,10 +44,14 @@ class Scene(SceneTables):
     """Everything that is asked, in SI units. Frozen: ``replace`` gives a changed copy."""
 
     @classmethod
-    def parse(cls, data: Mapping[str, Any], name: str = "scene") -> Scene:
-        """Validate plain tables. Raises SceneError, one line: every mistake with field, value and what is allowed."""
+    def parse(cls, data: Mapping[str, Any], name: str = "scene", base: Path | None = None) -> Scene:
+        """Validate plain tables; a case of the user's is looked for from the folder ``base`` on (default: here).
+
+        Raises SceneError, one line: every mistake with field, value and what is allowed.
+        """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
+        data = _with_case(data, base or Path(), name)
         try:
             scene = cls.model_validate(data)
         except ValidationError as problem:
@@ -67,7 +73,7 @@ class Scene(SceneTables):
             raise SceneError(f"{path} is a folder; name a scene file") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
             raise SceneError(f"{path}: not valid TOML: {problem}") from None
-        return cls.parse(_changed(data, changes or {}), path.name)
+        return cls.parse(_changed(data, changes or {}), path.name, path.parent)
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
@@ -85,6 +91,24 @@ class Scene(SceneTables):
 
         with atomic_write(path) as stream:
             stream.write(tomlkit.dumps(self.tables()))
+
+
+def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
+    """The tables with the full path of the user's case, and what that says of its air where it is not given."""
+    air = data.get("air")
+    if not isinstance(air, Mapping) or not isinstance(air.get("case"), str):
+        return data
+    try:
+        case = find_case(air["case"], base)
+    except SceneError as problem:
+        raise SceneError(f"{name}: {problem}") from None
+    found = air_of(case)
+    nu, density = found.pop("nu", None), air.get("density", STANDARD_AIR[0])
+    if nu is not None and isinstance(density, int | float):
+        found["viscosity"] = nu * density
+    if "speed" not in found and "speed" not in air:
+        raise SceneError(f"{name}: air.case = {air['case']!r}: its inlet is not one uniform velocity; give air.speed")
+    return {**data, "air": {**found, **air, "case": str(case)}}
 
 
 def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -143,6 +167,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
     }  # fmt: skip
     if not where:
         return Scene
+    if where[:2] == ["channel", "inlet"]:
+        return Inlet if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
     if where[2:3] == ["size"]:

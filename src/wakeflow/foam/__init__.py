@@ -13,9 +13,10 @@ _HOMES = {
     "solve_airflow": "airflow",
     "FlowSpec": "case",
     "Progress": "solve",
+    "Stream": "case",
     "read_flow": "read",
 }
-__all__ = ["AirflowResult", "FlowSpec", "Progress", "read_flow", "solve_airflow"]
+__all__ = ["AirflowResult", "FlowSpec", "Progress", "Stream", "read_flow", "solve_airflow"]
 
 
 def __getattr__(name: str) -> Any:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import math
 import re
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
-from ..errors import FoamError
 from ..files import write_json
 from .case import FlowSpec
+from .failure import disk_trouble_named
+from .ladder import climb, first_order_start
 from .measure import AirflowResult, measure
+from .sanity import check_airflow, check_finite
 from .shedding import run_time_resolved
-from .solve import Listener, prepare, run_steady
+from .solve import Listener, MeshCheck, prepare, run_steady
 
 __all__ = ["AirflowResult", "solve_airflow"]
-
-LEAK = 1e-3  # inflow less outflow over inflow: more than this is not a solution
 
 
 def solve_airflow(
@@ -31,35 +30,60 @@ def solve_airflow(
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
-    Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of a solved draft for a
-    time-resolved run to start from. ``listener`` gets a :class:`Progress` several times a second; an exception it
-    raises ends the solver. ``timeout`` (s) bounds each program. Raises MeshError for a mesh that checkMesh refuses;
-    FoamError when OpenFOAM is missing, fails, diverges, or leaves a solution that does not conserve mass.
+    Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
+    from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a
+    :class:`Progress` several times a second; an exception it raises ends the solver. ``timeout`` (s) bounds each
+    program. A numerical failure, or a solution that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with
+    safer settings (:mod:`wakeflow.foam.ladder`); the result names those that served and what failed before. Raises
+    MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when
+    the disk is full, or when no settings serve.
     """
     begun = time.monotonic()
-    folder.mkdir(parents=True, exist_ok=True)
-    check = prepare(spec, msh, folder)
+    log = folder / ("log.simpleFoam" if spec.stepping == "steady" else "log.pimpleFoam")
+    with disk_trouble_named(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+
+        def solve(how: FlowSpec, first_order: bool) -> AirflowResult:
+            check = prepare(how, msh, folder)
+            if first_order:
+                first_order_start(how, folder, start, listener, timeout)
+            return _solve(how, folder, check, log, start, listener, timeout)
+
+        solved, settings, tried = climb(spec, folder, solve, log.name)
+        result = replace(solved, settings=settings, attempts=tuple(tried), seconds=time.monotonic() - begun)
+        write_json(folder / "airflow.json", asdict(result))
+    return result
+
+
+def _solve(
+    spec: FlowSpec,
+    folder: Path,
+    mesh: MeshCheck,
+    log: Path,
+    start: Path | None,
+    listener: Listener,
+    timeout: float | None,
+) -> AirflowResult:
+    """One attempt: run, measure, and hold the result against what is possible."""
     if spec.stepping == "steady":
-        verdict = run_steady(spec, folder, listener=listener, timeout=timeout)
-        log = folder / "log.simpleFoam"
+        verdict = run_steady(spec, folder, start=start, listener=listener, timeout=timeout)
     else:
         verdict = run_time_resolved(spec, folder, start=start, listener=listener, timeout=timeout)
-        log = folder / "log.pimpleFoam"
+    check_finite(folder)
     result = measure(
         spec,
         folder,
         verdict,
-        seconds=time.monotonic() - begun,
+        seconds=0.0,
         residuals=_last_residuals(log),
         mesh={
-            "non_orthogonality": check.non_orthogonality,
-            "mean_non_orthogonality": check.mean_non_orthogonality,
-            "skewness": check.skewness,
+            "non_orthogonality": mesh.non_orthogonality,
+            "mean_non_orthogonality": mesh.mean_non_orthogonality,
+            "skewness": mesh.skewness,
         },
     )
-    _refuse_nonsense(result, log)
-    write_json(folder / "airflow.json", asdict(result))
-    return result
+    checks = check_airflow(spec, folder, result)
+    return replace(result, checks={check.name: check.used for check in checks})
 
 
 def _last_residuals(log: Path) -> dict[str, float]:
@@ -68,14 +92,3 @@ def _last_residuals(log: Path) -> dict[str, float]:
         stream.seek(max(0, log.stat().st_size - 8000))
         text = stream.read().decode(errors="replace")
     return {name: float(value) for name, value in re.findall(r"Solving for (\w+), Initial residual = ([^,]+)", text)}
-
-
-def _refuse_nonsense(result: AirflowResult, log: Path) -> None:
-    numbers = [result.cd.value, result.cp_base, result.pressure_drop, result.flow_rate, result.mass_error]
-    if not all(math.isfinite(number) for number in numbers):
-        raise FoamError(f"the airflow has values that are not finite; log: {log}", log=log)
-    if abs(result.mass_error) > LEAK:
-        raise FoamError(
-            f"the airflow loses {100 * result.mass_error:.2g} % of its mass between inlet and outlet; log: {log}",
-            log=log,
-        )

@@ -211,6 +211,8 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
         assert times is not None
         arrays["times"] = times - times[0]
         arrays["period"] = loop["period"] if loop else None
+        if loop and "motion" in loop:
+            arrays["motion"] = [*loop["motion"]["amplitude"], loop["motion"]["omega"], loop["motion"]["phase"]]
     else:
         for name in ("velocity", "pressure", "k", "dissipation"):
             if arrays[name] is not None:
@@ -222,7 +224,9 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
 
 
 def loop_of(case: Path) -> dict[str, Any] | None:
-    """What loop.json says: "period" (s), "periods" in it, "begin" (s), "times" (folder names); None without a loop."""
+    """What loop.json says: "period" (s), "periods" in it, "begin" (s), "times" (folder names), and "motion" where the
+    mesh moves: "amplitude" (x, y) m, "omega" (rad/s), "phase" (rad) at the first time; None without a loop.
+    """
     path = case / LOOP
     return json.loads(path.read_text()) if path.exists() else None
 

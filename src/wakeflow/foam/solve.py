@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -16,9 +15,14 @@ from numpy.typing import NDArray
 
 from ..errors import FoamError, MeshError
 from ..files import write_json
-from ..process import Finished, run, tail
-from .case import INSTALL, FlowSpec, environment, set_patch_types, write_case, write_parameters
-from .history import Tail, kind_of
+from ..process import tail
+from .case import FlowSpec, set_patch_types, write_case, write_inlets, write_parameters
+from .failure import AirflowFailure, Cause, disk_is_full
+from .history import Tail, kind_of, read_vectors
+from .initial import start_from
+from .parallel import gather, scatter
+from .programs import call
+from .read import time_folders
 
 __all__ = ["Listener", "MeshCheck", "Progress", "Watch", "prepare", "run_steady", "solver"]
 
@@ -26,9 +30,12 @@ Array = NDArray[np.float64]
 CHECKED, PHASE, STOP = "mesh_check.json", "phase.json", "stop"
 SAVE_EVERY = 5  # s of wall time between savings: what an interruption may cost
 WINDOW, STANDSTILL = 300, 2e-4  # a steady run ends when Cd moved by less than this share over so many iterations
+STILL_BASE, STILL_WAKE = 1e-3, 5e-3  # the same for base pressure and for velocities in the wake, of the inlet speed
 USABLE = 0.01  # range of Cd over the window, relative, that still counts as steady
 TYPICAL_ITERATIONS = 900
-ABSURD = 1e3  # a drag coefficient that no body has
+ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
+MOST_SWEEPS, UNSOLVED = 1000, 20  # OpenFOAM's own limit on a linear solver; reached so often in a row it is stuck
+CRAWL, CRAWLING = 10.0, 200  # so many time steps in a row below so many of the least ones: time stands still
 IMPULSE = 50  # first steps, in which a flow started from a guess pushes the body without bound as the step shrinks
 
 
@@ -69,42 +76,6 @@ class Progress:
 Listener = Callable[[Progress], None]
 
 
-def _call(
-    folder: Path, command: list[str], on_line: Callable[[str], None] | None = None, **how: float | None
-) -> Finished:
-    """Run one OpenFOAM program in the case; a failure says why in one line."""
-    log = folder / f"log.{command[0]}"
-    before = log.stat().st_size if log.exists() else 0
-    try:
-        return run(
-            command, cwd=folder, log=log, env=environment(), on_line=on_line, append=True, error=FoamError,
-            hint=INSTALL, timeout=how.get("timeout"),
-        )  # fmt: skip
-    except FoamError as problem:
-        if problem.log is None or not problem.command or "did not end" in str(problem):
-            problem.command = problem.command or " ".join(command)  # raised by the watch: it says why itself
-            raise
-        raise FoamError(
-            f"{command[0]} {_reason(str(problem), log, before)}; log: {log}",
-            command=problem.command,
-            log=log,
-            tail=tail(log),
-        ) from None
-
-
-def _reason(said: str, log: Path, start: int) -> str:
-    """Why a program failed, from how it ended and from what it logged since byte ``start``."""
-    with log.open("rb") as stream:
-        stream.seek(start)
-        text = stream.read().decode(errors="replace")
-    if f"exit code -{signal.SIGFPE:d}" in said or "sigFpe::sigHandler" in text:
-        return "diverged (floating point exception): the solution grew without bound"
-    fatal = re.search(r"FOAM FATAL (?:IO )?ERROR\s*:?\s*\n?(.*?)\n\s*\n", text, re.S)
-    if fatal:
-        return "stopped: " + " ".join(fatal[1].split())[:300]
-    return said.split("; log:")[0].split(" ", 1)[1]
-
-
 def prepare(spec: FlowSpec, msh: Path, folder: Path) -> MeshCheck:
     """Write the case, convert ``msh`` and check it. Does nothing but read the result when it was done before.
 
@@ -119,11 +90,12 @@ def prepare(spec: FlowSpec, msh: Path, folder: Path) -> MeshCheck:
     done = folder / CHECKED
     if done.exists():
         return MeshCheck(**json.loads(done.read_text()))
-    _call(folder, ["gmshToFoam", str(msh.resolve())])
+    call(folder, ["gmshToFoam", str(msh.resolve())])
     set_patch_types(folder, walls=spec.mesh.walls)
+    write_inlets(spec, folder)
     log = folder / "log.checkMesh"
     log.unlink(missing_ok=True)
-    _call(folder, ["checkMesh"])
+    call(folder, ["checkMesh"])
     text = log.read_text()
     failed = re.findall(r"^\s*\*\*\*(.*)$", text, re.M)
     if failed or "Mesh OK" not in text:
@@ -167,19 +139,36 @@ class Watch:
         self.begin: float | None = None
         self.looked = 0.0
         self.stopping = False
+        self.crawling = self.unsolved = 0
+        self.absurd = ABSURD * max(1.0, 1.0 / _reynolds(folder))
 
     def __call__(self, line: str) -> None:
         if "Initial residual" in line:
-            match = re.search(r"Solving for (\w+), Initial residual = ([^,]+)", line)
+            match = re.search(r"Solving for (\w+), Initial residual = ([^,]+).*No Iterations (\d+)", line)
             if match:
-                self.residuals[match[1]] = float(match[2])
-                if not np.isfinite(self.residuals[match[1]]):
-                    self._diverged(f"the residual of {match[1]} is not a number")
+                self._equation(match[1], float(match[2]), int(match[3]))
         elif line.startswith("deltaT = "):
-            if float(line.split("=")[1]) < self.least_step:
-                self._diverged(f"the time step collapsed to {line.split('=')[1].strip()} s")
+            self._time_step(float(line.split("=")[1]))
         elif line.startswith("Time = "):
             self._step(float(line.split("=")[1]))
+
+    def _equation(self, name: str, residual: float, iterations: int) -> None:
+        """Notice a residual that is not a number, and a pressure that its solver never finishes solving for."""
+        self.residuals[name] = residual
+        if not np.isfinite(residual):
+            self._fail(Cause.DIVERGED, f"diverged: the residual of {name} is not a number")
+        if name == "p":
+            self.unsolved = self.unsolved + 1 if iterations >= MOST_SWEEPS else 0
+            if self.unsolved >= UNSOLVED:
+                self._fail(Cause.STALLED, f"stalled: the pressure took {iterations} sweeps {UNSOLVED} times in a row")
+
+    def _time_step(self, step: float) -> None:
+        """Notice time steps that will never arrive."""
+        if step < self.least_step:
+            self._fail(Cause.COLLAPSED, f"diverged: the time step collapsed to {step:.6g} s")
+        self.crawling = self.crawling + 1 if step < CRAWL * self.least_step else 0
+        if self.crawling >= CRAWLING:
+            self._fail(Cause.STALLED, f"stalled: {CRAWLING} time steps in a row were below {step:.3g} s")
 
     def _step(self, now: float) -> None:
         self.begin = now if self.begin is None else self.begin
@@ -190,8 +179,8 @@ class Watch:
         if not len(rows):
             return
         drag = float(rows[-1, 1])
-        if not np.isfinite(drag) or (abs(drag) > ABSURD and len(rows) > IMPULSE):
-            self._diverged(f"the drag coefficient reached {drag:.3g}")
+        if not np.isfinite(drag) or (abs(drag) > self.absurd and len(rows) > IMPULSE):
+            self._fail(Cause.DIVERGED, f"diverged: the drag coefficient reached {drag:.3g}")
         rate = (time.monotonic() - self.started) / max(now - self.begin, 1e-300)
         left = (self.expected - now) * rate if self.begin < now < self.expected else None  # past it: no idea
         self.listener(Progress(self.stage, now, drag, dict(self.residuals), left))
@@ -199,30 +188,64 @@ class Watch:
             (self.folder / STOP).touch()
             self.stopping = True
 
-    def _diverged(self, why: str) -> None:
+    def _fail(self, cause: Cause, why: str) -> None:
         log = next(iter(sorted(self.folder.glob("log.*Foam"), key=lambda p: -p.stat().st_mtime)), None)
-        raise FoamError(f"the airflow diverged: {why}; log: {log}", log=log, tail=tail(log) if log else "")
+        raise AirflowFailure(cause, f"the airflow {why}; log: {log}", log=log, tail=tail(log) if log else "")
+
+
+def _reynolds(folder: Path) -> float:
+    """Of the case, from its parameters; 1 without them."""
+    path = folder / "system" / "parameters"
+    values = dict(re.findall(r"^(\w+)\s+([^;]*);", path.read_text(), re.M)) if path.exists() else {}
+    numbers = [abs(float(values[name])) for name in ("inletSpeed", "bodyWidth", "nu") if name in values]
+    return numbers[0] * numbers[1] / numbers[2] if len(numbers) == 3 else 1.0
 
 
 def solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> None:
-    """Run a solver from the latest whole time folder; ``watch`` follows it and may end it."""
+    """Run a solver from the latest whole time folder on as many ranks as system/parameters says; ``watch`` follows it
+    and may end it.
+
+    Raises AirflowFailure, also when it ended well but left a time cut short: then the disk was full.
+    """
     (folder / STOP).unlink(missing_ok=True)
+    gather(folder, is_whole=lambda path: _is_whole(folder, path))  # what an interrupted parallel run left
     _drop_broken_times(folder)
+    launcher, options = scatter(folder)
     try:
-        _call(folder, [program], watch, timeout=timeout)
+        call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
+        gather(folder, is_whole=lambda path: _is_whole(folder, path))
     finally:
         (folder / STOP).unlink(missing_ok=True)
+    for path in _times(folder):
+        if not _is_whole(folder, path):
+            why = "the disk is full or its quota used up" if disk_is_full(folder) else "the disk was full for a while"
+            raise AirflowFailure(
+                Cause.DISK_FULL, f"{program} left {path} cut short: {why}; {Cause.DISK_FULL.advice}", command=program
+            )
+
+
+def _times(folder: Path) -> list[Path]:
+    """Time folders, whole or not; 0 is left out."""
+    return [p for p in folder.iterdir() if re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", p.name) and p.is_dir()]
 
 
 def _drop_broken_times(folder: Path) -> None:
     """Remove time folders that a killed solver left half-written: the solver would start from the last one."""
-    laminar = re.search(r"^turbulence\s+laminar;", (folder / "system" / "parameters").read_text(), re.M)
-    needed = {"U", "p", "phi"} if laminar else {"U", "p", "phi", "k", "omega", "nut"}
-    for path in (p for p in folder.iterdir() if re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", p.name) and p.is_dir()):
-        files = [member for member in path.iterdir() if member.is_file()]
-        ended = all(_ends_well(member) for member in files)
-        if not (ended and needed <= {member.name for member in files} and (path / "uniform" / "time").exists()):
+    for path in _times(folder):
+        if not _is_whole(folder, path):
             shutil.rmtree(path)
+
+
+def _is_whole(folder: Path, path: Path) -> bool:
+    """Whether the time folder ``path`` of the case ``folder``, or of one of its ranks, holds all that a run needs."""
+    parameters = (folder / "system" / "parameters").read_text()
+    laminar = re.search(r"^turbulence\s+laminar;", parameters, re.M)
+    needed = {"U", "p", "phi"} if laminar else {"U", "p", "phi", "k", "omega", "nut"}
+    files = [member for member in path.iterdir() if member.is_file()]
+    if re.search(r"^bodyWall\s+movingWallVelocity;", parameters, re.M):  # the mesh goes on from where it stands
+        files.append(path / "polyMesh" / "points")
+    ended = all(member.is_file() and _ends_well(member) for member in files)
+    return ended and needed <= {member.name for member in files} and (path / "uniform" / "time").exists()
 
 
 def _ends_well(file: Path) -> bool:
@@ -233,21 +256,31 @@ def _ends_well(file: Path) -> bool:
 
 
 def run_steady(
-    spec: FlowSpec, folder: Path, *, listener: Listener = lambda _: None, most: int = 3000, timeout: float | None = None
+    spec: FlowSpec,
+    folder: Path,
+    *,
+    start: Path | None = None,
+    listener: Listener = lambda _: None,
+    most: int = 3000,
+    timeout: float | None = None,
 ) -> str:
-    """Iterate simpleFoam until Cd stands still or ``most`` iterations; go on from what is there. Returns the verdict.
+    """Iterate simpleFoam until what is measured stands still or ``most`` iterations; go on from what is there, or from
+    ``start`` (another solved case). Returns the verdict.
 
-    "steady" when Cd moved by less than 1 % over the last 300 iterations; else how it moves: "periodic" or "broadband"
-    (then the flow asks for the time-resolved rung; nothing has failed).
+    Standing still, over the last 300 iterations: Cd within 2e-4, base pressure within 1e-3 (of the dynamic pressure at
+    least), the velocities along the wake's axis (and with them the reversal length) within 0.5 % of the inlet speed.
+    "steady" when Cd moved by less than 1 % over those iterations; else how it moves: "periodic" or "broadband" (then
+    the flow asks for the time-resolved rung; nothing has failed).
     """
+    wake = _Wake(folder, spec.speed)
 
     def finished(rows: Array) -> bool:
-        recent = rows[-WINDOW:, 1]
-        still = len(recent) == WINDOW and np.ptp(recent) <= STANDSTILL * abs(recent.mean())
-        return bool(still or rows[-1, 0] >= most)
+        return bool(rows[-1, 0] >= most or (_stands_still(rows[-WINDOW:]) and wake.stands_still()))
 
     done = folder / PHASE
     if not done.exists():
+        if start is not None and not time_folders(folder):
+            start_from(spec, folder, start)
         steps: dict[str, str | float | int] = {
             "startFrom": "latestTime",
             "endTime": most + 1000,
@@ -261,3 +294,24 @@ def run_steady(
         verdict = "steady" if converged else kind_of(drag[-WINDOW:], USABLE)
         write_json(done, {"phase": "done", "verdict": verdict})
     return str(json.loads(done.read_text())["verdict"])
+
+
+def _stands_still(recent: Array) -> bool:
+    drag, base = recent[:, 1], recent[:, 3]
+    return bool(
+        len(recent) == WINDOW
+        and np.ptp(drag) <= STANDSTILL * abs(drag.mean())
+        and np.ptp(base) <= STILL_BASE * max(abs(float(base.mean())), 1.0)
+    )
+
+
+class _Wake:
+    """The velocities along the wake's axis that a steady run records."""
+
+    def __init__(self, folder: Path, speed: float) -> None:
+        self.folder, self.speed = folder, speed
+
+    def stands_still(self) -> bool:
+        """Whether none moved by more than STILL_WAKE of the inlet speed over the window; true without a record."""
+        rows = read_vectors(self.folder, "wakeAxis")[-WINDOW:]
+        return not len(rows) or bool(np.ptp(rows[:, 1:], axis=0).max() <= STILL_WAKE * self.speed)

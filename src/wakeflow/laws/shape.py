@@ -47,6 +47,22 @@ def prism(*, width: float, slope_angle: float | None = None, height: float | Non
     return up if apex == "up" else -up
 
 
+@shapes.register("circle")
+def circle(*, width: float, corners: int = 120) -> Outline:
+    """Circle of diameter ``width`` as the polygon of ``corners`` points on it (a multiple of 4: width and height are
+    exact). With 120 its area is 0.05 % below the circle's and its edges lie within 1.7e-4 diameters of it.
+    """
+    if corners % 4:
+        raise SceneError(f"corners = {corners}: a multiple of 4")
+    quarter = np.linspace(0.0, np.pi / 2, corners // 4 + 1)
+    x = np.where(quarter <= np.pi / 4, np.cos(quarter), np.sin(np.pi / 2 - quarter))  # a mirror image to the last bit
+    arc = 0.5 * width * np.stack([x, x[::-1]], axis=1)[:-1]
+    turns = [
+        arc @ np.array(turn) for turn in (((1, 0), (0, 1)), ((0, 1), (-1, 0)), ((-1, 0), (0, -1)), ((0, -1), (1, 0)))
+    ]
+    return np.concatenate(turns)
+
+
 @shapes.register("polygon")
 def polygon(*, points: ArrayLike) -> Outline:
     """Any simple polygon, corners (k, 2) in metres in the body's own frame, either direction of travel."""

@@ -50,10 +50,19 @@ DIVERGENCE = (
     ("rms", "divergence of the tracker's field, |div u| h / U: rms", ""),
     ("max", "divergence of the tracker's field, |div u| h / U: largest", ""),
 )
+MOMENTUM = (
+    ("cp_front", "the paper's momentum model: pressure coefficient, mean over the front", ""),
+    ("cd", "the paper's momentum model: drag coefficient, with the computed base pressure", ""),
+)
+TRUNCATION = (
+    ("modes", "time-resolved field: modes kept", ""),
+    ("velocity", "time-resolved field: velocity cut off, rms over rms of its fluctuation", ""),
+    ("pressure", "time-resolved field: pressure cut off, rms over rms of its fluctuation", ""),
+)
 SCALE = {"mm": 1e3, "cm²": 1e4}
 HOW = {
     "measured": "from this run",
-    "companion": "from a second, finer run",
+    "companion": "from flying granules again",
     "calibrated": "a bound on the shift times the landing density found",
     "unknown": "not known",
 }
@@ -92,6 +101,8 @@ def render(result: Result, pictures: Mapping[str, str], title: str = "result") -
         expected=lambda place: expected(result, place),
         pictures=[(name, pictures[name], text) for name, text in FIGURES.items() if name in pictures],
         airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
+        grids=(result.get("airflow") or {}).get("grids") or [],
+        bracket=result.get("bracket") or {},
         budget=budget["budget"],
         sources=budget_sources(budget),
         spent=source_seconds(budget),
@@ -131,8 +142,10 @@ def _airflow_rows(airflow: Mapping[str, Any] | None, mesh: Mapping[str, Any] | N
     parts = (
         (airflow, AIRFLOW),
         (airflow.get("suction") or {}, SUCTION),
+        (airflow.get("momentum") or {}, MOMENTUM),
         (quality, QUALITY),
         (airflow.get("divergence") or {}, DIVERGENCE),
+        (airflow.get("truncation") or {}, TRUNCATION),
     )
     found = [(name, values.get(key), unit) for values, rows in parts for key, name, unit in rows]
     return [(name, _measured(value, SCALE.get(unit, 1.0)), unit) for name, value, unit in found if value is not None]

@@ -32,7 +32,7 @@ def write_field(folder: Path | str, field: FlowField, name: str = "field") -> Pa
     A steady field becomes ``name.vtu``; one in time ``name.pvd`` beside a folder ``name`` with a .vtu a snapshot, times
     in s. The other form left by an earlier run is removed. Returns the file to open.
     """
-    folder = Path(folder)
+    folder, field = Path(folder), field.snapshots()
     folder.mkdir(parents=True, exist_ok=True)
     velocity = np.asarray(field.velocity)
     steady, series, snapshots = folder / f"{name}.vtu", folder / f"{name}.pvd", folder / name

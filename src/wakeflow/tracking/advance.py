@@ -49,6 +49,7 @@ from .stride import stride
 __all__ = ["EDGE", "HOP_LIMIT", "confined_step", "leap", "leaves", "longest_step"]
 
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
+LOOKS = 2.0  # at the air in a confined step
 HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
 MOST_PATIENCE = 4  # steps after a march that did not get far are confined, 2, 4 ... 2^this in a row
 
@@ -63,6 +64,7 @@ def longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed
         h = min(h, state[T_END] - state[T])
     if grain[NOISE] != 0.0:
         h = min(h, state[T_NOISE] - state[T])
+    h = min(h, LOOKS * rules.coarse)
     within = math.inf
     if air.corners.shape[0] > 0:
         if ints[GAP] >= 0:
@@ -131,6 +133,8 @@ def leap(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn
         ints[FRESH] = ints[HOPS] = ints[STUCK] = ints[REFUSED] = ints[UNSTRIDDEN] = 0
         ints[STEPS] += 1
         return 1
+    if air.swing[2] != 0.0:  # faces that move: confined steps
+        return 0
     most = 4 if drawn else 4 * 2 ** ints[UNSTRIDDEN]  # triangles till the next stride is tried
     ints[UNSTRIDDEN] = min(ints[UNSTRIDDEN] + 1, 4)
     left = march(state, ints, affine, air, grain, table, walls, rules, most)

@@ -141,7 +141,7 @@ def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
     if not moving and not timed and grain[NOISE] == 0.0:
         ints[FATE] = RESTING
         return
-    dt = rules.until - state[T]
+    dt = min(rules.until - state[T], 0.1 * rules.coarse)
     if moving:
         dt = min(dt, 0.05 / hold[WW])
     if timed:

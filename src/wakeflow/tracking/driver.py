@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..field import FlowField
 from .exponential import PATH
+from .frame import from_frame, swing_of, to_frame
 from .granules import Body, Granules, Motion, Tracks
 from .kernel import fly_block
 from .prepare import check_forces, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
@@ -93,7 +94,8 @@ def track(
     if not 0 <= seed < 2**63:
         raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
     reach = 1e-6 * length
-    walls = pack_walls(solids, pack_lines(lines))
+    swing = swing_of(field)
+    walls = pack_walls(solids, pack_lines(lines), swing)
     air = pack_air(field, solids, reach, forces)
     tables, table_of = pack_tables(drag, grains.sphericity)
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
@@ -102,20 +104,23 @@ def track(
     def fly(low: int) -> int:
         """One block, packed here so that what the kernel needs of a granule exists for few of them at a time."""
         part = slice(low, min(low + BLOCK, len(grains)))
-        some = grains[part]
+        some = to_frame(grains[part], swing)
         floats, ints = pack_state(some, low, field, air, solids, reach)
         constants = pack_granules(some, field, forces, gravity)
         room = np.zeros((len(some), ROOM if record else 0, 5))
         scratch = (np.zeros(PATH), np.zeros(AFFINE), np.zeros(CONSTRAINT))
         fly_block(floats, ints, constants, tables, table_of[part], air, walls, rules, room, *scratch)
-        found.position[part], found.velocity[part] = floats[:, [X, Y]], floats[:, [VX, VY]]
         found.time[part], found.spin[part] = floats[:, T], floats[:, TURN]
+        ends = from_frame(floats[:, [X, Y]], floats[:, [VX, VY]], floats[:, T], swing)
+        found.position[part], found.velocity[part] = ends
         for whole, column in (
             (found.fate, FATE), (found.steps, STEPS), (found.impacts, IMPACTS), (found.line, LINE),
             (found.evaluations, EVALUATIONS),
         ):  # fmt: skip
             whole[part] = ints[:, column]
         if found.recorded is not None:
+            for table in room:
+                table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], swing)
             found.recorded[part] = [room[i, : ints[i, STORED]].copy() for i in range(len(some))]
         return len(some)
 
@@ -145,8 +150,10 @@ def _rules(
     march: bool,
 ) -> Rules:
     extent = 10 * length if field is None else float(np.hypot(*np.ptp(field.points, axis=0)))
+    coarse = 1.0 / air.smooth[1] if air.smooth[1] != 0.0 else np.inf
+    omega = float(air.swing[2])
     periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
-    rest = max(periods, default=0.0)
+    rest = max([*periods, 2 * np.pi / omega] if omega > 0 else periods, default=0.0)
     if field is not None and field.times is not None and len(field.times) > 1:
         rest = max(rest, field.period) if field.period is not None else np.inf
     if air.values.shape[-1] > 4:  # eddies may blow it off later; what lay still for many of them stays
@@ -160,6 +167,8 @@ def _rules(
         skin=1e-11 * length,
         tiny=0.01 * tolerance * length,
         rest=1.05 * rest,
+        coarse=float(min(coarse, 0.5 / omega) if omega > 0 else coarse),
+        shaken=float(np.hypot(air.swing[0], air.swing[1]) * omega**2),
         noise=NOISE_STEP,
         seed=int(seed),
         march=int(march),

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SceneError
 from ..field import FlowField
 from ..laws.collision import collide
 from .granules import Body, Granules
@@ -265,6 +266,8 @@ def fly_explicit(
     """Follow ``grains`` past bodies at rest with steps of ``step`` (s) until each leaves the mesh or the clock shows
     ``until`` (s). Arguments as those of ``track``.
     """
+    if field.coefficients is not None or field.motion is not None:
+        raise SceneError("the explicit tracker knows steady fields and snapshots: field.snapshots()")
     count = len(grains)
     air = pack_air(field, bodies, 1e-6 * length, tuple(forces))
     walls = pack_walls(bodies, pack_lines(()))

@@ -5,9 +5,11 @@ Within a step  v' = -B v + N(s),  x' = v  with B frozen and N quadratic in s, wh
     v(s) = e^z v0 + s phi1 N0 + s^2 phi2 N1 + 2 s^3 phi3 N2
     x(s) = x0 + s phi1 v0 + s^2 phi2 N0 + s^3 phi3 N1 + 2 s^4 phi4 N2,   z = -B s.
 
-phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann
-2010, Acta Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y,
-and the air's velocity at its start.
+phi_0 = e^z, phi_{k+1} = (phi_k - 1/k!) / z (Cox & Matthews 2002, J. Comput. Phys. 176, 430; Hochbruck & Ostermann 2010,
+Acta Numerica 19, 209). A step is kept as one array ``path``: x0, y0, vx0, vy0, B, N0x, N0y, N1x, N1y, N2x, N2y, the
+air's velocity at its start; and, in free flight seen from a mesh that swings, the swing's amplitude, frequency, phase
+at the start, displacement and velocity there. All of that is then the lab's but for the first four, and the swing comes
+off exactly.
 """
 
 from __future__ import annotations
@@ -16,9 +18,9 @@ import math
 
 from .jit import compiled
 
-__all__ = ["PATH", "along", "phis"]
+__all__ = ["PATH", "along", "phis", "sway"]
 
-PATH = 13  # numbers in a path
+PATH = 21  # numbers in a path
 # Taylor coefficients of phi_4: divisions would take most of the time of a step
 C0, C1, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11, C12, C13, C14, C15 = (1.0 / math.factorial(k + 4) for k in range(16))
 
@@ -58,4 +60,26 @@ def along(path, s):
     y = path[1] + a * path[3] + b * path[6] + d * path[8] + f * path[10]
     vx = e * path[2] + a * path[5] + b * path[7] + c * path[9]
     vy = e * path[3] + a * path[6] + b * path[8] + c * path[10]
+    if path[15] != 0.0:
+        angle = path[16] + path[15] * s
+        out, rate = math.sin(angle), path[15] * math.cos(angle)
+        x += a * path[19] - (path[13] * out - path[17])
+        y += a * path[20] - (path[14] * out - path[18])
+        vx += e * path[19] - path[13] * rate
+        vy += e * path[20] - path[14] * rate
     return x, y, vx, vy
+
+
+@compiled
+def sway(path, swing, first, t):
+    """Note the swing ``swing[first:]`` of the mesh at the step's start ``t``; returns its velocity and acceleration
+    there.
+    """
+    ax, ay, omega = swing[first], swing[first + 1], swing[first + 2]
+    path[13], path[14], path[15] = ax, ay, omega
+    if omega == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    angle = omega * t + swing[first + 3]
+    out, rate = math.sin(angle), omega * math.cos(angle)
+    path[16], path[17], path[18], path[19], path[20] = angle, ax * out, ay * out, ax * rate, ay * rate
+    return path[19], path[20], -omega * omega * path[17], -omega * omega * path[18]

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 
 from .advance import EDGE, HOP_LIMIT, confined_step, leap, leaves, longest_step
+from .air import bracket, load
 from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
 from .events import CROSSED, EXIT, GRIPS, HALTED, LIFTED, NOTHING, SLID_OFF, WALL, displacement
-from .exponential import along
+from .exponential import along, sway
 from .jit import compiled, entry, inlined, merged
-from .locate import barycentric, bracket, load, reproject, walk
+from .locate import barycentric, reproject, walk
 from .seen import renew
 from .state import (
     AIRBORNE,
@@ -49,6 +50,7 @@ from .state import (
     STORED,
     STRIDE,
     STUCK,
+    SWING,
     T_END,
     T_NOISE,
     TRI,
@@ -100,8 +102,9 @@ def _at_boundary(state, ints, air, walls, rules, k):
     state[Y] -= off * by
     ints[FATE] = ESCAPED
     near = 1e-9 * rules.extent + rules.allowance * rules.extent
+    sx, sy, _, _, _, _ = displacement(walls.frame, 0, state[T])
     for i in range(walls.lines.shape[0]):
-        x0, y0, x1, y1 = walls.lines[i, 0], walls.lines[i, 1], walls.lines[i, 2], walls.lines[i, 3]
+        x0, y0, x1, y1 = walls.lines[i, 0] + sx, walls.lines[i, 1] + sy, walls.lines[i, 2] + sx, walls.lines[i, 3] + sy
         ex, ey = x1 - x0, y1 - y0
         w = ((state[X] - x0) * ex + (state[Y] - y0) * ey) / (ex * ex + ey * ey)
         w = min(1.0, max(0.0, w))
@@ -201,7 +204,7 @@ def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
             buried = buried or inside(walls, body, state[X], state[Y])[0]
         edge = reproject(state, ints, air, buried)
     if timed and state[T] >= state[T_END]:
-        bracket(state, ints, affine, air.times, air.period[0])
+        bracket(state, ints, affine, air)
     if grain[NOISE] != 0.0 and state[T] >= state[T_NOISE]:
         renew(state, ints, affine, air, grain, table, rules)
     return edge
@@ -214,7 +217,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     fx, fy, rate, ux, uy = free_force(affine, grain, table, x, y, vx, vy, t0, state[TURN])
     ints[EVALUATIONS] += 1
     wind2 = ux * ux + uy * uy
-    pull = math.sqrt(affine[8] ** 2 + affine[11] ** 2)
+    pull = math.sqrt(affine[8] ** 2 + affine[11] ** 2) + rules.shaken
     speed = math.sqrt(max(vx * vx + vy * vy, wind2 if rate > 0.0 else 0.0))
     if hold[KIND] != FREE:
         if grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
@@ -229,6 +232,12 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     blind = ints[HOPS] >= HOP_LIMIT
     longest, inside_cell = longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge)
     h = min(longest, inside_cell)
+    wx = wy = px = py = 0.0
+    if hold[KIND] == FREE:
+        wx, wy, px, py = sway(path, affine, SWING, t0)
+    else:
+        path[15] = 0.0
+    path[5], path[6], path[11], path[12] = path[5] + px + rate * wx, path[6] + py + rate * wy, ux + wx, uy + wy
     h = confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed, pull)
     if not h > 0.0:
         ints[FATE] = STOPPED
@@ -253,7 +262,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         if found >= 0.0:
             s, event, kind, which = found, WALL, hit_kind, hit
             end = along(path, s)
-    found, line = crossing(path, s, end, walls.lines, walls.line_ids, rules.skin)
+    found, line = crossing(path, s, end, t0, walls, rules.skin)
     if found >= 0.0:
         s, event = found, CROSSED
         end = along(path, s)
@@ -322,7 +331,7 @@ def _born(state, ints, affine, hold, air, grain, walls, rules, timed):
 @entry
 def fly_block(states, counts, grains, tables, table_of, air, walls, rules, records, path, affine, hold):
     """Track a block of granules, each from birth to its fate; path, affine and hold are the block's scratch."""
-    timed = air.times.shape[0] > 1 and air.corners.shape[0] > 0
+    timed = (air.times.shape[0] > 1 or air.smooth[1] != 0.0) and air.corners.shape[0] > 0
     for i in range(states.shape[0]):
         state, ints, grain, table, record = states[i], counts[i], grains[i], tables[table_of[i]], records[i]
         _born(state, ints, affine, hold, air, grain, walls, rules, timed)

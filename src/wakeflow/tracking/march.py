@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from .air import shares, swinging
 from .exponential import phis
 from .jit import compiled, inlined
 from .locate import barycentric
@@ -70,8 +71,10 @@ def clearance(walls, x, y, radius, enough):
         for e in range(walls.members[body, 0], walls.members[body, 1]):
             d = _distance(walls.edges[e, 0], walls.edges[e, 1], walls.edges[e, 2], walls.edges[e, 3], x, y) - swing
             free = min(free, d)
+    moved = math.sqrt(walls.frame[0, 4] ** 2 + walls.frame[0, 5] ** 2) if walls.frame[0, 6] != 0.0 else 0.0
     for i in range(walls.lines.shape[0]):
-        free = min(free, _distance(walls.lines[i, 0], walls.lines[i, 1], walls.lines[i, 2], walls.lines[i, 3], x, y))
+        d = _distance(walls.lines[i, 0], walls.lines[i, 1], walls.lines[i, 2], walls.lines[i, 3], x, y)
+        free = min(free, d - moved)
     return free
 
 
@@ -99,29 +102,50 @@ def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, 
     q2 = g[tri, 6] * dx + g[tri, 7] * dy
     q0 = 1.0 - q1 - q2
     c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
-    a, b = ints[SNAP_A], ints[SNAP_B]
-    ux = q0 * values[a, c0, 0] + q1 * values[a, c1, 0] + q2 * values[a, c2, 0]
-    uy = q0 * values[a, c0, 1] + q1 * values[a, c1, 1] + q2 * values[a, c2, 1]
-    px = py = rms = 0.0
+    ux = uy = px = py = rms = 0.0
     pressed, stirred = grain[PRESSURE] != 0.0, grain[DISPERSION] != 0.0
-    if pressed:
-        px = q0 * values[a, c0, 2] + q1 * values[a, c1, 2] + q2 * values[a, c2, 2]
-        py = q0 * values[a, c0, 3] + q1 * values[a, c1, 3] + q2 * values[a, c2, 3]
-    if stirred:
-        rms = q0 * values[a, c0, 4] + q1 * values[a, c1, 4] + q2 * values[a, c2, 4]
-    if a != b:
-        w = (t - affine[14]) * affine[15]
-        ux += w * (q0 * values[b, c0, 0] + q1 * values[b, c1, 0] + q2 * values[b, c2, 0] - ux)
-        uy += w * (q0 * values[b, c0, 1] + q1 * values[b, c1, 1] + q2 * values[b, c2, 1] - uy)
+    if air.smooth[1] != 0.0:
+        w = (t - air.smooth[0]) * air.smooth[1]
+        n = math.floor(w)
+        j = int(n - math.floor(n / air.smooth[2]) * air.smooth[2])
+        s = shares(w - n)
+        for k in range(3):
+            c, q = (c0, q0) if k == 0 else ((c1, q1) if k == 1 else (c2, q2))
+            for i in range(4):
+                part = q * s[i]
+                ux += part * values[c, j + i, 0]
+                uy += part * values[c, j + i, 1]
+                if pressed:
+                    px += part * values[c, j + i, 2]
+                    py += part * values[c, j + i, 3]
+                if stirred:
+                    rms += part * values[c, j + i, 4]
+    else:
+        a, b = ints[SNAP_A], ints[SNAP_B]
+        ux = q0 * values[a, c0, 0] + q1 * values[a, c1, 0] + q2 * values[a, c2, 0]
+        uy = q0 * values[a, c0, 1] + q1 * values[a, c1, 1] + q2 * values[a, c2, 1]
         if pressed:
-            px += w * (q0 * values[b, c0, 2] + q1 * values[b, c1, 2] + q2 * values[b, c2, 2] - px)
-            py += w * (q0 * values[b, c0, 3] + q1 * values[b, c1, 3] + q2 * values[b, c2, 3] - py)
+            px = q0 * values[a, c0, 2] + q1 * values[a, c1, 2] + q2 * values[a, c2, 2]
+            py = q0 * values[a, c0, 3] + q1 * values[a, c1, 3] + q2 * values[a, c2, 3]
         if stirred:
-            rms += w * (q0 * values[b, c0, 4] + q1 * values[b, c1, 4] + q2 * values[b, c2, 4] - rms)
+            rms = q0 * values[a, c0, 4] + q1 * values[a, c1, 4] + q2 * values[a, c2, 4]
+        if a != b:
+            w = (t - affine[14]) * affine[15]
+            ux += w * (q0 * values[b, c0, 0] + q1 * values[b, c1, 0] + q2 * values[b, c2, 0] - ux)
+            uy += w * (q0 * values[b, c0, 1] + q1 * values[b, c1, 1] + q2 * values[b, c2, 1] - uy)
+            if pressed:
+                px += w * (q0 * values[b, c0, 2] + q1 * values[b, c1, 2] + q2 * values[b, c2, 2] - px)
+                py += w * (q0 * values[b, c0, 3] + q1 * values[b, c1, 3] + q2 * values[b, c2, 3] - py)
+            if stirred:
+                rms += w * (q0 * values[b, c0, 4] + q1 * values[b, c1, 4] + q2 * values[b, c2, 4] - rms)
     if grain[NOISE] != 0.0:
         ux += rms * state[MEAN_X] + state[KICK_X]
         uy += rms * state[MEAN_Y] + state[KICK_Y]
     px, py = grain[PRESSURE] * px + grain[GX], grain[PRESSURE] * py + grain[GY]
+    wx = wy = 0.0
+    if air.swing[2] != 0.0:  # v is seen from the mesh, N the lab's
+        wx, wy, _, _ = swinging(air.swing[0], air.swing[1], air.swing[2], air.swing[3], t)
+        ux, uy, px, py = ux - wx, uy - wy, px + rate0 * wx, py + rate0 * wy
     nx = ny = rate = 0.0
     for again in range(2):
         sx, sy = ux - vx, uy - vy
@@ -176,7 +200,7 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
     error, of which a cubic part, whose mean is zero, has none. ``most``: triangles of this march.
     """
     t0 = state[T]
-    clock = min(rules.until, state[T_END], state[T_NOISE])
+    clock = min(rules.until, state[T_NOISE], state[T_END] if air.smooth[1] == 0.0 else math.inf)
     x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
     speed2 = vx * vx + vy * vy
     fall = math.sqrt(rules.extent * math.sqrt(grain[GX] ** 2 + grain[GY] ** 2))
@@ -189,6 +213,8 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
             last = not t0 + s + dt < clock
             dt = clock - t0 - s if last else dt
             if edge < 0 and not last:
+                break
+            if dt > rules.coarse:  # in time; confined steps end at knots
                 break
             if dt * dt * speed2 <= FLAT * rules.extent * FLAT * rules.extent:
                 cut += 1

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from ..field import FlowField
+from ..field import FlowField, Swing
 from ..laws.drag import drag_laws, drag_table, slip_correction
 from ..laws.forces import forces as forces_known
 from ..laws.rotation import spin_rate
 from ..laws.turbulence import brownian_diffusivity, lifetime
+from .frame import relative, swing_of
 from .granules import Body, Granules
 from .state import (
     BORN,
@@ -75,8 +76,8 @@ LIFETIMES = np.vectorize(lifetime, otypes=[float])
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
-def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index]) -> Walls:
-    """Edges, convex corners and motions of all bodies, one after the other."""
+def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing | None = None) -> Walls:
+    """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings."""
     edges: list[Any] = []
     vertices: list[Any] = []
     edge_links: list[list[int]] = []
@@ -112,16 +113,12 @@ def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index]) -> Walls:
             edges.append([*start[i], *end[i], direction[i, 1], -direction[i, 0], size[i]])
             edge_links.append([number, at_start[i], at_end[i]])
         low, high = body.outline.min(axis=0), body.outline.max(axis=0)
-        motion = body.motion
-        swing = [0.0] * 4
-        if motion is not None and motion.frequency > 0 and np.any(np.asarray(motion.amplitude, dtype=float)):
-            swing = [*map(float, motion.amplitude), 2 * np.pi * motion.frequency, motion.phase]
         own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
-        rows.append([*low, *high, *swing, *own])
+        rows.append([*low, *high, *relative(body.motion, swing), *own])
         members.append([first_edge, len(edges), first_vertex, len(vertices), not body.open, body.capture])
     return Walls(
         _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3),
-        _floats(rows, 10), _ints(members, 6), *lines,
+        _floats(rows, 10), _ints(members, 6), *lines, _floats([[0.0] * 4 + relative(None, swing) + [0.0] * 2], 10),
     )  # fmt: skip
 
 
@@ -168,23 +165,16 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
     """
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)
-        return Air(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), np.zeros(0), np.zeros(1), _ints([], 4))
+        nothing = (np.zeros(0), np.zeros(1), _ints([], 4), np.zeros(3), np.zeros(4))
+        return Air(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
-    velocity = field.velocity if field.times is not None else field.velocity[None]
-    values = np.zeros((*velocity.shape[:2], 6 if "dispersion" in forces else 4))
-    values[..., :2] = velocity
-    if "pressure-gradient" in forces:
-        values[..., 2:4] = field.pressure_gradient
-    if "dispersion" in forces:
-        assert field.k is not None
-        assert field.dissipation is not None
-        k = np.maximum(field.k, 0.0).reshape(velocity.shape[:2])
-        values[..., 4] = np.sqrt(2.0 / 3.0 * k)
-        values[..., 5] = np.minimum(LIFETIMES(k, field.dissipation.reshape(k.shape)), LONGEST_LIFE)
+    values, smooth, swing = _values(field, forces), np.zeros(3), swing_of(field)
+    if swing is not None or field.coefficients is not None:
+        values, smooth = _smooth(field, values, swing)
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
-    times = np.zeros(1) if field.times is None else field.times
+    times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
     return Air(
         np.ascontiguousarray(geometry),
         np.array(field.triangles),
@@ -193,7 +183,53 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
         np.array(times, dtype=np.float64),
         np.array([field.period or 0.0]),
         covered,
+        smooth,
+        np.array(swing or (0.0,) * 4, dtype=np.float64),
     )
+
+
+def _values(field: FlowField, forces: Sequence[str]) -> Array:
+    """Nodal values (T, N, 4 or 6) of a field at rest or its snapshots; of a smooth field the values of its splines'
+    coefficients.
+
+    Deviation and lifetime of the eddies, which must not become negative, take the values at the knots for coefficients
+    (Schoenberg's variation diminishing splines, second-order accurate).
+    """
+    whole = field.snapshots()
+    velocity = whole.velocity if whole.times is not None else whole.velocity[None]
+    values = np.zeros((*velocity.shape[:2], 6 if "dispersion" in forces else 4))
+
+    def drawn(parts: Array) -> Array:
+        return parts if field.coefficients is None else np.tensordot(field.coefficients, parts, axes=1)
+
+    values[..., :2] = drawn(field.velocity)
+    if "pressure-gradient" in forces:
+        assert field.pressure_gradient is not None
+        values[..., 2:4] = drawn(field.pressure_gradient)
+    if "dispersion" in forces:
+        assert whole.k is not None
+        assert whole.dissipation is not None
+        k = np.maximum(whole.k, 0.0).reshape(velocity.shape[:2])
+        values[..., 4] = np.sqrt(2.0 / 3.0 * k)
+        values[..., 5] = np.minimum(LIFETIMES(k, whole.dissipation.reshape(k.shape)), LONGEST_LIFE)
+    return values
+
+
+def _smooth(field: FlowField, values: Array, swing: Swing | None) -> tuple[Array, Array]:
+    """Spline coefficients by nodes (N, knots + 3, 4 or 6), the last knot's first, and the knots: first, per s, number.
+
+    A steady field on a mesh that swings is one whose knots are all alike.
+    """
+    if field.times is not None and field.coefficients is None:
+        raise SceneError("a field of snapshots on a moving mesh must be compressed first: field.compressed()")
+    if field.times is None:
+        assert swing is not None
+        values, knots = np.repeat(values, 4, axis=0), (0.0, 4 * swing.omega / (2 * np.pi), 4.0)
+    else:
+        assert field.period is not None
+        knots = (float(field.times[0]), len(values) / field.period, float(len(values)))
+    around = np.concatenate([values[-1:], values, values[:2]])
+    return np.ascontiguousarray(np.swapaxes(around, 0, 1)), np.array(knots)
 
 
 def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach: float) -> Index:

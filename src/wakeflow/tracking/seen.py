@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from ..laws import turbulence
+from .air import nodal, swinging
 from .jit import compiled
 from .locate import barycentric
 from .state import (
@@ -86,22 +87,24 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
     dW, T_i along and across the slip: what keeps tracers well mixed (Thomson 1987, J. Fluid Mech. 180, 529; for
     granules with inertia Bocksell & Loth 2006, Int. J. Multiphase Flow 32, 1234).
     """
-    g, values, tri = air.geometry, air.values, ints[TRI]
+    g, tri = air.geometry, ints[TRI]
     if ints[GAP] >= 0:
         tri = air.covered[ints[GAP], 0]
-    a, b = ints[SNAP_A], ints[SNAP_B]
-    w = (state[T] - affine[14]) * affine[15] if a != b else 0.0
+    w = (state[T] - affine[14]) * affine[15] if ints[SNAP_A] != ints[SNAP_B] else 0.0
     ux = uy = rms = life = sx = sy = 0.0
     for k in range(3):
         c = air.corners[tri, k]
         q = min(1.0, max(0.0, barycentric(g, tri, k, state[X], state[Y])))
-        deviation = (1.0 - w) * values[a, c, 4] + w * values[b, c, 4]
-        ux += q * ((1.0 - w) * values[a, c, 0] + w * values[b, c, 0])
-        uy += q * ((1.0 - w) * values[a, c, 1] + w * values[b, c, 1])
-        life += q * ((1.0 - w) * values[a, c, 5] + w * values[b, c, 5])
+        deviation = nodal(air, ints, w, c, 4)
+        ux += q * nodal(air, ints, w, c, 0)
+        uy += q * nodal(air, ints, w, c, 1)
+        life += q * nodal(air, ints, w, c, 5)
         rms += q * deviation
         sx += deviation * g[tri, 2 + 2 * k]
         sy += deviation * g[tri, 3 + 2 * k]
+    if air.swing[2] != 0.0:
+        wx, wy, _, _ = swinging(air.swing[0], air.swing[1], air.swing[2], air.swing[3], state[T])
+        ux, uy = ux - wx, uy - wy
     # a tracer, which moves with what it has just seen, slips through no eddies
     ex, ey = ux + rms * state[MEAN_X] - state[VX], uy + rms * state[MEAN_Y] - state[VY]
     slip = math.sqrt(ex * ex + ey * ey)
@@ -132,7 +135,7 @@ def renew(state, ints, affine, air, grain, table, rules):
     """Begin an interval of noise at the granule's clock: draw what it sees until the next."""
     speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
     for m in range(2):  # of the air, at one corner: only a scale
-        speed = max(speed, abs(air.values[ints[SNAP_A], air.corners[max(ints[TRI], 0), 0], m]))
+        speed = max(speed, abs(nodal(air, ints, 0.0, air.corners[max(ints[TRI], 0), 0], m)))
     span = (rules.until - state[BORN]) / LEAST_INTERVALS
     if speed > 0.0:
         span = min(span, PASSAGE * rules.length / speed)

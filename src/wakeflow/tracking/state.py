@@ -22,10 +22,14 @@ class Air(NamedTuple):
     geometry: Array  # (M, 8) first corner, gradients of the three barycentric coordinates
     corners: Index  # (M, 3)
     neighbours: Index  # (M, 3): triangle across edge k; -1 open boundary; -2 - c: covered boundary edge c
-    values: Array  # (T, N, 4) velocity, pressure gradient; (T, N, 6) with dispersion: deviation, lifetime of the eddies
+    # (T, N, 4) velocity, pressure gradient; (T, N, 6) with dispersion: deviation, lifetime of eddies; or of a smooth
+    # field (N, knots + 3, 4 or 6): coefficients of periodic cubic B-splines, from the last knot's on
+    values: Array
     times: Array  # (T,)
     period: Array  # (1,) s; 0: does not repeat
     covered: Index  # (C, 4) triangle, its edge, previous and next covered edge along the boundary (-1: none)
+    smooth: Array  # (3,) first knot, knots per s, number of knots; zeros: not smooth
+    swing: Array  # (4,) amplitude, angular frequency, phase of the mesh, in whose frame granules fly; zeros: at rest
 
 
 class Walls(NamedTuple):
@@ -39,6 +43,7 @@ class Walls(NamedTuple):
     members: Index  # (B, 6) first and last + 1 edge, first and last + 1 vertex, closed, captures
     lines: Array  # (K, 4)
     line_ids: Index  # (K,)
+    frame: Array  # (1, 10) as one of the bodies: how the lines move in the mesh's frame
 
 
 class Rules(NamedTuple):
@@ -51,6 +56,8 @@ class Rules(NamedTuple):
     skin: float  # m, distances below it are contact
     tiny: float  # m, bounces lower than this are sliding
     rest: float  # s, a granule held this long in a repeating field rests
+    coarse: float  # s, a longer step between looks at a field that changes in time would miss how it does
+    shaken: float  # m/s2, largest acceleration of the mesh
     noise: float  # part of an eddy's lifetime over which a fluctuation's mean is drawn
     seed: int  # of the random streams
     march: int  # 1: several triangles in one go where that is worth it
@@ -135,7 +142,10 @@ INTS = 24
     DIFFUSIVITY,  # m2/s, Brownian
 ) = range(18)
 CONSTANTS = 18
-AFFINE = 28  # x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the same twelve as differences in time
+# x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the same twelve as coefficients of w = (now - t) / dt, of
+# its square and its cube, these only where CUBIC is 1 | swing of the mesh
+CUBIC, SWING = 52, 53
+AFFINE = 57
 # Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body,
 # part of the tangential force that friction takes up while rolling (0: sliding)
 KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP, ROLL = range(13)

@@ -15,10 +15,11 @@ import math
 
 from ..laws import lift, rotation
 from ..laws.drag import TABLE_CELLS, TABLE_DECADES
+from .air import air_at, gradient_at, rise_at, swinging
 from .exponential import along, phis
 from .jit import compiled
-from .locate import air_at, barycentric
-from .state import EVALUATIONS, EXTRA, INERTIAL, KIND, LIFT, MAGNUS, REYNOLDS2, SPIN, STOKES, TURN, VORTICITY, T
+from .locate import barycentric
+from .state import EVALUATIONS, EXTRA, INERTIAL, KIND, LIFT, MAGNUS, REYNOLDS2, SPIN, STOKES, SWING, TURN, VORTICITY, T
 from .walls import constrain
 
 __all__ = ["attempt", "drag_rate", "exit_time", "free_force", "spin_at"]
@@ -56,22 +57,18 @@ def drag_rate(grain, table, slip2):
 @compiled
 def spin_at(affine, grain, spin, t, s):
     """Spin at time s after t: the air of the loaded triangle turns it exactly, with its vorticity half way."""
-    w = (t + 0.5 * s - affine[14]) * affine[15]
-    half = 0.5 * (affine[6] - affine[4] + w * (affine[20] - affine[18]))
+    _, xy, yx, _ = gradient_at(affine, t + 0.5 * s)
+    half = 0.5 * (yx - xy)
     return half - spin_decay(half - spin, s, grain[SPIN], grain[VORTICITY])
 
 
 @compiled
 def _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin):
     """Acceleration by the air's own (added mass), shear lift and spin lift."""
-    w = (t - affine[14]) * affine[15]
-    xx, xy = affine[3] + w * affine[17], affine[4] + w * affine[18]
-    yx, yy = affine[6] + w * affine[20], affine[7] + w * affine[21]
+    xx, xy, yx, yy = gradient_at(affine, t)
     fx = fy = 0.0
     if grain[INERTIAL] != 0.0:
-        dx, dy = x - affine[0], y - affine[1]
-        tx = affine[15] * (affine[16] + affine[17] * dx + affine[18] * dy)
-        ty = affine[15] * (affine[19] + affine[20] * dx + affine[21] * dy)
+        tx, ty = rise_at(affine, x, y, t)
         fx += grain[INERTIAL] * (tx + xx * ux + xy * uy)
         fy += grain[INERTIAL] * (ty + yx * ux + yy * uy)
     curl = yx - xy
@@ -107,11 +104,16 @@ def free_force(affine, grain, table, x, y, vx, vy, t, spin):
 def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag, wx, wy):
     """N = F + B0 v, the drag rate and the air's velocity at a stage, a time s after the step's start.
 
-    ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it.
+    ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it. N
+    and the air's velocity are the lab's in free flight seen from a mesh that swings.
     """
     ints[EVALUATIONS] += 1
     t = state[T] + s
     ux, uy, fx, fy = air_at(affine, x, y, t)
+    dx = dy = 0.0
+    if affine[SWING + 2] != 0.0 and hold[KIND] == 0.0:
+        dx, dy, ax, ay = swinging(affine[SWING], affine[SWING + 1], affine[SWING + 2], affine[SWING + 3], t)
+        fx, fy, wx, wy = fx + ax, fy + ay, wx - dx, wy - dy
     vx += lag * (ux - wx)
     vy += lag * (uy - wy)
     sx, sy = ux - vx, uy - vy
@@ -127,7 +129,7 @@ def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag
         fy += ey
     if hold[KIND] != 0.0:
         fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
-    return fx + rate0 * vx, fy + rate0 * vy, rate, ux, uy
+    return fx + rate0 * (vx + dx), fy + rate0 * (vy + dy), rate, ux + dx, uy + dy
 
 
 @compiled

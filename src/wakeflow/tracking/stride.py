@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from .exponential import along, phis
+from .exponential import along, phis, sway
 from .jit import inlined
 from .locate import walk
 from .march import BOOLE, ODD, clearance, excess
@@ -21,6 +21,7 @@ __all__ = ["stride"]
 SAFE = 1.0  # of the tolerance for strides
 FEWEST = 3.0  # triangles: a shorter stride is better marched
 MOST = 60.0  # triangles: the way to the stages is made on foot
+LOOKS = 4.0  # at the air in a stride
 FIRST = 12.0  # triangles of the first stride tried
 
 
@@ -28,12 +29,14 @@ FIRST = 12.0  # triangles of the first stride tried
 def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
     """Try one stride; ``cell`` (s) is about the time within this triangle. Returns whether the granule has moved."""
     t0 = state[T]
-    clock = min(rules.until, state[T_END], state[T_NOISE])
-    h = min(clock - t0, FIRST * cell if state[H_STRIDE] == 0.0 else min(state[H_STRIDE], MOST * cell))
+    clock = min(rules.until, state[T_NOISE], state[T_END] if air.smooth[1] == 0.0 else math.inf)
+    h = FIRST * cell if state[H_STRIDE] == 0.0 else min(state[H_STRIDE], MOST * cell)
+    h = min(h, clock - t0, LOOKS * rules.coarse)
     speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
     fall = math.sqrt(rules.extent * math.sqrt(grain[GX] ** 2 + grain[GY] ** 2))
     horizon = min(rules.until - t0, rules.extent / (speed + fall + 1e-300))
     path[0], path[1], path[2], path[3], path[4] = state[X], state[Y], state[VX], state[VY], 0.0
+    wx, wy, _, _ = sway(path, air.swing, 0, t0)
     rate = n0x = n0y = nx = ny = mx = my = ox = oy = 0.0
     for attempt in range(3):
         if h < FEWEST * cell:
@@ -54,7 +57,7 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
             )
             if stage == 0:
                 rate = now
-                n0x, n0y = ex + rate * vx, ey + rate * vy
+                n0x, n0y = ex + rate * (vx + wx), ey + rate * (vy + wy)
                 path[4], path[5], path[6] = rate, n0x, n0y
             elif stage == 1:
                 nx, ny = ex, ey

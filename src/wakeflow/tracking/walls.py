@@ -168,12 +168,18 @@ def first_contact(path, span, end, t0, r, skin, walls, ints):
 
 
 @inlined
-def crossing(path, span, end, lines, line_ids, skin):
-    """First crossing of a line by the granule's centre within the step: (time, line id); time -1.0 for none."""
+def crossing(path, span, end, t0, walls, skin):
+    """First crossing of a line by the granule's centre within the step: (time, line id); time -1.0 for none.
+
+    In the frame of the lines, which move where the mesh does.
+    """
     best, which = -1.0, NOBODY
+    lines, frame = walls.lines, walls.frame
     if lines.shape[0] == 0:
         return best, which
-    start = (path[0], path[1], path[2], path[3])
+    start, moved = (path[0], path[1], path[2], path[3]), NOBODY
+    if frame[0, 6] != 0.0:
+        start, end, moved = _seen_from(start, t0, frame, 0), _seen_from(end, t0 + span, frame, 0), NOBODY + 1
     hull = _hull(start, end, span)
     for i in range(lines.shape[0]):
         x0, y0, x1, y1 = lines[i, 0], lines[i, 1], lines[i, 2], lines[i, 3]
@@ -194,15 +200,15 @@ def crossing(path, span, end, lines, line_ids, skin):
         ra, rb = nx * start[2] + ny * start[3], nx * end[2] + ny * end[3]
         s = span
         if fb != 0.0:
-            s = first_below(
-                path, 0.0, lines, NOBODY, PLANE, x0, y0, 0.0, nx, ny, 0.0, fa, ra, span, fb, rb, 1e-6 * skin
-            )
+            s = first_below(path, t0, frame, moved, PLANE, x0, y0, 0.0, nx, ny, 0.0, fa, ra, span, fb, rb, 1e-6 * skin)
         if s < 0.0 or (best >= 0.0 and s >= best):
             continue
         x, y, _, _ = along(path, s)
+        if moved >= 0:
+            x, y, _, _ = _seen_from((x, y, 0.0, 0.0), t0 + s, frame, 0)
         foot = ((x - x0) * ex + (y - y0) * ey) / size
         if -skin <= foot <= size + skin:
-            best, which = s, line_ids[i]
+            best, which = s, walls.line_ids[i]
     return best, which
 
 

@@ -36,7 +36,7 @@ START = "import time, numpy as np; t = time.perf_counter(); import wakeflow as w
 CROWD = """
 import json, resource, sys, tempfile, time
 from pathlib import Path
-from wakeflow.flight import Flight
+from wakeflow.flight import Flight, compile_tracker
 from wakeflow.verify.subjects import shipped
 from wakeflow.planning import make_plan
 scene, _, chain = shipped(lambda stage, text: None)
@@ -44,7 +44,7 @@ wheat = {**scene.tables()["fraction"]["wheat"], "mass_share": 1.0}
 scene = scene.replace({"feed.count": int(sys.argv[1]), "fraction": {"wheat": wheat}})
 plan = make_plan(scene, rung="draft").with_forces(("drag", "gravity", "buoyancy"))
 flight = Flight(scene, plan, chain.field[1], scene.numerics.tolerance)
-flight.warm_up()
+compile_tracker()
 begun = time.perf_counter()
 with tempfile.TemporaryDirectory() as folder:
     flight.fly_all(Path(folder), drawn=False)

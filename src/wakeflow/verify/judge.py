@@ -54,7 +54,7 @@ def scalar_drag(law: str, sphericity: float) -> Callable[[float], float]:
 
 
 class _Air:
-    """The interpolant within one triangle and one interval between snapshots, as plain floats."""
+    """The interpolant within one triangle and one interval between snapshots or knots, as plain floats."""
 
     def __init__(self, field: FlowField, triangle: int, start: float) -> None:
         corner = field.triangles[triangle]
@@ -64,27 +64,24 @@ class _Air:
         nodal = [field.velocity]
         if field.pressure_gradient is not None:
             nodal.append(field.pressure_gradient)
-        self.start, self.end = start, math.inf
-        self.now, self.change = [], []
-        i, j, w = field.at_time(start)
-        gap = 0.0
-        if field.times is not None and i != j:
-            step = field.times[j] - field.times[i] if j > i else field.times[0] + (field.period or 0.0) - field.times[i]
-            gap = float(step)
-            self.end = start + (1.0 - w) * gap
-        for values in nodal:
-            a = values[corner] if field.times is None else (1 - w) * values[i][corner] + w * values[j][corner]
-            rise = np.zeros_like(a) if gap == 0.0 else (values[j][corner] - values[i][corner]) / gap
-            self.now += _affine(a, gradient)
-            self.change += _affine(rise, gradient)
+        self.start, self.end, shares = field.polynomial(start)
+        self.powers: list[list[tuple[float, float, float]]] = []  # of the time since the start
+        for share in shares:
+            self.powers.append([])
+            for values in nodal:
+                parts = values[None] if field.times is None else values
+                self.powers[-1] += _affine(np.tensordot(share, parts[:, corner], axes=1), gradient)
 
     def at(self, x: float, y: float, t: float) -> list[tuple[float, float, float, float]]:
         """Every component as (value, d/dx, d/dy, d/dt)."""
         dx, dy, dt = x - self.origin[0], y - self.origin[1], t - self.start
         found = []
-        for (a, ax, ay), (b, bx, by) in zip(self.now, self.change, strict=True):
-            rise = b + bx * dx + by * dy
-            found.append((a + ax * dx + ay * dy + dt * rise, ax + dt * bx, ay + dt * by, rise))
+        for terms in zip(*self.powers, strict=True):
+            value = along = across = rise = 0.0
+            for a, ax, ay in reversed(terms):  # Horner, the derivative with it
+                rise = rise * dt + value
+                value, along, across = value * dt + a + ax * dx + ay * dy, along * dt + ax, across * dt + ay
+            found.append((value, along, across, rise))
         return found
 
 

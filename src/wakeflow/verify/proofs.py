@@ -16,7 +16,7 @@ __all__ = ["PROOFS", "prove", "show"]
 Tell = Callable[[str], None]
 FOLDER = Path("runs", "verify")
 WIDE = 150  # columns of a table that goes into a file
-PLANNED = ("airflow", "extremes")
+PLANNED = ("extremes",)
 
 
 def _tracker(slow: bool, tell: Tell) -> dict[str, Any]:
@@ -34,16 +34,33 @@ def _problems(slow: bool, tell: Tell) -> dict[str, Any]:
     return report
 
 
-PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {"tracker": _tracker, "problems": _problems}
+def _airflow(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .airflow import run_airflow
+
+    return run_airflow(FOLDER, slow=slow, tell=tell)
+
+
+PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
+    "tracker": _tracker,
+    "problems": _problems,
+    "airflow": _airflow,
+}
 
 
 def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, Any]]:
-    """Reports by name: of ``what``, or of every proof there is. Raises SceneError for one that there is not."""
-    if what in PLANNED or (what is not None and what.endswith(".toml")):
+    """Reports by name: of ``what`` (a proof, or a scene file), or of every proof there is.
+
+    Raises SceneError for one that there is not.
+    """
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    if what is not None and what.endswith(".toml"):
+        from .airflow import run_scene
+
+        return {Path(what).stem: run_scene(Path(what), FOLDER, tell=tell)}
+    if what in PLANNED:
         raise SceneError(f"verify {what}: not in this version; choose one of: {', '.join(PROOFS)}")
     if what is not None and what not in PROOFS:
         raise SceneError(f"verify {what!r}: unknown{nearest(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
-    FOLDER.mkdir(parents=True, exist_ok=True)
     return {name: PROOFS[name](slow, tell) for name in ([what] if what else PROOFS)}
 
 
@@ -51,12 +68,15 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
     """Print the tables of every report, and where it lies."""
     from rich.console import Console
 
-    from .show import goal_table, problem_table, row_tables
+    from .show import airflow_tables, goal_table, problem_table, row_tables
 
     console = Console()
     console.width = max(console.width, WIDE) if not console.is_terminal else console.width
     for name, report in reports.items():
-        tables = [*row_tables(report), goal_table(report)] if name == "tracker" else [problem_table(report)]
+        if name == "tracker":
+            tables = [*row_tables(report), goal_table(report)]
+        else:
+            tables = [problem_table(report)] if name == "problems" else airflow_tables(report)
         for table in tables:
             console.print(table)
             console.print()

@@ -1,10 +1,10 @@
 """The judge: the same equation of motion on the same interpolant, integrated far below every error that is measured.
 
-Within one triangle, and between two snapshots, the field is affine, so a method of high order meets no kinks: Dormand &
-Prince's method of order 8 with scipy's coefficients and error estimate (Hairer, Norsett & Wanner 1993, Solving Ordinary
-Differential Equations I, II.5), every granule with a step of its own, all granules at once. A step that would leave the
-triangle or enter a wall is shortened by Newton's method until it ends there. Nothing is shared with the tracker but
-the drag law's formula and the collision function.
+Within one triangle, and between two snapshots or knots, the field is affine with coefficients polynomial in time, so a
+method of high order meets no kinks: Dormand & Prince's method of order 8 with scipy's coefficients and error estimate
+(Hairer, Norsett & Wanner 1993, Solving Ordinary Differential Equations I, II.5), every granule with a step of its own,
+all granules at once. A step that would leave the triangle or enter a wall is shortened by Newton's method until it ends
+there. Nothing is shared with the tracker but the drag law's formula and the collision function.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field import FlowField
+from ..field.splines import POWERS
 from ..laws.collision import collide
 from ..laws.drag import drag_laws
 from ..tracking import Body, Granules
@@ -74,7 +75,9 @@ class _Flight:
         self.aim = np.full(count, np.inf)
         self.t_end = np.full(count, -np.inf if field.times is not None else np.inf)
         self.origin = np.zeros((count, 2))
-        self.now, self.onward = np.zeros((count, 3, 4)), np.zeros((count, 3, 4))  # value, d/dx, d/dy of u, v, ax, ay
+        self.powers = np.zeros((4, count, 3, 4))  # of the interval's time: value, d/dx, d/dy of u, v, ax, ay
+        self.velocity, self.pull_of_pressure = self._drawn(field.velocity), self._drawn(field.pressure_gradient)
+        self.degrees = 1 if field.times is None else (2 if field.coefficients is None else 4)
         self.t_from, self.per = np.zeros(count), np.zeros(count)
         viscous = "drag" in problem.forces
         self.stokes = viscous * grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)
@@ -88,16 +91,22 @@ class _Flight:
 
     # -- the field -----------------------------------------------------------------------------------------------------
 
+    def _drawn(self, nodal: Array | None) -> Array | None:
+        """Nodal values of snapshots as they are, those of modes as coefficients of splines at the knots."""
+        shares = self.field.coefficients
+        return nodal if shares is None or nodal is None else np.tensordot(shares, nodal, axes=1)
+
     def _nodal(self, i: Index, snapshot: Index | None) -> Array:
         """Velocity and acceleration at the three corners, (n, 3, 4)."""
-        field, corner = self.field, self.field.triangles[self.tri[i]]
+        corner = self.field.triangles[self.tri[i]]
         at: Any = corner if snapshot is None else (snapshot[:, None], corner)
         value = np.zeros((len(i), 3, 4))
-        value[:, :, :2] = field.velocity[at]
+        assert self.velocity is not None
+        value[:, :, :2] = self.velocity[at]
         value[:, :, 2:] = self.pull[i, None]
         if "pressure-gradient" in self.problem.forces:
-            assert field.pressure_gradient is not None
-            value[:, :, 2:] -= field.pressure_gradient[at] / self.grains.density[i, None, None]
+            assert self.pull_of_pressure is not None
+            value[:, :, 2:] -= self.pull_of_pressure[at] / self.grains.density[i, None, None]
         return value
 
     def load(self, i: Index) -> None:
@@ -109,13 +118,29 @@ class _Flight:
             return np.concatenate([value[:, :1], np.einsum("nkd,nkm->ndm", gradient, value)], axis=1)
 
         if self.field.times is None:
-            self.now[i] = affine(self._nodal(i, None))
+            self.powers[0, i] = affine(self._nodal(i, None))
+            return
+        if self.field.coefficients is not None:
+            place = self._knots(i)
+            cubic = np.tensordot(POWERS, np.stack([affine(self._nodal(i, j)) for j in place]), axes=1)
+            self.powers[:, i] = cubic
             return
         first, second, begin, end = self._snapshots(self.t[i])
         one = self._nodal(i, first)
-        self.now[i], self.onward[i] = affine(one), affine(self._nodal(i, second) - one)
+        self.powers[0, i], self.powers[1, i] = affine(one), affine(self._nodal(i, second) - one)
         self.t_from[i], self.t_end[i] = begin, end
         self.per[i] = np.where(first != second, 1.0 / (end - begin), 0.0)
+
+    def _knots(self, i: Index) -> list[Index]:
+        """The four coefficients around the clocks of granules ``i``; notes their intervals."""
+        times, period = self.field.times, self.field.period
+        assert times is not None
+        assert period is not None
+        per = len(times) / period
+        place = (self.t[i] - times[0]) * per
+        first = np.floor(place + 1e-12 * (np.abs(place) + 1.0))
+        self.t_from[i], self.t_end[i], self.per[i] = times[0] + first / per, times[0] + (first + 1.0) / per, per
+        return [((first + shift) % len(times)).astype(np.int64) for shift in (-1, 0, 1, 2)]
 
     def _snapshots(self, t: Array) -> tuple[Index, Index, Array, Array]:
         times, period = self.field.times, self.field.period
@@ -134,10 +159,9 @@ class _Flight:
     def rhs(self, i: Index, t: Array, y: Array) -> Array:
         """d(x, v)/dt (n, 4) of granules ``i``."""
         away = y[:, :2] - self.origin[i]
-        value = self.now[i, 0] + away[:, :1] * self.now[i, 1] + away[:, 1:] * self.now[i, 2]
-        if self.field.times is not None:
-            w = ((t - self.t_from[i]) * self.per[i])[:, None]
-            value = value + w * (self.onward[i, 0] + away[:, :1] * self.onward[i, 1] + away[:, 1:] * self.onward[i, 2])
+        w, value = ((t - self.t_from[i]) * self.per[i])[:, None], np.zeros((len(i), 4))
+        for now in self.powers[self.degrees - 1 :: -1, i] if self.degrees > 1 else self.powers[:1, i]:
+            value = w * value + now[:, 0] + away[:, :1] * now[:, 1] + away[:, 1:] * now[:, 2]
         slip = value[:, :2] - y[:, 2:]
         reynolds = self.per_slip[i] * np.hypot(slip[:, 0], slip[:, 1])
         rate = self.stokes[i] * drag_laws[self.problem.drag].factor(reynolds, self.grains.sphericity[i])

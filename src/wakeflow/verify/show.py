@@ -1,4 +1,4 @@
-"""The report of ``wakeflow verify tracker`` as tables for a terminal."""
+"""The reports of ``wakeflow verify`` as tables, for a terminal and in Markdown."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["goal_table", "markdown", "problem_table", "row_tables"]
+__all__ = ["airflow_markdown", "airflow_tables", "goal_table", "markdown", "problem_table", "row_tables"]
 
 
 COLUMNS = (
     "method", "setting", "median", "95 %", "own", "us/granule", "CPU us", "granules/s", "steps", "M stages/s/core",
     "others %", "bin share %",
 )  # fmt: skip
+AIRFLOW = (
+    "case", "rung", "quantity", "published", "ours", "95 % or mesh error", "deviation %", "within %", "met", "order",
+    "cells", "core-s", "date", "status", "source",
+)  # fmt: skip
+MOMENTUM = ("case", "front Cp: 2 cos^2 beta", "computed", "base Cp", "Cd by momentum", "computed", "ratio")
 GOALS = ("goal", "wanted", "reached", "met", "note")
 TITLE = "landing error in body widths against run time"
 
@@ -100,3 +105,47 @@ def problem_table(report: dict[str, Any]) -> Table:
         table.add_row(row["problem"], f"{row['tolerance']:.0e}", f"{row['error']:.1e}", f"{row['steps']:.0f}", order,
                       expected, f"{row['ratio']:.1e}")  # fmt: skip
     return table
+
+
+def airflow_tables(report: dict[str, Any]) -> list[Table]:
+    """Published and computed airflow, and the momentum model beside it."""
+    from rich.table import Table
+
+    tables = []
+    for title, head, rows in (
+        ("airflow: published and computed", AIRFLOW[:-1], [_airflow_cells(row)[:-1] for row in report["rows"]]),
+        ("the momentum model beside the computed airflow", MOMENTUM, map(_momentum_cells, report["momentum"])),
+    ):
+        table = Table(*head, title=title, title_justify="left", pad_edge=False, box=None)
+        for row in rows:
+            table.add_row(*row)
+        tables.append(table)
+    return tables
+
+
+def airflow_markdown(report: dict[str, Any]) -> str:
+    """The same as Markdown, with the sources."""
+    lines = [f"{report['date']}, {report['machine']}", ""]
+    lines += [*_grid(AIRFLOW, map(_airflow_cells, report["rows"])), ""]
+    lines += [*_grid(MOMENTUM, map(_momentum_cells, report["momentum"])), ""]
+    lines += [f"failed: {failure['case']}: {failure['why']}" for failure in report["failed"]]
+    return "\n".join(lines)
+
+
+def _airflow_cells(row: dict[str, Any]) -> list[str]:
+    def percent(value: float | None, signed: bool = False) -> str:
+        return "–" if value is None else f"{100 * value:{'+' if signed else ''}.2g}"
+
+    theirs = "–" if row["theirs"] is None else " to ".join(f"{value:.5g}" for value in dict.fromkeys(row["theirs"]))
+    band = "–" if row["low"] is None else f"{row['low']:.4g} to {row['high']:.4g}"
+    return [
+        row["title"], row["rung"], row["quantity"], theirs, "–" if row["ours"] is None else f"{row['ours']:.4g}",
+        band, percent(row["deviation"], True), percent(row["within"]),
+        {None: "–", True: "yes", False: "NO"}[row["met"]], "–" if row["order"] is None else f"{row['order']:.2f}",
+        str(row["cells"]), f"{row['core_seconds']:.0f}", row["date"], row["status"] or "–", row["source"] or "–",
+    ]  # fmt: skip
+
+
+def _momentum_cells(row: dict[str, Any]) -> list[str]:
+    names = ("cp_model", "cp_computed", "cp_base", "cd_model", "cd_computed")
+    return [row["title"], *(f"{row[name]:.2f}" for name in names), f"{row['cd_model'] / row['cd_computed']:.2f}"]

@@ -136,6 +136,7 @@ def travelling_wave(field: FlowField, speed: float, width: float, strength: floa
 
 def resampled(field: FlowField, onto: FlowField) -> FlowField:
     """The velocity of a time-resolved ``field`` on the triangles of another, which end at the scene's floor."""
+    field = field.snapshots()
     assert field.times is not None
     from scipy.spatial import cKDTree
 

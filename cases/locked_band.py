@@ -1,0 +1,162 @@
+"""Measure where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100.
+
+.venv/bin/python cases/locked_band.py runs/locked-band [rhombus|prism]
+
+Every run takes some 10 s of one core and is kept in the folder, so an interrupted series goes on. Prints the table of
+docs/validation.md: for each speed ratio a w / U and frequency ratio f / fs whether the lift repeats with the vibration
+or with every second one, and how much mean drag, lift, base pressure and velocity differ from a body at rest.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wakeflow.files import write_json
+from wakeflow.foam.case import FlowSpec, write_parameters
+from wakeflow.foam.history import CD, CL, read_table, upward_crossings
+from wakeflow.foam.initial import perturb, start_from
+from wakeflow.foam.read import CaseFields, time_folders
+from wakeflow.foam.solve import Watch, prepare, solver
+from wakeflow.foam.vibration import Vibration, repeats
+from wakeflow.laws.shape import shapes
+from wakeflow.meshing import build_mesh, plan_mesh
+
+Array = NDArray[np.float64]
+WIDTH, SPEED, REYNOLDS = 0.05, 1.0, 100.0
+SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4)  # a w / U
+FREQUENCIES = (0.5, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.5, 1.8, 1.9, 1.95, 2.0, 2.05, 2.1, 2.2, 3.0)  # f / fs
+BEFORE, WINDOW = 12, 20  # shedding periods before and in the measurement
+AVERAGE = """
+functions {{ average {{
+    type fieldAverage; libs ("libfieldFunctionObjects.so"); writeControl onEnd; timeStart {begin:.12g};
+    fields ( U {{ mean on; prime2Mean off; base time; }} p {{ mean on; prime2Mean off; base time; }} );
+}} }}
+"""
+
+
+def flow(body: str, vibration: Vibration | None) -> FlowSpec:
+    """The body in a channel ten times as wide, on about 1600 cells."""
+    how: dict[str, Any] = (
+        {"slope_angle": math.pi / 4} if body == "rhombus" else {"slope_angle": math.pi / 3, "apex": "up"}
+    )
+    outline = shapes[body](width=WIDTH, **how)
+    ends = {"top": 5 * WIDTH, "bottom": -12 * WIDTH}
+    mesh = plan_mesh([outline], width=10 * WIDTH, direction="down", rung="standard", scale=2.5, **ends)
+    air = {"speed": SPEED, "density": 1.2, "viscosity": 1.2 * SPEED * WIDTH / REYNOLDS}
+    return FlowSpec(mesh, **air, turbulence="laminar", stepping="time-resolved", vibration=vibration)  # type: ignore[arg-type]
+
+
+def solve(spec: FlowSpec, folder: Path, msh: Path, start: Path | None, shedding: float) -> dict[str, float]:
+    """Run through the start-up and the window; mean Cd, rms of Cl, base pressure, frequency of the lift (Hz)."""
+    begin, end = BEFORE / shedding, (BEFORE + WINDOW) / shedding
+    case = folder / "case"
+    shutil.rmtree(case, ignore_errors=True)
+    case.mkdir(parents=True)
+    prepare(spec, msh, case)
+    start_from(spec, case, start)
+    if start is None:
+        perturb(spec, case)
+    with (case / "system" / "controlDict").open("a") as stream:
+        stream.write(AVERAGE.format(begin=begin))
+    write_parameters(case, {
+        "endTime": end, "deltaT": 0.2 * spec.mesh.h_corner / spec.speed, "writeControl": "adjustableRunTime",
+        "writeInterval": end, "purgeWrite": 1,
+    })  # fmt: skip
+    solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda rows: False, expected=end), None)
+    rows = read_table(case, "forceCoefficients", (CD, CL))
+    rows = rows[rows[:, 0] >= begin]
+    clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * WINDOW)
+    drag, lift = (np.interp(clock, rows[:, 0], rows[:, i]) for i in (1, 2))
+    crossings = upward_crossings(clock, lift)
+    found = {
+        "cd": float(drag.mean()), "cl_rms": float(lift.std()), "cp_base": base_pressure(spec, case),
+        "frequency": (len(crossings) - 1) / float(crossings[-1] - crossings[0]) if len(crossings) > 1 else 0.0,
+    }  # fmt: skip
+    if spec.vibration is not None:
+        period = spec.vibration.period
+        found |= {"one": repeats(clock, lift, period), "two": repeats(clock, lift, 2 * period)}
+    return found
+
+
+def base_pressure(spec: FlowSpec, case: Path) -> float:
+    """Mean pressure coefficient at the middle of the rear, against the inlet's."""
+    fields = CaseFields(case)
+    pressure = fields.field(time_folders(case)[-1], "pMean")[1]
+    plane = fields.mesh.plane
+    rear = np.array([0.0, min(y for _, y in spec.mesh.bodies[0])])
+    body = np.flatnonzero(fields.wall)
+    nearest = body[np.argsort(np.linalg.norm(plane.midpoints[body] - rear, axis=1))[:2]]
+    inlet = np.average(pressure[plane.on("inlet")], weights=plane.lengths[plane.on("inlet")])
+    return float((pressure[nearest].mean() - inlet) / (0.5 * spec.speed**2))
+
+
+def mean_shift(one: Path, other: Path) -> float:
+    """Largest difference of two mean velocities over U, within three widths of the body."""
+    fields = CaseFields(one)
+    near = np.abs(fields.mesh.plane.centres).max(axis=1) < 3 * WIDTH
+    means = [CaseFields(case).field(time_folders(case)[-1], "UMean")[0][near] for case in (one, other)]
+    return float(np.linalg.norm(means[0] - means[1], axis=1).max() / SPEED)
+
+
+def at_rest(folder: Path, body: str, msh: Path) -> dict[str, float]:
+    """The body at rest: started with a push on a guessed frequency, then over whole windows of its own."""
+    done = folder / "rest" / "found.json"
+    if not done.exists():
+        spec = flow(body, None)
+        first = solve(spec, folder / "first", msh, None, 0.2 * SPEED / WIDTH)
+        found = solve(spec, folder / "rest", msh, folder / "first" / "case", first["frequency"])
+        write_json(done, found)
+    return json.loads(done.read_text())
+
+
+def one(folder: Path, body: str, msh: Path, speed: float, frequency: float, rest: dict[str, float]) -> dict[str, float]:
+    """One vibrating run, against the body at rest; kept as found.json."""
+    here = folder / f"{speed:g}-{frequency:g}"
+    done = here / "found.json"
+    if not done.exists():
+        omega = 2 * math.pi * frequency * rest["frequency"]
+        spec = flow(body, Vibration(speed * SPEED / omega, omega))
+        found = solve(spec, here, msh, folder / "rest" / "case", rest["frequency"])
+        shift = mean_shift(here / "case", folder / "rest" / "case")
+        write_json(done, {**found, "shift": shift})
+        shutil.rmtree(here / "case")
+    return json.loads(done.read_text())
+
+
+def main(folder: Path, body: str) -> None:
+    folder = folder / body
+    if not (folder / "mesh.msh").exists():
+        build_mesh(replace(flow(body, None)).mesh, folder)
+    msh = folder / "mesh.msh"
+    rest = at_rest(folder, body, msh)
+    print(f"at rest: St {rest['frequency'] * WIDTH / SPEED:.4f}, Cd {rest['cd']:.3f}, Cl rms {rest['cl_rms']:.3f}, "
+          f"Cp base {rest['cp_base']:.3f}\n")  # fmt: skip
+    print("| a w / U | f / fs | a / D | lift / fs | repeats | Cd | Cl rms | Cp base | mean velocity |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for speed in SPEEDS:
+        for frequency in FREQUENCIES:
+            found = one(folder, body, msh, speed, frequency, rest)
+            kind = "f" if found["one"] > 0.98 else "f/2" if found["two"] > 0.98 else "no"
+            amplitude = speed * SPEED / (2 * math.pi * frequency * rest["frequency"] * WIDTH)
+            cells = [
+                f"{speed:g}",
+                f"{frequency:g}",
+                f"{amplitude:.3f}",
+                f"{found['frequency'] / rest['frequency']:.3f}",
+            ]
+            cells += [f"{kind} ({max(found['one'], found['two']):.3f})"]
+            cells += [f"{100 * (found[key] / rest[key] - 1):+.1f} %" for key in ("cd", "cl_rms", "cp_base")]
+            print(f"| {' | '.join(cells)} | {found['shift']:.3f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(Path((sys.argv[1:] or ["runs/locked-band"])[0]), (sys.argv[2:] or ["rhombus"])[0])

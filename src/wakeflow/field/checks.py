@@ -1,0 +1,81 @@
+"""Checks of what a flow field is made of; SceneError names what is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import SceneError
+from .triangles import double_area
+
+__all__ = ["cells", "clock", "coefficients", "nodal", "numbers", "optional"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+def numbers(name: str, values: ArrayLike) -> Array:
+    try:
+        array = np.array(values, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise SceneError(f"{name}: not an array of numbers") from None
+    bad = ~np.isfinite(array)
+    if bad.any():
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise SceneError(f"{name}: {int(bad.sum())} of {array.size} values are not finite, the first at {first}")
+    return array
+
+
+def nodal(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = numbers(name, values)
+    if array.shape != shape:
+        raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
+    return array
+
+
+def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
+    return None if values is None else nodal(name, values, shape)
+
+
+def cells(triangles: ArrayLike, points: Array) -> Index:
+    cells = np.array(triangles)
+    if cells.ndim != 2 or cells.shape[1] != 3 or not len(cells) or not np.issubdtype(cells.dtype, np.integer):
+        raise SceneError(f"triangles: shape {cells.shape} of {cells.dtype}, expected (M, 3) of integers")
+    cells = cells.astype(np.int64)
+    if cells.min() < 0 or cells.max() >= len(points):
+        raise SceneError(f"triangles: node {int(cells.max())} and {int(cells.min())}, allowed 0 to {len(points) - 1}")
+    double = double_area(points, cells)
+    cells[double < 0] = cells[double < 0][:, ::-1]
+    p = points[cells]
+    longest = np.max(np.sum((p - np.roll(p, 1, axis=1)) ** 2, axis=2), axis=1)
+    flat = np.abs(double) <= 1e-12 * longest
+    if flat.any():
+        raise SceneError(
+            f"triangles: {int(flat.sum())} of {len(cells)} have no area, the first is {int(flat.argmax())}"
+        )
+    return np.ascontiguousarray(cells)
+
+
+def clock(times: ArrayLike, period: float | None) -> Array:
+    clock = numbers("times", times)
+    if clock.ndim != 1 or not len(clock):
+        raise SceneError(f"times: shape {clock.shape}, expected (T,)")
+    if np.any(np.diff(clock) <= 0):
+        raise SceneError(f"times: must increase, but do not after entry {int(np.argmax(np.diff(clock) <= 0))}")
+    if period is not None and not (np.isfinite(period) and period > 0 and period >= clock[-1] - clock[0]):
+        raise SceneError(f"period = {period:g} s is shorter than the {clock[-1] - clock[0]:g} s the times span")
+    return clock
+
+
+def coefficients(values: ArrayLike, times: Array | None, period: float | None) -> Array:
+    """Coefficients (T, R) of splines whose knots are the times: uniform over the period, at least four."""
+    array = numbers("coefficients", values)
+    if times is None or period is None or len(times) < 4:
+        raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
+    if array.ndim != 2 or array.shape[0] != len(times) or array.shape[1] < 1:
+        raise SceneError(f"coefficients: shape {array.shape}, expected ({len(times)}, R), a row for each time")
+    if not np.allclose(np.diff(times), period / len(times), rtol=1e-6, atol=0.0):
+        raise SceneError("coefficients: the times, the knots of the splines, must be uniform over the period")
+    if not (np.allclose(array[:, 0], 1.0) and np.allclose(array[:, 1:].mean(axis=0), 0.0, atol=1e-9)):
+        raise SceneError("coefficients: the first column must be 1, for the mean, and the others have the mean 0")
+    return array

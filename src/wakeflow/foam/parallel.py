@@ -1,0 +1,61 @@
+"""MPI: a large case is cut into strips along the air, one a rank; afterwards it is one case again."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from .programs import call
+
+__all__ = ["WORTH_IT", "gather", "ranks_for", "scatter"]
+
+WORTH_IT = 60_000  # cells a rank must get at least before MPI pays
+
+
+def ranks_for(cells: int, cores: int) -> tuple[int, str]:
+    """Ranks for a case of so many cells on so many cores, and the reason."""
+    ranks = max(1, min(cores, cells // (WORTH_IT // 2)))
+    if ranks == 1:
+        return 1, f"one process: {cells} cells are too few to share (MPI from {WORTH_IT} cells and two cores)"
+    return ranks, f"{ranks} MPI ranks of about {cells // ranks} cells"
+
+
+def scatter(folder: Path) -> tuple[list[str], list[str]]:
+    """Cut the case's latest time into as many parts as its parameters ask ranks for.
+
+    Returns the launcher's words and the solver's options; both empty for one rank.
+    """
+    ranks = _ranks(folder)
+    if ranks == 1:
+        return [], []
+    call(folder, ["decomposePar", "-force", "-latestTime"])
+    # Not bound to cores (two runs side by side would share one), idle ranks yield; in a container one is often root
+    how = "--allow-run-as-root --oversubscribe --bind-to none --mca mpi_yield_when_idle 1"
+    return ["mpirun", "-np", str(ranks), *how.split()], ["-parallel"]
+
+
+def gather(folder: Path, *, is_whole: Callable[[Path], bool]) -> None:
+    """Put the times that all ranks wrote to their ends together again and remove the parts; nothing without parts.
+
+    A time that any rank left half-written is dropped.
+    """
+    parts = sorted(folder.glob("processor[0-9]*"))
+    if not parts:
+        return
+    whole = [{p.name for p in part.iterdir() if _is_time(p.name) and is_whole(p)} for part in parts]
+    new = set.intersection(*whole) - {p.name for p in folder.iterdir()}
+    if new:
+        call(folder, ["reconstructPar", "-time", ",".join(sorted(new, key=float))])
+    for part in parts:
+        shutil.rmtree(part)
+
+
+def _is_time(name: str) -> bool:
+    return re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", name) is not None
+
+
+def _ranks(folder: Path) -> int:
+    found = re.search(r"^ranks\s+(\d+);", (folder / "system" / "parameters").read_text(), re.M)
+    return int(found[1]) if found else 1

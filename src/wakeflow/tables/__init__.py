@@ -1,0 +1,23 @@
+"""The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
+
+from .common import GRAVITY, STANDARD_AIR, Table
+from .granules import Feed, Fraction, Size
+from .surroundings import Air, Body, Channel, Inlet, Vibration
+from .whole import Bin, Numerics, SceneTables
+
+__all__ = [
+    "GRAVITY",
+    "STANDARD_AIR",
+    "Air",
+    "Bin",
+    "Body",
+    "Channel",
+    "Feed",
+    "Fraction",
+    "Inlet",
+    "Numerics",
+    "SceneTables",
+    "Size",
+    "Table",
+    "Vibration",
+]

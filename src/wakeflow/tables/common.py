@@ -1,0 +1,30 @@
+"""What all tables of a scene share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from inspect import Parameter, signature
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+__all__ = ["GRAVITY", "STANDARD_AIR", "Array", "Table", "takes"]
+
+GRAVITY = 9.81  # m/s2
+STANDARD_AIR = (1.204, 1.825e-5)  # kg/m3 and Pa s at 20 C: where terminal velocities are measured
+Array = NDArray[np.float64]
+
+
+class Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+def takes(kind: str, name: str, function: Callable[..., Any], given: Mapping[str, Any]) -> str:
+    """What a registered function needs, from its signature, after it refused ``given``."""
+    wanted = {p.name: p.default for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY}
+    missing = [key for key, default in wanted.items() if default is Parameter.empty and key not in given]
+    unknown = [key for key in given if key not in wanted]
+    parts = [f"{word} {', '.join(keys)}" for word, keys in (("lacks", missing), ("has no", unknown)) if keys]
+    return f"{kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})"

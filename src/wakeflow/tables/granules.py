@@ -1,0 +1,190 @@
+"""[feed] and [fraction.NAME]: the falling curtain and the classes of granules in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from ..errors import SceneError
+from ..laws.drag import drag_laws
+from ..laws.material import Material, materials
+from ..laws.size import sizes
+from ..quantities import Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
+from .common import GRAVITY, Array, Table, takes
+
+__all__ = ["Feed", "Fraction", "Size"]
+
+
+class Feed(Table):
+    """[feed]: the falling curtain."""
+
+    height: Length | None = Field(None, description="of free fall from rest down to the top of the body")
+    speed: Speed | None = Field(None, description="instead of height: fall speed at the top of the body")
+    width: Length
+    position: Coordinate = Field(0.0, description="x of the curtain's middle")
+    rate: Rate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
+    depth: Length = Field(1.0, description="of the machine, across the plane")
+    count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
+    seed: Annotated[int, Field(ge=0)] = 0
+    mode: Literal["auto", "injected", "resolved"] = Field(
+        "auto",
+        description="injected: eq. (1)-(2) at the slope; resolved: by the tracker; auto: by Stokes number",
+    )
+
+    @model_validator(mode="after")
+    def _one_start(self) -> Feed:
+        if (self.height is None) == (self.speed is None):
+            raise SceneError("give either height or speed")
+        return self
+
+    @property
+    def fall_speed(self) -> float:
+        """Fall speed (m/s) at the top of the body, by free fall without air: the paper's V0."""
+        if self.speed is not None:
+            return self.speed
+        assert self.height is not None
+        return math.sqrt(2 * GRAVITY * self.height)
+
+    @property
+    def mass_flow(self) -> float:
+        """kg/s of all fractions together."""
+        return self.rate if self.rate is not None else self.depth * 1.0
+
+
+class Size(Table):
+    """A size distribution by mass: ``distribution`` and its parameters."""
+
+    distribution: str = Field(description="one of: " + ", ".join(sizes))
+    diameter: Diameter | None = None
+    low: Diameter | None = None
+    high: Diameter | None = None
+    mean: Diameter | None = None
+    std: Diameter | None = None
+    median: Diameter | None = None
+    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
+    scale: Diameter | None = Field(None, description="rosin-rammler: 63.2 % of the mass is finer")
+    spread: Annotated[float, Field(ge=0.5, le=50)] | None = Field(None, description="rosin-rammler: its exponent")
+    diameters: list[Diameter] | None = Field(None, description="table: the sieves, finest first")
+    passing: list[Annotated[float, Field(ge=0, le=1)]] | None = Field(
+        None, description="table: mass fraction finer than each sieve, from 0 to 1"
+    )
+
+    @model_validator(mode="after")
+    def _has_quantiles(self) -> Size:
+        self.quantile(np.array([0.5]))
+        return self
+
+    def quantile(self, p: Array) -> Array:
+        """Diameters (m) below which the mass fractions ``p`` lie."""
+        given = self.model_dump(exclude_none=True, exclude={"distribution"})
+        try:
+            return sizes[self.distribution](p, **given)
+        except TypeError:
+            kind = "size distribution"
+            raise SceneError(takes(kind, self.distribution, sizes[self.distribution], given)) from None
+
+
+def _one_diameter(value: Any) -> Any:
+    """``size = "4 mm"`` is short for a distribution of one diameter."""
+    return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
+
+
+class Fraction(Table):
+    """[fraction.NAME]: a class of granules; what is not given comes from its material."""
+
+    material: str | None = Field(None, description="one of: " + ", ".join(materials))
+    size: Annotated[Size, BeforeValidator(_one_diameter)] | None = Field(
+        None, description="one diameter, or a distribution by mass"
+    )
+    density: Density | None = None
+    sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
+        None, description="surface of the equal sphere over surface"
+    )
+    terminal_velocity: PositiveSpeed | None = Field(
+        None, description="measured in air at 20 C, of the median size; drag is calibrated to it"
+    )
+    drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
+    restitution: Annotated[float, Field(ge=0, le=1)] | None = None
+    friction: Annotated[float, Field(ge=0, le=10)] | None = None
+    inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
+        None, description="I / (m r^2): 0.4 sphere, 0.5 disc; default: a point mass, as in the paper, gets no spin"
+    )
+    mass_share: Share | None = Field(None, description="of the feed; shares add up to 1; default: equal")
+    target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
+        None, description="the bin, or bins, where it should land"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Fraction:
+        if self.material is not None:
+            materials[self.material]
+        else:
+            missing = [k for k in ("size", "density", "restitution", "friction") if getattr(self, k) is None]
+            if missing:
+                raise SceneError(f"without a material give also: {', '.join(missing)}")
+        if self.sphericity is not None and self.terminal_velocity is not None:
+            raise SceneError("give sphericity or terminal_velocity, not both")
+        if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
+            verb = "has no" if self.sphericity is not None else "needs a"
+            raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
+        return self
+
+    def _or_material(self, name: str) -> Any:
+        own = getattr(self, name)
+        if own is not None:
+            return own
+        assert self.material is not None
+        return getattr(materials[self.material], name)
+
+    @property
+    def properties(self) -> Material:
+        """The fraction's own values where given, its material's elsewhere; diameter is the mass median."""
+        terminal = self.terminal_velocity
+        if terminal is None and self.sphericity is None and self.material is not None:
+            terminal = materials[self.material].terminal_velocity
+        return Material(
+            diameter=float(self.diameters(np.array([0.5]))[0]),
+            density=self._or_material("density"),
+            terminal_velocity=terminal,
+            restitution=self._or_material("restitution"),
+            friction=self._or_material("friction"),
+            confidence="given" if self.material is None else materials[self.material].confidence,
+            source="scene" if self.material is None else materials[self.material].source,
+        )
+
+    @property
+    def drag_law(self) -> str:
+        """Its name: the one given, else Haider & Levenspiel's with a sphericity, Brown & Lawler's without."""
+        return self.drag or ("brown-lawler" if self.sphericity is None else "haider-levenspiel")
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """The bins where this fraction should land; empty when none was named."""
+        if self.target is None:
+            return ()
+        return (self.target,) if isinstance(self.target, str) else tuple(self.target)
+
+    @property
+    def measured_settling(self) -> tuple[float, float, float] | None:
+        """Diameter (m), density (kg/m3) and terminal velocity (m/s) of the granule that was measured; None without.
+
+        The material's own granule when the material brings the velocity: a scene's other size or density does not
+        change what was measured, it changes how fast its granules fall.
+        """
+        own = self.properties
+        if own.terminal_velocity is None:
+            return None
+        if self.terminal_velocity is None and self.material is not None:
+            source = materials[self.material]
+            return source.diameter, source.density, own.terminal_velocity
+        return own.diameter, own.density, own.terminal_velocity
+
+    def diameters(self, p: Array) -> Array:
+        """Diameters (m) below which the mass fractions ``p`` lie."""
+        if self.size is not None:
+            return self.size.quantile(p)
+        return sizes["single"](p, diameter=materials[str(self.material)].diameter)

@@ -1,0 +1,137 @@
+"""[bin.NAME], [numerics], and all tables of a scene together."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field, model_validator
+
+from ..errors import SceneError
+from ..geometry import are_symmetric
+from ..quantities import Coordinate, Name, Point
+from .common import GRAVITY, Array, Table
+from .granules import Feed, Fraction
+from .surroundings import Air, Body, Channel, Vibration
+
+__all__ = ["Bin", "Numerics", "SceneTables"]
+
+
+class Bin(Table):
+    """[bin.NAME]: a collector, a stretch of the channel's boundary or a line of points."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
+    start: Coordinate | None = Field(None, alias="from", description="x on the floor or top, y on a side")
+    to: Coordinate | None = None
+    on: Literal["floor", "left", "right", "top"] = "floor"
+    points: list[Point] | None = Field(None, description="a polyline anywhere in the channel, instead of from and to")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Bin:
+        if self.points is not None:
+            if self.start is not None or self.to is not None:
+                raise SceneError("give either points, or from and to")
+            if len(self.points) < 2:
+                raise SceneError("points needs at least two [x, y] pairs")
+            if not np.all(np.linalg.norm(np.diff(self.points, axis=0), axis=1) > 0):
+                raise SceneError("points repeats a point")
+        elif self.start is None or self.to is None:
+            raise SceneError("give from and to (or points)")
+        elif not self.start < self.to:
+            raise SceneError(f"from = {self.start:g} m must be below to = {self.to:g} m")
+        return self
+
+    def line(self, channel: Channel) -> Array:
+        """The collector as a polyline, (k, 2) in metres."""
+        if self.points is not None:
+            return np.asarray(self.points, dtype=float)
+        assert self.start is not None
+        assert self.to is not None
+        along = np.array([self.start, self.to])
+        fixed = {"floor": channel.bottom, "top": channel.top, "left": -channel.width / 2, "right": channel.width / 2}[
+            self.on
+        ]
+        across = np.full(2, fixed)
+        return np.stack([along, across] if self.on in ("floor", "top") else [across, along], axis=1)
+
+
+class Numerics(Table):
+    """[numerics]: how it is computed."""
+
+    rung: Literal["auto", "none", "draft", "standard", "reference"] = "auto"
+    tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(1e-4, description="landing error in body widths")
+    target_error: Annotated[float, Field(gt=0, le=0.5)] = Field(
+        0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
+    )
+    mesh_scale: Annotated[float, Field(ge=0.2, le=4.0)] = Field(1.0, description="factor on every cell edge")
+    keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
+        2000, description="granules kept in granules.npz per fraction"
+    )
+
+
+class SceneTables(Table):
+    """All tables of a scene, and what follows from them."""
+
+    body: Annotated[dict[Name, Body], Field(min_length=1)]
+    channel: Channel
+    air: Air | None = None
+    vibration: Vibration | None = None
+    feed: Feed
+    fraction: Annotated[dict[Name, Fraction], Field(min_length=1)]
+    bin: Annotated[dict[Name, Bin], Field(min_length=1)]
+    numerics: Numerics = Numerics()
+
+    @property
+    def width(self) -> float:
+        """Width of the first body (m): the unit of length of every reported error."""
+        return float(np.ptp(next(iter(self.body.values())).outline()[:, 0]))
+
+    @property
+    def reynolds(self) -> float | None:
+        """Re = rho U D / mu on the first body's width; None in a vacuum."""
+        return None if self.air is None else self.air.density * self.air.speed * self.width / self.air.viscosity
+
+    @property
+    def motion(self) -> tuple[Array, float]:
+        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest."""
+        return (np.zeros(2), 0.0) if self.vibration is None else (self.vibration.displacement, self.vibration.omega)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether bodies and secondary streams are their own mirror image about x = 0, as the channel is."""
+        rows = [(i.side, i.position, i.width, i.velocity) for i in self.channel.inlet.values()]
+        other = {"left": "right", "right": "left"}
+        paired = all((other[side], *rest) in rows for side, *rest in rows)
+        return paired and are_symmetric([body.outline() for body in self.body.values()])
+
+    @property
+    def release(self) -> tuple[float, float]:
+        """Height (m) above the first body's top at which the curtain begins, and its fall speed (m/s) there.
+
+        With feed.speed it begins at most one body width above, with the speed that makes feed.speed of it at the top.
+        """
+        feed = self.feed
+        if feed.height is not None:
+            return feed.height, 0.0
+        assert feed.speed is not None
+        above = min(feed.speed**2 / (2 * GRAVITY), self.width)
+        return above, math.sqrt(max(0.0, feed.speed**2 - 2 * GRAVITY * above))
+
+    @property
+    def obstacles(self) -> list[str]:
+        """Names of the bodies, other than the first, that the falling curtain may meet before it meets the first."""
+        first, *others = ((name, body.outline()) for name, body in self.body.items())
+        reach = self.feed.width / 2 + max(float(f.diameters(np.array([0.999]))[0]) for f in self.fraction.values())
+        found = []
+        for name, outline in others:
+            (left, _), (right, high) = outline.min(axis=0), outline.max(axis=0)
+            beside = left > self.feed.position + reach or right < self.feed.position - reach
+            if not beside and high > first[1][:, 1].min():
+                found.append(name)
+        return found
+
+    def mass_shares(self) -> dict[str, float]:
+        """Share of every fraction in the feed, by mass; they add up to 1."""
+        given = {name: f.mass_share for name, f in self.fraction.items()}
+        return {name: share if share is not None else 1.0 / len(given) for name, share in given.items()}

@@ -1,0 +1,218 @@
+"""The airflow against published values: scenes of ``cases/verify``, run by the same chain as every other scene."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import FoamError, MeshError, SceneError
+from ..files import atomic_write, write_json
+from ..grids import GridEstimate, cell_size, estimate
+from ..laws.momentum import momentum_pressure
+from ..pipeline import Chain
+from ..planning import make_plan
+from ..resources import verification_scenes
+from ..scene import Scene
+from .measured import Measured, Number, measured, quantities
+from .published import Case, Published, cases
+
+__all__ = ["Row", "compare", "grid_study", "momentum", "run_airflow", "run_scene"]
+
+Tell = Callable[[str], None]
+GRIDS = (1.0, 1.5, 2.25)  # mesh scales of the study of a scene that nothing is published of
+SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied there
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of one case. ``low`` .. ``high`` holds the 95 % interval of the finest mesh, or, where several were
+    computed, the mesh error with it (``error`` says how, ``order`` the observed one). ``theirs``: low and high of what
+    is published; ``deviation`` relative to its nearer end; ``met`` None where nothing was to be met.
+    """
+
+    case: str
+    title: str
+    rung: str
+    quantity: str
+    ours: float | None
+    low: float | None
+    high: float | None
+    theirs: tuple[float, float] | None
+    deviation: float | None
+    within: float | None
+    met: bool | None
+    cells: int
+    core_seconds: float
+    date: str
+    error: str
+    order: float | None
+    source: str
+    status: str
+
+
+def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
+    """Compute the quick cases, with ``slow`` all, and write ``airflow.json`` and ``airflow.md`` into ``folder``.
+
+    Everything is cached: the same call goes on after an interruption. A case whose mesh or airflow fails does not keep
+    the others from being computed; then FoamError is raised at the end, after the report is written.
+    """
+    chosen = [case for case in cases().values() if slow or case.quick]
+    return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell)
+
+
+def run_scene(path: Path, folder: Path, *, tell: Tell = lambda text: None) -> dict[str, Any]:
+    """The same for one scene: the case of its file's name, or a study on three grids where nothing is published."""
+    scene = Scene.load(path)
+    if scene.air is None:
+        raise SceneError(f"{path}: no [air] table: there is no airflow to verify")
+    case = cases().get(path.stem) or Case(path.stem, path.stem, scales=GRIDS)
+    return _run(folder, path.stem, [(case, scene)], tell)
+
+
+def _scene(case: Case) -> Scene:
+    return Scene.load(verification_scenes()[case.name])
+
+
+def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Tell) -> dict[str, Any]:
+    report: dict[str, Any] = {
+        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
+        "rows": [],
+        "momentum": [],
+        "failed": [],
+    }
+    for case, scene in chosen:
+        tell(case.title)
+        try:
+            rows, beside = compare(case, scene, tell)
+        except (FoamError, MeshError) as problem:
+            report["failed"].append({"case": case.name, "why": str(problem)})
+            continue
+        report["rows"] += [asdict(row) for row in rows]
+        report["momentum"].append(beside)
+    _write(report, folder, name)
+    if report["failed"]:
+        names = ", ".join(failure["case"] for failure in report["failed"])
+        raise FoamError(f"failed: {names}; {report['failed'][0]['why']}; the others: {folder / name}.md")
+    return report
+
+
+def _write(report: dict[str, Any], folder: Path, name: str) -> None:
+    from .show import airflow_markdown
+
+    write_json(folder / f"{name}.json", json.loads(json.dumps(report)))
+    with atomic_write(folder / f"{name}.md") as stream:
+        stream.write(airflow_markdown(report))
+
+
+def compare(case: Case, scene: Scene, tell: Tell = lambda text: None) -> tuple[list[Row], dict[str, Any]]:
+    """All rows of one case, and the momentum model beside it."""
+    asked = tuple(dict.fromkeys(v.quantity for v in case.values)) or SHARED
+    grids = [solve(scene, scale, None, tell) for scale in sorted(case.scales)]
+    rung, finest = grids[0]
+    numbers = {name: quantities[name].of(finest) for name in asked}
+    studies = grid_study([airflow for _, airflow in grids], asked, scene)
+    rows = [_row(case, rung, finest, v, numbers[v.quantity], studies.get(v.quantity)) for v in case.values]
+    if not case.values:
+        rows = [_plain(case, rung, finest, name, numbers[name], studies.get(name)) for name in asked if numbers[name]]
+    rows += _order_row(case, rung, finest, studies)
+    if case.beside is not None:
+        rows += _beside_rows(case, scene, rows, tell)
+    return rows, momentum(case, scene, finest)
+
+
+def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, Measured]:
+    """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
+    changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
+    plan = make_plan(changed, rung=rung)
+    chain = Chain(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
+    return plan.rung, measured(chain)
+
+
+def grid_study(airflows: Sequence[Measured], names: Sequence[str], scene: Scene) -> dict[str, GridEstimate]:
+    """What the grids say about the quantities that all of them have; empty for one grid."""
+    if len(airflows) < 2:
+        return {}
+    area = scene.channel.width * (scene.channel.top - scene.channel.bottom)  # of any size: only ratios count
+    sizes = [cell_size(area, airflow.table["cells"]) for airflow in airflows]
+    studies = {}
+    for name in names:
+        found = [quantities[name].of(airflow) for airflow in airflows]
+        numbers = [number for number in found if number is not None]
+        if len(numbers) == len(airflows):
+            studies[name] = estimate(sizes, [n.value for n in numbers], [n.half for n in numbers])
+    return studies
+
+
+def _plain(
+    case: Case, rung: str, airflow: Measured, name: str, number: Number | None, study: GridEstimate | None
+) -> Row:
+    shown = study or number
+    return Row(
+        case=case.name, title=case.title, rung=rung, quantity=quantities[name].label,
+        ours=None if shown is None else shown.value, low=None if shown is None else shown.low,
+        high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, met=None,
+        cells=airflow.table["cells"], core_seconds=airflow.cost, date=airflow.day,
+        error="one grid" if study is None else study.kind, order=None if study is None else study.order,
+        source="", status="",
+    )  # fmt: skip
+
+
+def _row(
+    case: Case, rung: str, airflow: Measured, known: Published, number: Number | None, study: GridEstimate | None,
+    judged: bool = True,
+) -> Row:  # fmt: skip
+    row = asdict(_plain(case, rung, airflow, known.quantity, number, study))
+    deviation = None if number is None else known.deviation(number.value)
+    within = known.within if judged else None
+    met = None if within is None else deviation is not None and abs(deviation) <= within
+    known_of = {"theirs": (known.low, known.high), "source": known.source, "status": known.status}
+    return Row(**{**row, **known_of, "deviation": deviation, "within": within, "met": met})
+
+
+def _order_row(case: Case, rung: str, airflow: Measured, studies: dict[str, GridEstimate]) -> Iterator[Row]:
+    for name, least in case.order.items():
+        study = studies[name]
+        row = asdict(_plain(case, rung, airflow, name, None, study))
+        label = f"order of {quantities[name].label}, at least {least:g}"
+        met = study.order is not None and study.order >= least
+        shown = {"quantity": label, "ours": study.order, "low": None, "high": None, "met": met, "source": study.why}
+        yield Row(**{**row, **shown})
+
+
+def _beside_rows(case: Case, scene: Scene, own: Sequence[Row], tell: Tell) -> Iterator[Row]:
+    """The other rung's numbers, not judged; and whether the scene's own is closer where it has to be."""
+    rung, airflow = solve(scene, min(case.scales), case.beside, tell)
+    rows = {v: _row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, False) for v in case.values}
+    yield from (row for row in rows.values() if row.ours is not None)
+    if case.closer is not None:
+        known = next(v for v in case.values if v.quantity == case.closer)
+        mine = next(row for row, v in zip(own, case.values, strict=False) if v is known)
+        distances = [abs(row.deviation) if row.deviation is not None else float("inf") for row in (mine, rows[known])]
+        table = asdict(mine) | {"quantity": f"{mine.quantity}: closer than {rung}", "within": None, "error": ""}
+        yield Row(**{**table, "met": distances[0] < distances[1]})
+
+
+def momentum(case: Case, scene: Scene, airflow: Measured) -> dict[str, Any]:
+    """The paper's momentum model beside the computed front pressure and drag of the first body."""
+    assert scene.air is not None
+    model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.air.direction)
+    front, base, drag = (quantities[name].of(airflow) for name in ("cp_front", "cp_base", "cd"))
+    assert front is not None
+    assert base is not None
+    assert drag is not None
+    return {
+        "case": case.name,
+        "title": case.title,
+        "cp_model": float(model.cp.max()),
+        "cp_computed": front.value,
+        "cd_model": model.drag(base.value),
+        "cd_computed": drag.value,
+        "cp_base": base.value,
+    }

@@ -1,0 +1,94 @@
+"""The published values in ``published.toml``, by the scene that they belong to."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..errors import SceneError
+from .measured import quantities
+
+__all__ = ["STATUSES", "Case", "Published", "cases", "read_cases"]
+
+STATUSES = ("read", "quoted", "unchecked")
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published number ``low`` .. ``high`` of a quantity; ``within``: relative deviation from it that is met, None
+    where it is only reported.
+    """
+
+    quantity: str
+    low: float
+    high: float
+    within: float | None
+    source: str
+    status: str
+
+    def deviation(self, value: float) -> float:
+        """Relative distance of ``value`` from the nearer end, negative below; 0 inside the range."""
+        nearest = min(max(value, self.low), self.high)
+        return (value - nearest) / abs(nearest)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A verification case: a scene ``cases/verify/NAME.toml`` and what is known of it (keys: published.toml)."""
+
+    name: str
+    title: str
+    values: tuple[Published, ...] = ()
+    quick: bool = False
+    scales: tuple[float, ...] = (1.0,)
+    order: Mapping[str, float] = field(default_factory=dict)
+    beside: str | None = None
+    closer: str | None = None
+    note: str = ""
+
+
+@cache
+def cases() -> dict[str, Case]:
+    """Every case of ``published.toml`` by name, in its sequence."""
+    return read_cases(tomllib.loads((Path(__file__).parent / "published.toml").read_text(encoding="utf-8")))
+
+
+def read_cases(tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Case]:
+    """The cases in plain tables. Raises SceneError for what is not as published.toml's head says."""
+    return {name: _case(name, dict(table)) for name, table in tables.items()}
+
+
+def _case(name: str, table: dict[str, Any]) -> Case:
+    values = tuple(_published(name, row) for row in table.pop("value", []))
+    if "scales" in table:
+        table["scales"] = tuple(table["scales"])
+    try:
+        case = Case(name=name, values=values, **table)
+    except TypeError as problem:
+        raise SceneError(f"published.toml: {name}: {problem}") from None
+    for quantity in (case.closer, *case.order):
+        if quantity is not None and quantity not in quantities:
+            raise SceneError(f"published.toml: {name}: unknown quantity {quantity!r}")
+    if case.closer is not None and (case.beside is None or not any(v.quantity == case.closer for v in values)):
+        raise SceneError(f"published.toml: {name}: closer needs beside and a value of {case.closer}")
+    return case
+
+
+def _published(name: str, row: Mapping[str, Any]) -> Published:
+    known = {"quantity", "value", "low", "high", "within", "source", "status"}
+    low, high = row.get("low", row.get("value")), row.get("high", row.get("value"))
+    wrong = (
+        f"unknown keys {sorted(set(row) - known)}" if set(row) - known
+        else f"unknown quantity {row.get('quantity')!r}" if row.get("quantity") not in quantities
+        else "needs value, or low and high" if low is None or high is None or not low <= high
+        else f"status {row.get('status')!r}: one of {', '.join(STATUSES)}" if row.get("status") not in STATUSES
+        else "needs a source" if not row.get("source")
+        else None
+    )  # fmt: skip
+    if wrong:
+        raise SceneError(f"published.toml: {name}: {wrong}")
+    return Published(row["quantity"], float(low), float(high), row.get("within"), row["source"], row["status"])

@@ -1,0 +1,82 @@
+"""The same granules flown again: what is the same, what differs, what the budget makes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wakeflow.companions import COMPUTED, Comparison, compared, differences, mesh_error
+from wakeflow.files import Store
+from wakeflow.flows import flow_spec, mesh_spec, nearest, remember
+from wakeflow.pipeline import Chain, Companion
+from wakeflow.planning import COMPARED, REPLICATES, make_plan
+from wakeflow.scene import Scene
+
+
+@pytest.fixture
+def vacuum(cases: Path, tmp_path: Path) -> Chain:
+    scene = Scene.load(cases / "vacuum.toml", {"feed.count": 256})
+    return Chain(scene, make_plan(scene), store=Store(tmp_path))
+
+
+def test_a_companion_flies_the_first_replicates_granules_again(vacuum: Chain) -> None:
+    whole, part = vacuum.tracks(), vacuum.tracks(Companion("again"))
+    for name in vacuum.scene.fraction:
+        first, again = compared(whole.landings[name]), part.landings[name]
+        assert len(again.bin) == len(whole.landings[name].bin) * COMPARED // REPLICATES
+        for column in ("position", "bin", "replicate", "diameter", "time"):
+            np.testing.assert_array_equal(getattr(first, column), getattr(again, column))
+    assert {"tracks", "again"} <= set(vacuum.seconds)
+
+
+def test_differences_are_from_the_answers_own_share() -> None:
+    shares = {
+        "steady": {"chaff": np.array([[0.5, 0.5], [0.7, 0.3]])},
+        COMPUTED: {"chaff": np.array([[0.2, 0.8], [0.4, 0.6]])},
+    }
+    found = Comparison(shares, 1.0)
+    assert dict(differences(found, "chaff", 0)) == {"steady": pytest.approx(0.3)}
+    assert dict(differences(found, "chaff", 1)) == {"steady": pytest.approx(-0.3)}
+    table = found.table(["middle"])
+    assert table["chaff"]["middle"] == {"steady": pytest.approx(0.6), COMPUTED: pytest.approx(0.3)}
+    assert list(table["chaff"]) == ["middle", "elsewhere"]
+
+
+def test_a_share_that_converges_at_second_order_has_its_mesh_error() -> None:
+    """Shares 0.3 + C h^2 on three grids with little noise between replicates: the interval holds 0.3."""
+    cells = (4500, 2000, 900)  # the answer's own grid is the finest, and last
+    noise = np.array([-1e-5, 1e-5, -1e-5, 1e-5])
+    shares = {str(n): {"chaff": (0.3 + 50.0 / n + noise)[:, None]} for n in (*cells[1:], cells[0])}
+    found = mesh_error(Comparison(shares, 1.0), "chaff", 0)
+    assert found.kind == "richardson"
+    assert found.order == pytest.approx(2.0, abs=0.05)
+    assert found.low <= 0.3 <= found.high
+    loud = {n: {"chaff": s["chaff"] + 1000 * noise[:, None]} for n, s in shares.items()}
+    assert mesh_error(Comparison(loud, 1.0), "chaff", 0).kind == "range-statistics"
+
+
+def test_a_time_resolved_airflow_starts_from_the_nearest_solved_one(cases: Path, tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    scene = Scene.load(cases / "rhombus.toml", {"numerics.rung": "standard"})
+    plan = make_plan(scene)
+    spec = flow_spec(scene, plan, mesh_spec(scene, plan))
+    assert nearest(store, "mesh", spec) is None
+
+    def solved(key: str, mesh: str, ratio: float, stepping: str = "time-resolved") -> None:
+        card = SimpleNamespace(stepping=stepping, reynolds=ratio * spec.reynolds)
+        store.make("airflow", key, lambda part: remember(part, mesh, card))  # type: ignore[arg-type]
+
+    solved("far", "mesh", 3.0)
+    solved("other", "another mesh", 1.0)
+    solved("steady", "mesh", 1.0, "steady")
+    assert nearest(store, "mesh", spec) is None
+    solved("near", "mesh", 1.5)
+    solved("nearer", "mesh", 0.8)
+    assert nearest(store, "mesh", spec) == tmp_path / "airflow" / "nearer" / "case"
+    (tmp_path / "airflow" / "nearer" / "start.json").write_text(
+        '{"mesh": "mesh", "stepping": "time-resolved", "reynolds": 1}'
+    )
+    assert nearest(store, "mesh", spec) == tmp_path / "airflow" / "near" / "case"  # a changed one is not trusted

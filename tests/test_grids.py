@@ -1,0 +1,143 @@
+"""Mesh errors from a few grids: published worked examples, laws with known limits, and refusals to extrapolate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wakeflow.errors import SceneError
+from wakeflow.grids import cell_size, estimate, extrapolate, observed_order
+
+# NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids
+NASA = ([1.0, 2.0, 4.0], [0.97050, 0.96854, 0.96178])
+# Celik et al. 2008, table 1: backward-facing step; cell counts 18000, 8000, 4500 and 18000, 4500, 980
+CELIK = ([1.0, 1.5, 1.5 * 4 / 3], [6.063, 5.972, 5.863])
+CELIK_SLOW = ([1.0, 2.0, 2.0 * 2.143], [10.7880, 10.7250, 10.6050])
+CELIK_OSCILLATING = ([1.0, 2.0, 2.0 * 2.143], [6.0042, 5.9624, 6.0909])
+
+
+def test_nasa_example() -> None:
+    found = estimate(*NASA)
+    assert found.kind == "richardson"
+    assert found.order == pytest.approx(1.786170, abs=1e-6)
+    assert found.extrapolated == pytest.approx(0.971300, abs=1e-6)
+    assert found.gci_fine is not None
+    assert found.gci_coarse is not None
+    assert 100 * found.gci_fine / 0.97050 == pytest.approx(0.103083, abs=1e-6)
+    assert 100 * found.gci_coarse / 0.96854 == pytest.approx(0.356249, abs=1e-6)
+    assert found.asymptotic == pytest.approx(0.356249 * 0.96854 / (2**1.786170 * 0.103083 * 0.97050), rel=1e-5)
+    assert (found.low, found.value, found.high) == pytest.approx((0.9695, 0.9705, 0.9715), abs=1e-5)
+
+
+def test_celik_example_with_unequal_ratios() -> None:
+    found = estimate(*CELIK)
+    assert found.order == pytest.approx(1.53, abs=0.01)
+    assert found.extrapolated == pytest.approx(6.1685, abs=2e-3)
+    assert found.gci_fine is not None
+    assert 100 * found.gci_fine / 6.063 == pytest.approx(2.17, abs=0.03)
+
+
+def test_celik_example_below_first_order() -> None:
+    found = estimate(*CELIK_SLOW)
+    assert found.order == pytest.approx(0.75, abs=0.01)
+    assert found.extrapolated == pytest.approx(10.8801, abs=1e-3)
+    assert found.gci_fine is not None
+    assert 100 * found.gci_fine / 10.788 == pytest.approx(1.1, abs=0.05)
+
+
+def test_oscillating_values_give_the_range() -> None:
+    found = estimate(*CELIK_OSCILLATING)
+    assert found.kind == "range-oscillating"
+    assert found.order is None
+    assert (found.low, found.value, found.high) == (5.9624, 6.0042, 6.0909)
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 1.7, 2.0, 2.4])
+@pytest.mark.parametrize("ratios", [(1.2, 1.2), (1.5, 2.0), (2.0, 1.3)])
+def test_a_power_law_gives_its_order_and_limit(order: float, ratios: tuple[float, float]) -> None:
+    sizes = [0.1, 0.1 * ratios[0], 0.1 * ratios[0] * ratios[1]]
+    values = [3.0 - 0.5 * h**order for h in sizes]
+    assert observed_order(sizes, values) == pytest.approx(order, rel=1e-9)
+    found = estimate(sizes[::-1], values[::-1])  # any sequence
+    assert found.kind == "richardson"
+    assert found.extrapolated == pytest.approx(3.0, rel=1e-12)
+    assert found.value == values[0]
+    assert found.low < values[0] < 3.0 < found.high
+    assert found.high - found.value == pytest.approx(1.25 * (3.0 - values[0]), rel=1e-9)
+    assert found.asymptotic == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [0.2, 3.5])
+def test_implausible_orders_give_the_range(order: float) -> None:
+    values = [1.0 + 0.5 * h**order for h in (1.0, 1.5, 2.25)]
+    found = estimate([1.0, 1.5, 2.25], values)
+    assert found.kind == "range-oscillating"
+    assert "order" in found.why
+    assert (found.low, found.high) == (min(values), max(values))
+    assert estimate([1.0, 1.5, 2.25], values, formal=4.0).kind == ("richardson" if order > 3 else "range-oscillating")
+
+
+def test_diverging_values_give_the_range() -> None:
+    assert observed_order([1, 2, 4], [1.0, 1.5, 1.6]) is None
+    found = estimate([1, 2, 4], [1.0, 1.5, 1.6])
+    assert found.kind == "range-oscillating"
+    assert "do not shrink" in found.why
+
+
+def test_two_grids_assume_the_order_and_take_factor_three() -> None:
+    found = estimate([1.0, 1.5], [2.0, 2.1])
+    assert found.kind == "two-grid"
+    assert found.order is None
+    assert found.high - found.value == pytest.approx(3 * 0.1 / (1.5**2 - 1))
+    assert found.extrapolated == pytest.approx(extrapolate([1.0, 1.5], [2.0, 2.1], 2.0))
+
+
+def test_noise_above_a_third_of_the_difference_forbids_extrapolation() -> None:
+    sizes, values = [1.0, 2.0, 4.0], [1.01, 1.04, 1.16]
+    quiet = estimate(sizes, values, [0.009, 0.002, 0.002])
+    assert quiet.kind == "richardson"
+    exact = estimate(sizes, values)
+    assert exact.gci_fine is not None
+    assert quiet.high - quiet.value == pytest.approx(np.hypot(exact.gci_fine, 0.009))
+    loud = estimate(sizes, values, [0.011, 0.002, 0.002])
+    assert loud.kind == "range-statistics"
+    assert (loud.low, loud.high) == pytest.approx((0.999, 1.162))
+    assert "0.011" in loud.why
+    assert estimate([1, 2], [1.0, 1.1], [0.0, 0.05]).kind == "range-statistics"
+    assert estimate([1, 2], [1.0, 1.0], [1e-3, 1e-3]).kind == "range-statistics"
+
+
+def test_statistical_intervals_are_inside_the_range() -> None:
+    found = estimate([1, 2, 4], [1.0, 1.2, 1.1], [0.01, 0.02, 0.01])
+    assert found.kind == "range-oscillating"
+    assert (found.low, found.high) == pytest.approx((0.99, 1.22))
+
+
+def test_grids_that_agree_have_no_error() -> None:
+    found = estimate([1, 2, 4], [1.0, 1.0, 1.0])
+    assert (found.low, found.value, found.high) == (1.0, 1.0, 1.0)
+    zero = estimate([1, 2, 4], [0.0, 0.0, 0.0])
+    assert (zero.low, zero.high) == (0.0, 0.0)
+
+
+def test_only_the_three_finest_count() -> None:
+    assert estimate([8, 4, 2, 1], [9.9, *NASA[1][::-1]]).order == pytest.approx(1.786170, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "values", "words"),
+    [
+        ([1.0], [1.0], "at least two"),
+        ([1.0, 1.05], [1.0, 1.1], "at least 1.1 times"),
+        ([1.0, 2.0], [1.0, 1.1, 1.2], "as many"),
+        ([1.0, 2.0], [1.0, float("nan")], "finest first"),
+        ([0.0, 2.0], [1.0, 1.1], "finest first"),
+    ],
+)
+def test_what_is_no_grid_study_is_refused(sizes: list[float], values: list[float], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        estimate(sizes, values)
+
+
+def test_cell_size_is_the_edge_of_the_mean_cell() -> None:
+    assert cell_size(2.0, 800) == pytest.approx(0.05)

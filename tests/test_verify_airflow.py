@@ -1,0 +1,288 @@
+"""The airflow beside published values: the table of values, the arithmetic of the comparison, one study run through."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from shutil import which
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wakeflow.cli import main
+from wakeflow.errors import FoamError, SceneError
+from wakeflow.foam.cost import core_seconds
+from wakeflow.laws.momentum import momentum_pressure
+from wakeflow.laws.shape import shapes
+from wakeflow.planning import make_plan
+from wakeflow.resources import verification_scenes
+from wakeflow.scene import Scene
+from wakeflow.verify import airflow, proofs
+from wakeflow.verify.measured import Measured, quantities
+from wakeflow.verify.published import Case, Published, cases, read_cases
+
+openfoam = pytest.mark.skipif(which("simpleFoam") is None, reason="OpenFOAM is not installed")
+VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted"}
+
+
+# -- published values and their scenes ---------------------------------------------------------------------------------
+
+
+def test_every_case_has_its_scene_and_every_scene_its_case() -> None:
+    assert set(cases()) == set(verification_scenes())
+
+
+@pytest.mark.parametrize("name", cases())
+def test_scenes_are_what_their_titles_say(name: str) -> None:
+    case, scene = cases()[name], Scene.load(verification_scenes()[name])
+    said = float(case.title.rsplit("Re ", 1)[1].replace(" ", ""))
+    assert scene.reynolds == pytest.approx(said, rel=0.01)
+    assert make_plan(scene).rung in ("draft", "standard")
+    if case.beside is not None:
+        assert make_plan(scene, rung=case.beside).rung != make_plan(scene).rung
+
+
+@pytest.mark.parametrize("name", cases())
+def test_no_case_is_judged_by_unread_numbers_alone_unless_it_says_so(name: str) -> None:
+    judged = [v for v in cases()[name].values if v.within is not None]
+    assert all(v.status != "unchecked" for v in judged) or name == "triangle-100"
+
+
+def test_channels_are_blocked_as_much_as_said() -> None:
+    blocked = {name: scene.width / scene.channel.width for name, scene in _scenes().items()}
+    assert blocked["dfg-2d1"] == blocked["dfg-2d2"] == pytest.approx(0.1 / 0.41)
+    assert blocked["volvo"] == pytest.approx(1 / 3)
+    assert blocked["square-100"] == blocked["triangle-100"] == pytest.approx(0.05)
+    off_axis = _scenes()["dfg-2d1"].body["cylinder"].at[0] / _scenes()["dfg-2d1"].width
+    assert abs(off_axis) == pytest.approx(0.005 / 0.1)
+
+
+def _scenes() -> dict[str, Scene]:
+    return {name: Scene.load(path) for name, path in verification_scenes().items()}
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation"), [(1.8, -0.1), (2.0, 0.0), (2.1, 0.0), (2.2, 0.0), (2.31, 0.05)]
+)  # fmt: skip
+def test_deviation_is_from_the_nearer_end(value: float, deviation: float) -> None:
+    assert Published("cd", 2.0, 2.2, None, "", "read").deviation(value) == pytest.approx(deviation)
+
+
+def test_deviation_of_negative_numbers_has_the_sign_of_the_difference() -> None:
+    assert Published("cp_base", -0.5, -0.5, None, "", "read").deviation(-0.6) == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"value": [{**VALUE, "status": "sure"}]}, "one of read"),
+        ({"value": [{**VALUE, "quantity": "cdd"}]}, "unknown quantity"),
+        ({"value": [{**VALUE, "source": ""}]}, "needs a source"),
+        ({"value": [{**VALUE, "error": 0.1}]}, "unknown keys"),
+        ({"value": [{k: v for k, v in VALUE.items() if k != "value"}]}, "low and high"),
+        ({"quik": True}, "quik"),
+        ({"title": "T", "order": {"drag": 1.5}}, "unknown quantity"),
+        ({"title": "T", "closer": "cd"}, "beside"),
+    ],
+)
+def test_mistakes_in_the_table_are_named(table: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        read_cases({"some": table})
+
+
+# -- the momentum model ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slope", [10.0, 45.0, 60.0, 80.0])
+@pytest.mark.parametrize("direction", ["down", "up"])
+def test_slopes_get_twice_cosine_squared(slope: float, direction: Any) -> None:
+    outline = shapes["rhombus"](width=0.05, slope_angle=np.radians(slope))
+    found = momentum_pressure(outline, direction)
+    expected = 2 * np.cos(np.radians(slope)) ** 2
+    assert found.front == pytest.approx(expected)
+    assert sorted(found.cp) == pytest.approx([0, 0, expected, expected])
+    outward = np.roll(outline, -1, axis=0) + outline
+    assert all((outward[found.cp > 0, 1] > 0) == (direction == "down"))
+    assert found.drag(-1.35) == pytest.approx(expected + 1.35)
+
+
+def test_a_face_across_the_air_gets_two_and_a_circle_four_thirds() -> None:
+    prism = shapes["prism"](width=0.05, slope_angle=np.radians(60))
+    assert momentum_pressure(prism, "up").front == pytest.approx(2.0)
+    assert momentum_pressure(prism, "down").front == pytest.approx(0.5)
+    assert momentum_pressure(shapes["circle"](width=0.05, corners=400)).front == pytest.approx(4 / 3, rel=1e-4)
+
+
+def test_faces_in_the_shadow_get_nothing() -> None:
+    """A roof of 45 degrees whose wing sticks out flat below: the roof hides the part of the wing beneath it."""
+    outline = np.array([(-2, -1), (2, -1), (2, -0.5), (0.5, -0.5), (0.5, 0), (1, 0), (0, 1), (-1, 0), (-2, 0)], float)
+    found = momentum_pressure(outline, "down")
+    wing = 2  # from x = 2 to 0.5: half a unit lies under the roof's eaves
+    assert found.lit[wing] == pytest.approx(1.0 / 1.5)
+    assert found.cp[3:5].tolist() == [0, 0]
+    assert found.front == pytest.approx((2 * 1.0 + 1 * 2.0 + 2 * 1.0) / 4)
+
+
+# -- costs, numbers ----------------------------------------------------------------------------------------------------
+
+
+def test_core_seconds_count_every_restart_and_rank(tmp_path: Path) -> None:
+    step = "Time = {}\nExecutionTime = {} s  ClockTime = 99 s\n\n"
+    one = "nProcs : 1\n" + step.format(1, 2.5) + step.format(2, 4.5)
+    two = "nProcs : 2\n" + step.format(3, 0.5) + step.format(4, 10)
+    (tmp_path / "log.pimpleFoam").write_text(one + two)
+    (tmp_path / "log.simpleFoam").write_text(one)
+    (tmp_path / "log.checkMesh").write_text(one)
+    assert core_seconds(tmp_path) == pytest.approx(4.5 + 20 + 4.5)
+
+
+def _airflow(case: Path, **changes: Any) -> Measured:
+    table = {
+        "cd": {"value": 2.0, "low": 1.9, "high": 2.1}, "cl_rms": 0.5, "strouhal": None, "cp_base": -1.0,
+        "cp_front": {"value": 1.0, "low": 0.9, "high": 1.1}, "suction": {"reversal_length": 0.1}, "period": None,
+        "cells": 1000,
+    }  # fmt: skip
+    return Measured({**table, **changes}, case, 0.05)
+
+
+def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> None:
+    found = {name: quantities[name].of(_airflow(tmp_path)) for name in quantities}
+    assert found["cd"] is not None
+    assert found["cd"].half == pytest.approx(0.1)
+    assert found["reversal"] is not None
+    assert found["reversal"].value == pytest.approx(2.0)
+    assert found["dp"] is not None
+    assert (found["dp"].low, found["dp"].value, found["dp"].high) == pytest.approx((1.9, 2.0, 2.1))
+    assert found["strouhal"] is None
+    assert found["cd_max"] is None
+
+
+def test_extremes_are_of_the_last_period(tmp_path: Path) -> None:
+    time = np.linspace(0, 4, 401)
+    rows = [f"{t} {3 + 0.1 * np.sin(4 * np.pi * t) + (t < 3) * 9} 0 {np.sin(2 * np.pi * t)}" for t in time]
+    folder = tmp_path / "postProcessing" / "forceCoefficients" / "0"
+    folder.mkdir(parents=True)
+    (folder / "coefficient.dat").write_text("# Time Cd Cs Cl\n" + "\n".join(rows) + "\n")
+    airflow = _airflow(tmp_path, period=0.99)
+    found = {name: quantities[name].of(airflow) for name in ("cd_max", "cd_min", "cl_swing")}
+    assert [number.value for number in found.values() if number] == pytest.approx([3.1, 2.9, 2.0], abs=1e-2)
+
+
+# -- a study run through -----------------------------------------------------------------------------------------------
+
+PRISM = """
+[body.prism]
+shape = "prism"
+width = "10 mm"
+slope_angle = "60 deg"
+[channel]
+width = "60 mm"
+top = "30 mm"
+bottom = "-80 mm"
+[air]
+speed = 0.0303
+[feed]
+speed = "1 m/s"
+width = "2 mm"
+[fraction.wheat]
+material = "wheat"
+[bin.floor]
+from = "-30 mm"
+to = "30 mm"
+[numerics]
+rung = "draft"
+mesh_scale = 1.7
+"""
+
+
+@openfoam
+def test_a_scene_of_ones_own_gets_a_grid_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(PRISM)
+    report = airflow.run_scene(path, tmp_path)
+    drag = next(row for row in report["rows"] if row["quantity"] == "mean Cd")
+    assert drag["error"] != "one grid"
+    assert drag["low"] <= drag["ours"] <= drag["high"]
+    assert 1.5 < drag["ours"] < 3.5  # Re 20, a sixth of the channel blocked
+    assert drag["core_seconds"] > 0
+    assert drag["met"] is None
+    assert {row["quantity"] for row in report["rows"]} >= {"mean Cd", "base Cp", "reversal length / D"}
+    model = report["momentum"][0]
+    assert model["cp_model"] == pytest.approx(0.5)
+    assert model["cd_model"] == pytest.approx(0.5 - model["cp_base"])
+    assert json.loads((tmp_path / "own.json").read_text())["rows"] == json.loads(json.dumps(report["rows"]))
+    assert "| own | draft | mean Cd |" in (tmp_path / "own.md").read_text()
+    again = airflow.run_scene(path, tmp_path)
+    assert again["rows"] == report["rows"]  # from the cache, cost and date of the computation included
+    proofs.show({"own": report})
+    assert "momentum model" in capsys.readouterr().out
+
+
+def test_a_case_that_fails_does_not_stop_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[str] = []
+
+    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[airflow.Row], dict[str, Any]]:
+        ran.append(case.name)
+        if case.name == "dfg-2d1":
+            raise FoamError("the airflow diverged")
+        return [], {"case": case.name, "title": case.title, "cp_model": 1.0, "cp_computed": 1.0, "cp_base": -1.0,
+                    "cd_model": 2.0, "cd_computed": 2.0}  # fmt: skip
+
+    monkeypatch.setattr(airflow, "compare", compare)
+    with pytest.raises(FoamError, match=r"failed: dfg-2d1; the airflow diverged"):
+        airflow.run_airflow(tmp_path)
+    quick = [case.name for case in cases().values() if case.quick]
+    assert ran == quick
+    report = json.loads((tmp_path / "airflow.json").read_text())
+    assert len(report["momentum"]) == len(quick) - 1
+    assert "failed: dfg-2d1" in (tmp_path / "airflow.md").read_text()
+
+
+def test_scenes_without_air_are_refused(cases: Path, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="no airflow to verify"):
+        airflow.run_scene(cases / "vacuum.toml", tmp_path)
+
+
+def test_the_command_names_a_missing_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "nothing-there.toml"]) == 2
+    assert "no scene file" in capsys.readouterr().err
+
+
+def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rungs of one case: the own is judged, the other beside it is not, and the closer one is named."""
+    (tmp_path / "airflow.json").write_text("{}")
+    answers = {None: ("standard", 0.11), "draft": ("draft", 0.2)}
+
+    def solve(scene: Scene, scale: float, rung: str | None, tell: Any) -> tuple[str, Measured]:
+        name, length = answers[rung]
+        return name, _airflow(tmp_path, suction={"reversal_length": length})
+
+    monkeypatch.setattr(airflow, "solve", solve)
+    known = [{**VALUE, "quantity": "reversal", "within": 0.05}, {**VALUE, "value": 2.5}]
+    case = read_cases({"some": {"title": "T", "beside": "draft", "closer": "reversal", "value": known}})["some"]
+    rows, _ = airflow.compare(case, Scene.parse(tomllib.loads(PRISM)))
+    length, drag, length_beside, drag_beside, closer = rows
+    assert (length.ours, length.deviation, length.met) == (pytest.approx(2.2), pytest.approx(0.1), False)
+    assert (drag.deviation, drag.met) == (pytest.approx(-0.2), None)
+    assert (length_beside.rung, length_beside.met, drag_beside.met) == ("draft", None, None)
+    assert closer.met is True
+    answers["draft"] = ("draft", 0.101)
+    assert airflow.compare(case, Scene.parse(tomllib.loads(PRISM)))[0][-1].met is False
+
+
+@openfoam
+@pytest.mark.slow
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize(
+    "name", [name for name, case in cases().items() if case.order or case.closer or any(v.within for v in case.values)]
+)
+def test_published_values_are_met(name: str, tmp_path: Path) -> None:
+    report = airflow.run_scene(verification_scenes()[name], tmp_path)
+    missed = [
+        f"{row['quantity']}: {row['ours']:.4g}, published {row['theirs']}"
+        for row in report["rows"]
+        if row["met"] is False
+    ]
+    assert not missed, missed
