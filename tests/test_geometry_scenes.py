@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import shutil
@@ -372,10 +373,10 @@ def test_what_a_case_says_of_its_air(tmp_path: Path, inlet: str, found: dict[str
     assert air_of(tmp_path) == {**found, "nu": 1.5e-5}
 
 
+QUICK = {("rhombus", 10, 0.5), ("prism", 80, 0.5)}
 RANGE = [
-    (shape, slope, blockage)
-    for shape in ("rhombus", "prism")
-    for slope, blockage in ((10, 0.02), (80, 0.02), (10, 0.5), (80, 0.5), (45, 0.3))
+    pytest.param(*case, marks=[] if case in QUICK else pytest.mark.slow)
+    for case in itertools.product(("rhombus", "prism"), (10, 45, 80), (0.02, 0.3, 0.5))
 ]
 
 
