@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 WIDTH, SPEED, REYNOLDS = 0.05, 1.0, 100.0
 SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4)  # a w / U
 FREQUENCIES = (0.5, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.5, 1.8, 1.9, 1.95, 2.0, 2.05, 2.1, 2.2, 3.0)  # f / fs
-BEFORE, WINDOW = 20, 30  # shedding periods before and in the measurement
+BEFORE, WINDOW = 12, 20  # shedding periods before and in the measurement
 AVERAGE = """
 functions {{ average {{
     type fieldAverage; libs ("libfieldFunctionObjects.so"); writeControl onEnd; timeStart {begin:.12g};

@@ -24,7 +24,7 @@ from wakeflow.errors import FoamError, MeshError, SceneError
 from wakeflow.files import Store
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
-from wakeflow.foam.history import batch_interval, is_settled, kind_of, upward_crossings
+from wakeflow.foam.history import kind_of, upward_crossings
 from wakeflow.foam.measure import suction_zone
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.read import CaseFields, read_flow, time_folders
@@ -130,7 +130,7 @@ class TestRhombus:
         result = rhombus.result
         assert result["verdict"] == "steady"
         assert result["cp_front"] == pytest.approx(1.0, abs=0.08)
-        assert -2.0 < result["cp_base"] < -0.8
+        assert -2.0 < result["cp_base"]["value"] < -0.8
         assert 1.2 < result["cd"]["value"] < 2.0  # diamonds: about 1.6 unconfined at high Re; here 1/6 is blocked
         assert result["cd"]["low"] <= result["cd"]["value"] <= result["cd"]["high"]
         assert result["pressure_drop"] > 0
@@ -187,13 +187,15 @@ class TestPrism:
         assert prism.result["verdict"] == "steady"
         assert prism.result["cd"]["value"] == pytest.approx(1.760, rel=0.05)
         assert prism.result["suction"]["reversal_length"] / WIDTH == pytest.approx(2.17, rel=0.05)
-        assert prism.result["cp_base"] == pytest.approx(-0.74, rel=0.05)
+        assert prism.result["cp_base"]["value"] == pytest.approx(-0.74, rel=0.05)
 
     def test_half_and_whole_domain_agree(self, prism: Solved, shared: Store) -> None:
         whole = solved(shared, "whole-prism", replace(prism.spec, mesh=replace(prism.spec.mesh, half=False)))
         assert whole.result["flow_rate"] == pytest.approx(prism.result["flow_rate"], rel=1e-6)
         assert whole.result["pressure_drop"] == pytest.approx(prism.result["pressure_drop"], rel=0.01)
-        assert whole.result["cp_base"] == pytest.approx(prism.result["cp_base"], rel=0.025)  # 25 cells on the base
+        assert whole.result["cp_base"]["value"] == pytest.approx(
+            prism.result["cp_base"]["value"], rel=0.025
+        )  # 25 cells on the base
         assert whole.result["cd"]["value"] == pytest.approx(prism.result["cd"]["value"], rel=0.01)
         for name in ("area", "width", "length", "reversal_length"):
             assert whole.result["suction"][name] == pytest.approx(prism.result["suction"][name], rel=0.03)
@@ -201,7 +203,7 @@ class TestPrism:
     def test_upward_and_downward_air_are_mirror_images(self, prism: Solved, shared: Store) -> None:
         down = solved(shared, "downward", triangle_spec(30, "draft", direction="down"))
         assert down.result["cd"]["value"] == pytest.approx(prism.result["cd"]["value"], rel=0.01)
-        assert down.result["cp_base"] == pytest.approx(prism.result["cp_base"], rel=0.02)
+        assert down.result["cp_base"]["value"] == pytest.approx(prism.result["cp_base"]["value"], rel=0.02)
         assert down.result["pressure_drop"] == pytest.approx(prism.result["pressure_drop"], rel=0.02)
 
 
@@ -212,16 +214,16 @@ class TestShedding:
         """Re 100, 5 % blockage: St 0.200, Cd 1.81, Cpb -1.33, Cl rms 0.31; De & Dalal 2006 give St 0.197, Cd 1.76."""
         result = shedding.result
         assert result["verdict"] == "periodic"
-        assert result["strouhal"] == pytest.approx(0.200, rel=0.05)
+        assert result["strouhal"]["value"] == pytest.approx(0.200, rel=0.05)
         assert result["cd"]["value"] == pytest.approx(1.81, rel=0.05)
-        assert result["cp_base"] == pytest.approx(-1.33, rel=0.1)
-        assert result["cl_rms"] == pytest.approx(0.31, rel=0.2)
+        assert result["cp_base"]["value"] == pytest.approx(-1.33, rel=0.1)
+        assert result["cl_rms"]["value"] == pytest.approx(0.31, rel=0.2)
         assert abs(result["mass_error"]) < 1e-4
 
     def test_snapshots_form_a_loop_of_whole_periods(self, shedding: Solved) -> None:
         flow = read_flow(shedding.case, "all")
         count = len(flow["times"])
-        shed = WIDTH / (shedding.result["strouhal"] * shedding.spec.speed)
+        shed = WIDTH / (shedding.result["strouhal"]["value"] * shedding.spec.speed)
         assert flow["period"] / shed == pytest.approx(round(flow["period"] / shed), abs=0.03)
         assert round(flow["period"] / shed) >= 3
         assert count / (flow["period"] / shed) == pytest.approx(24, rel=0.05)
@@ -237,7 +239,7 @@ class TestShedding:
         flow = read_flow(shedding.case, "all")
         y = np.linspace(0.06, 0.3, 20)
         right, left = (np.column_stack([np.full(20, side * 0.02), y]) for side in (1, -1))
-        half = round(0.5 * WIDTH / (shedding.result["strouhal"] * np.diff(flow["times"]).mean()))
+        half = round(0.5 * WIDTH / (shedding.result["strouhal"]["value"] * np.diff(flow["times"]).mean()))
 
         near = (np.abs(flow["points"][:, 0]) < 0.05) & (np.abs(flow["points"][:, 1] - 0.2) < 0.2)
 
@@ -341,7 +343,8 @@ class TestInterruption:
         assert seen[0].time > whole
         assert (np.diff(_rows(case)[:, 0]) > 0).all()
         assert result.verdict == "periodic"
-        assert result.strouhal == pytest.approx(0.2, rel=0.08)
+        assert result.strouhal is not None
+        assert result.strouhal.value == pytest.approx(0.2, rel=0.08)
         gaps = np.diff(read_flow(case, "all")["times"])
         np.testing.assert_allclose(gaps, gaps.mean(), rtol=1e-3)
 
@@ -376,10 +379,12 @@ class TestFailure:
     pytestmark = openfoam
 
     def test_a_diverging_airflow_says_so_with_its_log(self, rhombus: Solved, tmp_path: Path) -> None:
+        """No settings cure a negative viscosity: the logs of all attempts are kept, the last one is named."""
         spec = replace(rhombus.spec, viscosity=-0.02, turbulence="laminar")
         with pytest.raises(FoamError, match="diverged") as failed:
             solve_airflow(spec, rhombus.folder / "mesh.msh", tmp_path / "case")
-        assert failed.value.log == tmp_path / "case" / "log.simpleFoam"
+        assert failed.value.log == tmp_path / "case" / "failed-4.log"
+        assert failed.value.log.exists()
         assert failed.value.tail
         assert "\n" not in str(failed.value)
         assert failed.value.exit_code == 3
@@ -430,6 +435,7 @@ def test_a_time_resolved_half_domain_is_refused() -> None:
 def test_the_template_leaves_no_parameter_unresolved() -> None:
     template = case_template()
     given = set(re.findall(r"^(\w+)\s+[^;]*;", (template / "system" / "parameters").read_text(), re.M))
+    given |= set(re.findall(r"^(\w+)\s*$", (template / "system" / "inlets").read_text(), re.M))
     own = {"p", "U", "FOAM_CASE"}
     for path in (p for p in template.rglob("*") if p.is_file()):
         code = re.sub(r"//.*", "", path.read_text())
@@ -527,28 +533,12 @@ def test_crossings_give_the_period_of_a_noisy_uneven_signal() -> None:
     assert len(upward_crossings(clock, np.ones(4000))) == 0
 
 
-def test_a_growing_oscillation_has_not_settled_a_constant_one_has() -> None:
-    clock = np.linspace(0, 20, 4000)
-    wave = np.sin(2 * np.pi * clock)
-    steady = np.column_stack([clock, 2 + 0.05 * wave**2, wave])
-    growing = np.column_stack([clock, 2 + 0.05 * wave**2, wave * np.exp(0.2 * clock)])
-    assert is_settled(steady) == pytest.approx(1.0, rel=1e-3)
-    assert is_settled(growing) is None
-
-
 def test_verdicts_name_what_the_signal_does() -> None:
     rng = np.random.default_rng(0)
     clock = np.linspace(0, 10, 1000)
     assert kind_of(1 + 1e-4 * rng.standard_normal(1000), 0.01) == "steady"
     assert kind_of(1 + 0.1 * np.sin(2 * np.pi * clock), 0.01) == "periodic"
     assert kind_of(1 + 0.1 * rng.standard_normal(1000), 0.01) == "broadband"
-
-
-def test_the_interval_of_batches_covers_their_mean_nineteen_times_in_twenty() -> None:
-    rng = np.random.default_rng(2)
-    intervals = [batch_interval(rng.normal(3.0, 0.2, 6)) for _ in range(2000)]
-    covered = np.mean([interval.low <= 3.0 <= interval.high for interval in intervals])
-    assert covered == pytest.approx(0.95, abs=0.015)
 
 
 def test_the_best_loop_of_a_periodic_field_has_its_period_and_no_mismatch() -> None:

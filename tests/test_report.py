@@ -25,7 +25,8 @@ from wakeflow.scene import Scene
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {
     "rung": "draft", "verdict": "steady", "cells": 4321, "reynolds": 16493.0,
-    "cd": {"value": 1.2345, "low": 1.21, "high": 1.26}, "cl_rms": 0.0, "strouhal": None, "cp_base": -0.62,
+    "cd": {"value": 1.2345, "low": 1.21, "high": 1.26}, "strouhal": None,
+    "cl_rms": {"value": 0.0, "low": 0.0, "high": 0.001}, "cp_base": {"value": -0.62, "low": -0.63, "high": -0.61},
     "pressure_drop": 3.14, "flow_rate": 1.5, "p_inlet": INLET,
     "suction": {"cp_min": -1.93, "length": 0.083, "width": 0.061, "area": 0.0041, "reversal_length": 0.131},
 }  # fmt: skip

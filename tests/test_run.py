@@ -87,7 +87,7 @@ def test_rhombus_gives_a_whole_answer(rhombus: wf.Result) -> None:
     airflow = rhombus.table["airflow"]
     assert airflow["rung"] == "draft"
     assert 0.8 < airflow["cd"]["value"] < 2.5  # diamonds: 1.2 steady to 2.4 time-resolved in two dimensions
-    assert airflow["cp_base"] < -0.2
+    assert airflow["cp_base"]["value"] < -0.2
     assert airflow["suction"]["cp_min"] < -0.5
     assert airflow["pressure_drop"] > 0
     assert 0 < airflow["divergence"]["rms"] < 0.05

@@ -83,7 +83,7 @@ def test_deviation_of_negative_numbers_has_the_sign_of_the_difference() -> None:
         ({"value": [{**VALUE, "error": 0.1}]}, "unknown keys"),
         ({"value": [{k: v for k, v in VALUE.items() if k != "value"}]}, "low and high"),
         ({"quik": True}, "quik"),
-        ({"title": "T", "order": ["drag", 1.5]}, "unknown quantity"),
+        ({"title": "T", "order": {"drag": 1.5}}, "unknown quantity"),
         ({"title": "T", "closer": "cd"}, "beside"),
     ],
 )

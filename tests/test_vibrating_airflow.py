@@ -20,12 +20,15 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import CD, CL, read_table
 from wakeflow.foam.initial import _write_internal
+from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
 from wakeflow.foam.shedding import best_loop
-from wakeflow.foam.solve import _call, _drop_broken_times, prepare
+from wakeflow.foam.solve import _drop_broken_times, prepare
 from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.laws.shape import shapes
+from wakeflow.locking import frequency_ratios, vibration_of_air, vibration_of_scene
 from wakeflow.meshing import build_mesh, plan_mesh
+from wakeflow.scene import Scene
 
 WIDTH = 0.05
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="no OpenFOAM")]
@@ -52,7 +55,7 @@ def forces(spec: FlowSpec, folder: Path, end: float, step: float, change: Callab
         change(case)
     values = {"endTime": end, "deltaT": step, "maxDeltaT": step, "writeControl": "adjustableRunTime"}
     write_parameters(case, {**values, "writeInterval": end / 2})
-    _call(case, ["pimpleFoam"])  # without a watch: against still air every drag coefficient is absurd
+    call(case, ["pimpleFoam"])  # without a watch: against still air every drag coefficient is absurd
     return read_table(case, "forceCoefficients", (CD, CL)).T
 
 
@@ -124,7 +127,7 @@ class TestMovingMesh:
         middle, last = time_folders(case)
         whole = CaseFields(case).field(last, "U")[0]
         shutil.rmtree(last)
-        _call(case, ["pimpleFoam"])  # goes on from the middle, where the mesh stands elsewhere
+        call(case, ["pimpleFoam"])  # goes on from the middle, where the mesh stands elsewhere
         assert time_folders(case) == [middle, last]
         np.testing.assert_allclose(CaseFields(case).field(last, "U")[0], whole, atol=2e-3)
 
@@ -139,11 +142,11 @@ class TestMovingMesh:
             case.mkdir()
             write_case(replace(spec, vibration=vibration), case)
             (case / "system" / "blockMeshDict").write_text(CHANNEL)
-            _call(case, ["blockMesh"])
+            call(case, ["blockMesh"])
             set_patch_types(case, walls=walls)
             steps = {"deltaT": 0.01, "maxDeltaT": 0.01, "writeControl": "adjustableRunTime", "writeInterval": 0.6}
             write_parameters(case, {"endTime": 0.6, **steps})
-            _call(case, ["pimpleFoam"])
+            call(case, ["pimpleFoam"])
             read = CaseFields(case)
             last = read.folder("latest")
             fields[name] = [read.field(last, field)[0] for field in ("U", "p")]
@@ -296,3 +299,64 @@ class TestChoice:
     def test_a_steady_airflow_does_not_vibrate(self) -> None:
         with pytest.raises(SceneError, match="rung standard"):
             replace(flow(RHOMBUS, Vibration(1e-3, 100.0)), stepping="steady")
+
+
+# -- the rule ----------------------------------------------------------------------------------------------------------
+
+
+class TestRule:
+    @pytest.mark.parametrize("at", [1.0, 2.0])
+    def test_used_near_the_shedding_frequency_and_twice_it_left_out_elsewhere(self, at: float) -> None:
+        motion = vibration_of_air(0.08, at)
+        assert motion.used
+        assert f"near {at:g} fs" in motion.why
+        beside = [vibration_of_air(0.08, ratio) for ratio in (0.3, 1.4, 3.5)]
+        assert not any(motion.used for motion in beside)
+        assert all(0 < motion.bound < 0.08 for motion in beside)
+
+    def test_fast_vibration_is_always_used_and_a_feeble_one_never(self) -> None:
+        assert all(vibration_of_air(0.3, ratio).used for ratio in (0.1, 1.0, 5.0))
+        assert not any(vibration_of_air(0.01, ratio).used for ratio in (0.1, 1.0, 2.0, 5.0))
+        assert vibration_of_air(0.01, 2.0, accuracy=0.001).used
+
+    def test_the_band_widens_with_speed_and_a_range_counts_where_it_touches(self) -> None:
+        assert not vibration_of_air(0.03, 1.8).used
+        assert vibration_of_air(0.09, 1.8).used
+        assert vibration_of_air(0.08, (1.3, 1.9)).used
+        assert not vibration_of_air(0.08, (1.3, 1.5)).used
+
+    def test_below_the_onset_of_shedding_nothing_locks(self) -> None:
+        assert not vibration_of_air(0.08, 2.0, sheds=False).used
+        assert vibration_of_air(0.3, 2.0, sheds=False).used
+
+    def test_the_bound_covers_what_was_measured(self) -> None:
+        """Every change of mean drag and base pressure in docs/validation.md, locked or not, is below the bound."""
+        text = (Path(__file__).parents[1] / "docs" / "validation.md").read_text().split("## Locked band")[1]
+        rows = re.findall(r"^\| (0\.\d+) \| ([\d.]+) \|.*\| ([-+][\d.]+) % \| [^|]+ \| ([-+][\d.]+) % \|", text, re.M)
+        assert len(rows) > 12
+        for speed, frequency, *changes in rows:
+            motion = vibration_of_air(float(speed), float(frequency))
+            if float(speed) <= 0.1:
+                assert max(abs(float(change)) for change in changes) <= 100 * motion.bound, (speed, frequency)
+
+    def test_of_a_scene(self, cases: Path) -> None:
+        scene = Scene.load(cases / "rhombus.toml")
+        low, high = frequency_ratios(scene)
+        assert low < 30 * 0.05 / 5 * 0.875 / 0.168 < high  # the rhombus' own, docs/validation.md
+        motion = vibration_of_scene(scene)
+        assert motion is not None
+        assert motion.bound < 0.05
+        strong = scene.replace({"vibration.gamma": 8.0})
+        assert vibration_of_scene(strong).used  # type: ignore[union-attr]
+        assert not vibration_of_scene(strong, asked=False).used  # type: ignore[union-attr]
+        assert vibration_of_scene(Scene.load(cases / "vacuum.toml")) is None
+
+    def test_sideways_vibration_that_could_lock_the_wake_is_refused(self, cases: Path) -> None:
+        scene = Scene.load(cases / "rhombus.toml").replace({"vibration.direction": 0.0, "vibration.frequency": 20.0})
+        with pytest.raises(SceneError, match=r"turn the vibration to 90 deg.*--force vibration-of-the-air=off"):
+            vibration_of_scene(scene)
+        assert not vibration_of_scene(scene, asked=False).used  # type: ignore[union-attr]
+        feeble = vibration_of_scene(scene.replace({"vibration.gamma": 0.1}))
+        assert feeble is not None
+        assert not feeble.used
+        assert "sideways part is left out" in feeble.why

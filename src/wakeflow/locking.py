@@ -96,7 +96,7 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
     motion = vibration_of_air(float(along) * omega / scene.air.speed, ratios, accuracy, sheds=sheds)
     if asked is False:
         return AirMotion(False, max(motion.bound, sideways), f"{motion.why}; switched off by --force")
-    if sideways > _most_sideways(ratios, sheds=sheds) or (asked and sideways > abs(float(along)) * omega):
+    if sideways > _most_sideways(ratios, sheds=sheds) or (asked and abs(across) > abs(along)):
         raise SceneError(
             f"vibration.direction = {math.degrees(scene.vibration.direction):.3g} deg: sideways at a w / U = "
             f"{sideways:.2g} the body may lock its wake, and the mesh moves along the channel only; turn the vibration "

@@ -114,10 +114,10 @@ def show_result(result: Result) -> None:
         console.print(budget_table(table))
     airflow: dict[str, Any] | None = table.get("airflow")
     if airflow:
-        cd = airflow["cd"]
+        cd, base = airflow["cd"], airflow["cp_base"]["value"]
         console.print(
             f"airflow: {airflow['verdict']}, Cd {cd['value']:.3f} [{cd['low']:.3f}, {cd['high']:.3f}], "
-            f"base pressure coefficient {airflow['cp_base']:.2f}, pressure drop {airflow['pressure_drop']:.1f} Pa",
+            f"base pressure coefficient {base:.2f}, pressure drop {airflow['pressure_drop']:.1f} Pa",
             highlight=False,
         )
     _warn(console, table["warnings"])

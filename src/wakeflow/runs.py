@@ -236,13 +236,20 @@ def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked
 
 
 def _airflow_notices(scene: Scene, chain: Chain, airflow: dict[str, Any]) -> list[str]:
+    from .foam.failure import Attempt
+    from .foam.ladder import warning
+
     lines = []
     if airflow["rung"] == "draft" and airflow["verdict"] != "steady":
         lines.append(f"the steady airflow does not settle ({airflow['verdict']}): use rung standard")
-    if airflow["rung"] == "standard" and airflow["verdict"] == "broadband":
+    if airflow.get("period") is not None and airflow["verdict"] == "broadband":
         lines.append(
             "the wake sheds irregularly: a loop of a few periods is a small sample of it; compare left and right"
         )
+    tried = [Attempt(**attempt) for attempt in airflow.get("attempts") or []]
+    if (safer := warning(airflow.get("settings", "normal"), tried)) is not None:
+        lines.append(safer)
+    lines += airflow.get("notes") or []
     if (airflow["loop_mismatch"] or 0.0) > 0.1:
         lines.append(f"the stored loop joins with a mismatch of {airflow['loop_mismatch']:.2g} of the fluctuation")
     suction = airflow["suction"]

@@ -30,12 +30,13 @@ def solve_airflow(
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
-    Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of a solved draft for a
-    time-resolved run to start from. ``listener`` gets a :class:`Progress` several times a second; an exception it
-    raises ends the solver. ``timeout`` (s) bounds each program. A numerical failure, or a solution that is not possible
-    (:mod:`wakeflow.foam.sanity`), is tried again with safer settings (:mod:`wakeflow.foam.ladder`); the result names
-    those that served and what failed before. Raises MeshError for a mesh that checkMesh refuses; AirflowFailure (a
-    FoamError) when OpenFOAM is missing or fails, when the disk is full, or when no settings serve.
+    Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
+    from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a
+    :class:`Progress` several times a second; an exception it raises ends the solver. ``timeout`` (s) bounds each
+    program. A numerical failure, or a solution that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with
+    safer settings (:mod:`wakeflow.foam.ladder`); the result names those that served and what failed before. Raises
+    MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when
+    the disk is full, or when no settings serve.
     """
     begun = time.monotonic()
     log = folder / ("log.simpleFoam" if spec.stepping == "steady" else "log.pimpleFoam")
@@ -65,7 +66,7 @@ def _solve(
 ) -> AirflowResult:
     """One attempt: run, measure, and hold the result against what is possible."""
     if spec.stepping == "steady":
-        verdict = run_steady(spec, folder, listener=listener, timeout=timeout)
+        verdict = run_steady(spec, folder, start=start, listener=listener, timeout=timeout)
     else:
         verdict = run_time_resolved(spec, folder, start=start, listener=listener, timeout=timeout)
     check_finite(folder)

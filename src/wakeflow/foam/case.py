@@ -25,6 +25,7 @@ __all__ = [
     "SETTINGS",
     "FlowSpec",
     "Stream",
+    "axis_points",
     "environment",
     "set_patch_types",
     "write_case",
@@ -36,6 +37,8 @@ PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlet
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
 MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 C_MU = 0.09
+LONGEST_STEP = 0.05  # convective times: about 100 steps a shedding period where the Courant number allows more
+WAKE_PROBES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # projected widths behind the first body: a steady run's velocities
 
 
 # What the template knows: largest Courant number of a time-resolved run, and its share of the one asked for
@@ -59,7 +62,8 @@ class FlowSpec:
     ``intensity`` (u'/U at the inlet; not used when laminar), ``profile`` of the inlet's velocity (parabolic: fully
     developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams. ``vibration``: of
     bodies and mesh along the channel; None: the bodies are at rest in the air. ``settings``: one of SETTINGS, where the
-    ladder of safer ones starts; ``ranks``: MPI processes."""
+    ladder of safer ones starts; ``ranks``: MPI processes. ``accuracy``: relative half-width of the 95 % intervals at
+    which a time-resolved run ends, see :func:`wakeflow.foam.statistics.wanted`."""
 
     mesh: MeshSpec
     speed: float
@@ -68,7 +72,8 @@ class FlowSpec:
     turbulence: Literal["laminar", "kOmegaSST"]
     stepping: Literal["steady", "time-resolved"] = "steady"
     intensity: float = 0.05
-    max_courant: float = 2.0
+    max_courant: float = 4.0
+    accuracy: float = 0.02
     profile: Literal["uniform", "parabolic"] = "uniform"
     inlets: tuple[Stream, ...] = ()
     settings: str = "normal"
@@ -116,6 +121,11 @@ class FlowSpec:
         k, omega = self.incoming(self.speed, self.mesh.width)
         spec = self.mesh
         most, share = SETTINGS[self.settings]
+        middle, _, rear = axis_points(self)
+        size, depth = spec.projected_width, 0.5 * spec.thickness
+        behind = [self.along * (rear + distance * size) for distance in WAKE_PROBES]
+        swing = self.vibration.parameters() if self.vibration is not None else {}
+        longest = LONGEST_STEP * self.convective_time
         return {
             "stepping": self.stepping,
             "turbulence": self.turbulence,
@@ -128,11 +138,27 @@ class FlowSpec:
             "inletOmega": omega,
             "bodyWidth": spec.projected_width,
             "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
+            "basePoint": f"({middle:.9g} {self.along * rear:.9g} {depth:.9g})",
+            "wakePoints": "(" + " ".join(f"({middle + 0.01 * size:.9g} {y:.9g} {depth:.9g})" for y in behind) + ")",
             "settings": self.settings,
             "maxCo": min(most, share * self.max_courant),
             "ranks": self.ranks,
-            **(self.vibration.parameters() if self.vibration is not None else {}),
+            **swing,
+            "maxDeltaT": min(longest, float(swing.get("maxDeltaT", longest))),
         }
+
+
+def axis_points(spec: FlowSpec) -> tuple[float, float, float]:
+    """x of the first body's middle; where that vertical line meets its front and rear, along the air (m)."""
+    outline = np.array(spec.mesh.bodies[0])
+    middle = float(outline[:, 0].min() + outline[:, 0].max()) / 2
+    start, end = outline, np.roll(outline, -1, axis=0)
+    met = []
+    for (x0, y0), (x1, y1) in zip(start, end, strict=True):
+        if min(x0, x1) <= middle <= max(x0, x1):
+            met += [y0, y1] if x0 == x1 else [y0 + (middle - x0) * (y1 - y0) / (x1 - x0)]
+    along = spec.along * np.array(met)
+    return middle, float(along.min()), float(along.max())
 
 
 def environment() -> dict[str, str]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..geometry import distance_to
 from ..reconstruction import PlaneMesh
-from .case import FlowSpec
-from .measure import _axis_points, _on_edges, _y_plus, suction_zone
+from .case import FlowSpec, axis_points
+from .measure import _on_edges, _y_plus, suction_zone
 from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
 
 __all__ = ["case_files", "measure_given"]
@@ -187,7 +187,7 @@ def _on_body(
     arrays = read_flow(case, "latest" if time == "latest" else "mean", density=1.0)
     cp = (arrays["pressure"] - at_inlet) / (0.5 * spec.speed**2)
     points, edges = arrays["points"], plane.faces[wall]
-    middle, front, rear = _axis_points(spec)
+    middle, front, rear = axis_points(spec)
     base = _on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
     zone = suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges))
     return {
@@ -198,12 +198,13 @@ def _on_body(
 
 
 def _drag(spec: FlowSpec, fields: CaseFields, folder: Path, shot: Snapshot, wall: NDArray[np.bool_]) -> float:
-    """Cd of all bodies: pressure, with the 2k/3 that acts on walls too, and nu_eff u_t / y of the cells at them."""
+    """Cd of all bodies: pressure, with the 2k/3 that acts on walls too, and nu_eff u / y of the cells at them, which is
+    what the solver's momentum equation hands to a wall (0.4 % off forceCoeffs, which adds the transposed gradient).
+    """
     plane = fields.mesh.plane
     normal, length, cell = plane.normals[wall], plane.lengths[wall], plane.owner[wall]
     pressure = shot.pressure_faces[wall] + (0.0 if shot.k_faces is None else 2.0 / 3.0 * shot.k_faces[wall])
     slip = shot.velocity[cell] - shot.velocity_faces[wall]
-    slip -= (slip * normal).sum(axis=1, keepdims=True) * normal
     away = ((plane.midpoints[wall] - plane.centres[cell]) * normal).sum(axis=1)
     effective = np.full(len(cell), spec.viscosity / spec.density)
     if fields.has(folder, "nut") and shot.k is not None:

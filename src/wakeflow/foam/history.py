@@ -1,18 +1,21 @@
-"""Force coefficients against time, of a running or finished case, and what they say about shedding."""
+"""Force coefficients and base pressure against time, of a running or finished case."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Interval", "Tail", "batch_interval", "is_settled", "kind_of", "read_table", "upward_crossings"]
+__all__ = ["CD", "CL", "Interval", "Tail", "kind_of", "read_table", "read_vectors", "upward_crossings"]
 
 Array = NDArray[np.float64]
 CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...
+
+
+ABSENT = 1e100  # what OpenFOAM writes for a probe outside the mesh is larger
 
 
 @dataclass(frozen=True)
@@ -25,14 +28,14 @@ class Interval:
 
 
 def read_table(case: Path, what: str, columns: tuple[int, ...]) -> Array:
-    """Rows (n, 1 + c) of time and ``columns`` of ``postProcessing/WHAT/*/*.dat``, each restart replacing what it
+    """Rows (n, 1 + c) of time and ``columns`` of ``postProcessing/WHAT/*/*``, each restart replacing what it
     computed again.
     """
     rows = np.zeros((0, 1 + len(columns)))
     folder = case / "postProcessing" / what
     starts = sorted(folder.iterdir(), key=lambda path: float(path.name)) if folder.is_dir() else []
     for start in starts:
-        for path in sorted(start.glob("*.dat"), key=lambda p: p.stat().st_mtime):
+        for path in sorted((p for p in start.iterdir() if p.is_file()), key=lambda p: p.stat().st_mtime):
             new = np.array([[float(line[i]) for i in (0, *columns)] for line in _lines(path, max(columns))])
             if len(new):
                 rows = np.vstack([rows[rows[:, 0] < new[0, 0]], new])
@@ -40,25 +43,64 @@ def read_table(case: Path, what: str, columns: tuple[int, ...]) -> Array:
 
 
 def _lines(path: Path, last: int) -> list[list[str]]:
-    words = [line.split() for line in path.read_text().splitlines() if line and not line.startswith("#")]
+    words = [line.split() for line in path.read_text().splitlines() if line and not line.lstrip().startswith("#")]
     return [line for line in words if len(line) > last]
 
 
+def read_vectors(case: Path, what: str) -> Array:
+    """Rows (n, 1 + 3 c): time and the c vectors that velocity probes wrote; probes outside the mesh are left out."""
+    rows: list[list[float]] = []
+    for path in sorted((case / "postProcessing" / what).glob("*/U"), key=lambda path: float(path.parent.name)):
+        lines = path.read_text().splitlines(keepends=True)
+        whole = (line for line in lines if line.endswith("\n") and not line.lstrip().startswith("#"))
+        new = [[float(word) for word in line.replace("(", " ").replace(")", " ").split()] for line in whole]
+        rows = [row for row in rows if not new or row[0] < new[0][0]] + new
+    table = np.array(rows)
+    return table[:, (np.abs(table) < ABSENT).all(axis=0)] if len(table) else np.zeros((0, 1))
+
+
 class Tail:
-    """Rows (time, Cd, Cl) of a growing coefficient history: what is there, then what each :meth:`update` finds."""
+    """Rows (time, Cd, Cl, base pressure coefficient) of a growing case: what is there, then what each :meth:`update`
+    finds. The pressure is the probe's on the body less the inlet's, over half the squared inlet speed; 0 in a case that
+    does not record it.
+    """
 
     def __init__(self, case: Path) -> None:
         self.case = case
-        self.rows = read_table(case, "forceCoefficients", (CD, CL)).tolist()
+        self.parts = [_Table(case, "forceCoefficients", (CD, CL))]
+        text = (case / "system" / "parameters").read_text() if (case / "system" / "parameters").exists() else ""
+        speed = re.search(r"^inletSpeed\s+([^;]+);", text, re.M)
+        self.dynamic = 0.5 * float(speed[1]) ** 2 if speed else None
+        if self.dynamic:
+            self.parts += [_Table(case, "basePressure", (1,)), _Table(case, "inletPressure", (1,))]
+
+    def update(self) -> Array:
+        """All rows (n, 4) so far."""
+        forces, *pressures = (np.array(part.update()).reshape(-1, part.width) for part in self.parts)
+        if self.dynamic is None or not all(len(part) for part in pressures):
+            return np.column_stack([forces, np.zeros(len(forces))])
+        base, inlet = pressures
+        last = min(base[-1, 0], inlet[-1, 0]) * (1 + 1e-6)  # one file may lag by a line, and their times have 6 digits
+        forces = forces[forces[:, 0] <= last]
+        at_base, at_inlet = (np.interp(forces[:, 0], part[:, 0], part[:, 1]) for part in (base, inlet))
+        return np.column_stack([forces, (at_base - at_inlet) / self.dynamic])
+
+
+class _Table:
+    """Rows of one function object's output, read on from where the last look ended."""
+
+    def __init__(self, case: Path, what: str, columns: tuple[int, ...]) -> None:
+        self.folder, self.columns, self.width = case / "postProcessing" / what, columns, 1 + len(columns)
+        self.rows: list[list[float]] = read_table(case, what, columns).tolist()
         self.known = {path: path.stat().st_mtime_ns for path in self._files()}
         self.path: Path | None = None
         self.at = 0
 
     def _files(self) -> list[Path]:
-        return list((self.case / "postProcessing" / "forceCoefficients").glob("*/*.dat"))
+        return [path for path in self.folder.glob("*/*") if path.is_file()]
 
-    def update(self) -> Array:
-        """All rows (n, 3) so far."""
+    def update(self) -> list[list[float]]:
+        """All rows so far."""
         if self.path is None:
             growing = (path for path in self._files() if path.stat().st_mtime_ns != self.known.get(path))
             self.path = next(growing, None)
@@ -70,63 +112,34 @@ class Tail:
             self.at += len(text)
             for line in text.decode().splitlines():
                 words = line.split()
-                if line.startswith("#") or len(words) <= CL:
+                if line.lstrip().startswith("#") or len(words) <= max(self.columns):
                     continue
-                row = [float(words[0]), float(words[CD]), float(words[CL])]
+                row = [float(words[i]) for i in (0, *self.columns)]
                 while self.rows and self.rows[-1][0] >= row[0]:
                     self.rows.pop()
                 self.rows.append(row)
-        return np.array(self.rows).reshape(-1, 3)
+        return self.rows
 
 
-def upward_crossings(time: Array, signal: Array) -> Array:
-    """Times at which ``signal`` rises through its mean, to second order; wiggles below half its rms do not count."""
-    deviation = signal - signal.mean()
-    level = 0.5 * float(np.sqrt(np.mean(deviation**2)))
+def upward_crossings(time: Array, signal: Array, typical: Array | None = None) -> Array:
+    """Times at which ``signal`` rises through its mean, to second order; wiggles below half its rms do not count.
+
+    Mean and rms are those of ``typical``, by default of the signal itself.
+    """
+    typical = signal if typical is None else typical
+    deviation = signal - typical.mean()
+    level = 0.5 * float(typical.std())
     if level == 0:
         return np.zeros(0)
-    times, armed = [], False
-    last = None
-    for i in range(1, len(deviation)):
-        if deviation[i - 1] < -level:
-            armed, last = True, None
-        if armed and deviation[i - 1] <= 0 < deviation[i]:
-            last = time[i - 1] - deviation[i - 1] * (time[i] - time[i - 1]) / (deviation[i] - deviation[i - 1])
-        if armed and last is not None and deviation[i] > level:
-            times.append(float(last))
-            armed = False
+    side = np.where(deviation > level, 1, np.where(deviation < -level, -1, 0))
+    clear = np.flatnonzero(side)
+    turns = np.flatnonzero((side[clear][:-1] < 0) & (side[clear][1:] > 0))
+    times = []
+    for low, high in zip(clear[turns], clear[turns + 1], strict=True):
+        part = deviation[low : high + 1]
+        i = low + int(np.flatnonzero((part[:-1] <= 0) & (part[1:] > 0))[-1])
+        times.append(float(time[i] - deviation[i] * (time[i + 1] - time[i]) / (deviation[i + 1] - deviation[i])))
     return np.array(times)
-
-
-def is_settled(rows: Array, cycles: int = 3) -> float | None:
-    """The shedding period (s) once the last ``cycles`` cycles of lift repeat: lengths and mean drag within 2 %, lift
-    rms within 5 %.
-
-    ``rows`` (n, 3): time, Cd, Cl. None while they do not.
-    """
-    recent = rows[rows[:, 0] > rows[-1, 0] - 0.6 * (rows[-1, 0] - rows[0, 0])]
-    crossings = upward_crossings(recent[:, 0], recent[:, 2])[-(cycles + 1) :]
-    if len(crossings) < cycles + 1:
-        return None
-    lengths = np.diff(crossings)
-    parts = [rows[(rows[:, 0] >= a) & (rows[:, 0] < b)] for a, b in pairwise(crossings)]
-    drag = np.array([part[:, 1].mean() for part in parts])
-    lift = np.array([part[:, 2].std() for part in parts])
-    if np.ptp(lengths) > 0.02 * lengths.mean() or np.ptp(drag) > 0.02 * abs(drag.mean()):
-        return None
-    return float(lengths.mean()) if np.ptp(lift) <= 0.05 * lift.mean() and lift.mean() > 1e-3 else None
-
-
-def batch_interval(parts: list[float] | Array) -> Interval:
-    """Mean of batches and its 95 % interval by Student's t (batches are whole periods: nearly independent)."""
-    values = np.asarray(parts, dtype=float)
-    mean = float(values.mean())
-    if len(values) < 2:
-        return Interval(mean, mean, mean)
-    from scipy.stats import t
-
-    half = float(t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
-    return Interval(mean, mean - half, mean + half)
 
 
 def kind_of(signal: Array, tolerance: float) -> str:

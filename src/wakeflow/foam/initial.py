@@ -23,21 +23,31 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     """Interpolate the latest fields of case ``source`` onto the cells of ``folder``; without a source the flow starts
     uniform.
 
-    A half domain is mirrored about x = 0 first. Linear between cell centres, the nearest cell's value outside them.
+    A half domain is mirrored about x = 0 first. A source written from the template may have another speed, size or
+    direction: lengths scale with the first body's width, U with the inlet speed, p and k with its square, omega with
+    speed over width; a field that it lacks keeps its inlet value. Linear between cell centres, the nearest cell's value
+    outside them.
     """
     if source is None:
         return
     fields = CaseFields(source)
     latest = fields.folder("latest")
+    given = fields.parameters
+    speed = spec.speed / float(given.get("inletSpeed", spec.speed))
+    size = spec.mesh.projected_width / float(given.get("bodyWidth", spec.mesh.projected_width))
+    turned = np.sign(float(given.get("flowDirection", f"(0 {spec.along} 0)").strip("()").split()[1]) * spec.along)
+    factors = {"U": speed, "p": speed**2, "k": speed**2, "omega": speed / size}
     target = read_polymesh(folder).plane.centres
     half = "axis" in fields.mesh.plane.patches
-    centres = fields.mesh.plane.centres
+    centres = fields.mesh.plane.centres * (size, size * turned)
     if half:
         centres = np.vstack([centres, centres * (-1.0, 1.0)])
-    for name in ("U", "p", "k", "omega"):
+    for name, factor in factors.items():
         if not fields.has(latest, name) or not (folder / "0" / name).exists():
             continue
-        values = fields.field(latest, name)[0]
+        values = fields.field(latest, name)[0] * factor
+        if name == "U":
+            values = values * (1.0, turned)
         if half:
             values = np.concatenate([values, values * (-1.0, 1.0) if name == "U" else values])
         _write_internal(folder / "0" / name, _interpolate(centres, values, target))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .case import FlowSpec
+from .case import FlowSpec, axis_points
 from .failure import Attempt
-from .history import CD, CL, Interval, batch_interval, read_table, upward_crossings
+from .history import CD, Interval, Tail, read_table
 from .read import CaseFields, Snapshot, loop_of, read_flow
+from .statistics import evaluate, is_still
 
 __all__ = ["AirflowResult", "Suction", "measure", "suction_zone"]
 
@@ -56,6 +56,11 @@ class AirflowResult:
     the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of
     :mod:`wakeflow.foam.sanity` that the solution takes up.
 
+    Intervals: of a steady run the range over its last iterations; of a time-resolved one 95 % intervals of the
+    long-time mean (:mod:`wakeflow.foam.statistics`). ``statistics`` of a time-resolved run: whole ``periods`` averaged,
+    ``start_up`` (s) dropped, ``accuracy`` asked, ``excess`` (largest half-width over the one asked). ``notes``: what a
+    reader must know.
+
     Cd is OpenFOAM's forceCoeffs. Its pressure part uses p with the 2k/3 still in it, which is right: at a wall the
     normal Reynolds stress 2k/3 of the model acts on the body too, so that the sum is the momentum the body takes up.
     """
@@ -66,9 +71,9 @@ class AirflowResult:
     cells: int
     reynolds: float
     cd: Interval
-    cl_rms: float
-    strouhal: float | None
-    cp_base: float
+    cl_rms: Interval
+    strouhal: Interval | None
+    cp_base: Interval
     cp_front: float
     p_inlet: float
     pressure_drop: float
@@ -84,6 +89,8 @@ class AirflowResult:
     loop_mismatch: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
+    statistics: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     cd_of: dict[str, float] = field(default_factory=dict)
     settings: str = "normal"
     attempts: tuple[Attempt, ...] = ()
@@ -109,21 +116,23 @@ def measure(
     dynamic = 0.5 * spec.speed**2
     at_inlet = _mean_on(fields, shots, "inlet")
     cp = (arrays["pressure"] - at_inlet) / dynamic
-    middle, front, rear = _axis_points(spec)
-    drag, lift, shedding, steps = _coefficients(spec, folder, verdict, None if loop is None else loop["begin"])
+    middle, front, rear = axis_points(spec)
+    rows = Tail(folder).update()
+    history = _coefficients(spec, rows, loop)
     flow, mass_error = _mass_balance(spec, fields, shots)
     body = fields.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
     edges, points = plane.faces[body], arrays["points"]
+    at_rear = _on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
     return AirflowResult(
         stepping=spec.stepping,
         verdict=verdict,
         turbulence=spec.turbulence,
         cells=len(plane.cells),
         reynolds=spec.reynolds,
-        cd=drag,
-        cl_rms=lift,
-        strouhal=shedding,
-        cp_base=_on_edges(points, edges, cp, np.array([middle, rear * spec.along])),
+        cd=history.cd,
+        cl_rms=history.cl_rms,
+        strouhal=history.strouhal,
+        cp_base=_base(history.cp_base, rows, loop, at_rear),
         cp_front=_on_edges(points, edges, cp, np.array([middle, front * spec.along])),
         p_inlet=spec.density * at_inlet,
         pressure_drop=spec.density * (at_inlet - _mean_on(fields, shots, "outlet")),
@@ -131,7 +140,7 @@ def measure(
         mass_error=mass_error,
         suction=suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges)),
         y_plus=_y_plus(spec, fields, times[-1], shots[-1], body),
-        steps=steps,
+        steps=history.steps,
         seconds=seconds,
         field_time="all" if loop else "latest",
         period=loop["period"] if loop else None,
@@ -139,6 +148,8 @@ def measure(
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
         mesh=mesh or {},
+        statistics=history.statistics,
+        notes=history.notes,
         cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
     )
 
@@ -148,19 +159,6 @@ def _mean_on(fields: CaseFields, shots: Sequence[Snapshot], patch: str) -> float
     chosen = fields.mesh.plane.on(patch)
     weight = fields.mesh.plane.lengths[chosen]
     return float(np.mean([np.average(shot.pressure_faces[chosen], weights=weight) for shot in shots]))
-
-
-def _axis_points(spec: FlowSpec) -> tuple[float, float, float]:
-    """x of the first body's middle; where that vertical line meets its front and rear, along the air (m)."""
-    outline = np.array(spec.mesh.bodies[0])
-    middle = float(outline[:, 0].min() + outline[:, 0].max()) / 2
-    start, end = outline, np.roll(outline, -1, axis=0)
-    met = []
-    for (x0, y0), (x1, y1) in zip(start, end, strict=True):
-        if min(x0, x1) <= middle <= max(x0, x1):
-            met += [y0, y1] if x0 == x1 else [y0 + (middle - x0) * (y1 - y0) / (x1 - x0)]
-    along = spec.along * np.array(met)
-    return middle, float(along.min()), float(along.max())
 
 
 def _on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array) -> float:
@@ -173,28 +171,17 @@ def _on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Arra
     return float(a + share[nearest] * (b - a))
 
 
-def _coefficients(
-    spec: FlowSpec, folder: Path, verdict: str, begin: float | None
-) -> tuple[Interval, float, float | None, int]:
-    """Cd with its interval, rms of Cl, Strouhal number, number of steps or iterations."""
-    rows = read_table(folder, "forceCoefficients", (CD, CL))
-    if begin is None:
-        recent = rows[-min(WINDOW, len(rows) // 4) :]
-        middle = float(recent[:, 1].mean()) if spec.stepping == "steady" else float(rows[-1, 1])
-        spread = Interval(middle, float(min(recent[:, 1].min(), middle)), float(max(recent[:, 1].max(), middle)))
-        return spread, float(recent[:, 2].std()), None, len(rows)
-    late = _weighted_periods(rows[rows[:, 0] >= begin])
-    if len(late) < 2:
-        late = _weighted_periods(rows)
-    lengths = np.array([length for length, _, _ in late])
-    rms = float(np.sqrt(np.average([square for _, _, square in late], weights=lengths)))
-    frequency = 1 / float(lengths.mean())
-    return (
-        batch_interval([drag for _, drag, _ in late]),
-        rms,
-        frequency * spec.mesh.projected_width / spec.speed,
-        len(rows),
-    )
+@dataclass(frozen=True)
+class _Coefficients:
+    """What the history says; ``cp_base`` is the probe's, ``begin`` (s) where its averages start."""
+
+    cd: Interval
+    cl_rms: Interval
+    cp_base: Interval
+    strouhal: Interval | None
+    steps: int
+    statistics: dict[str, float]
+    notes: list[str]
 
 
 def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
@@ -207,19 +194,56 @@ def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str
     return found
 
 
-def _weighted_periods(rows: Array) -> list[tuple[float, float, float]]:
-    """(length, mean Cd, mean square of Cl about its mean) of every whole period; time steps differ, so by
-    trapezoids.
+def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _Coefficients:
+    """Steady: the last values with the range they moved through. Time-resolved: means since the end of the start-up."""
+    if loop is None:
+        recent = rows[-max(min(WINDOW, len(rows) // 4), 1) :]
+        rms = float(recent[:, 2].std())
+        lift = Interval(rms, 0.0, float(np.ptp(recent[:, 2])))
+        return _Coefficients(_last(recent[:, 1]), lift, _last(recent[:, 3]), None, len(rows), {}, [])
+    swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
+    found = None if swings else evaluate(rows, spec.accuracy)
+    if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
+        late = rows[rows[:, 0] >= loop["begin"]]
+        rms = float(late[:, 2].std())
+        wide = Interval(rms, 0.0, float(np.ptp(late[:, 2])))
+        note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
+        said = [] if swings else [note]
+        return _Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, len(rows), {}, said)
+    scale = spec.convective_time
+    notes: list[str] = []
+    if not found.stands:
+        notes = [
+            f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked after "
+            f"{rows[-1, 0] / scale:.0f} widths of travel, where the run was ended"
+        ]
+    table = {"periods": found.periods, "start_up": found.begin, "accuracy": spec.accuracy, "excess": found.excess}
+    number = found.frequency and _times(found.frequency, scale)
+    return _Coefficients(found.cd, found.cl_rms, found.cp_base, number, len(rows), table, notes)
+
+
+def _last(values: Array) -> Interval:
+    return Interval(float(values[-1]), float(values.min()), float(values.max()))
+
+
+def _range(values: Array) -> Interval:
+    return Interval(float(values.mean()), float(values.min()), float(values.max()))
+
+
+def _times(part: Interval, factor: float) -> Interval:
+    return Interval(part.value * factor, part.low * factor, part.high * factor)
+
+
+def _base(probed: Interval, rows: Array, loop: dict[str, Any] | None, field: float) -> Interval:
+    """The probe's base pressure coefficient, shifted to what the fields give: second order on the wall, without 2k/3.
+
+    The shift is the fields' mean over the loop less the probe's over the same times.
     """
-    crossings = upward_crossings(rows[:, 0], rows[:, 2])
-    result = []
-    for a, b in pairwise(crossings):
-        part = rows[(rows[:, 0] >= a) & (rows[:, 0] <= b)]
-        span = part[-1, 0] - part[0, 0]
-        lift = np.trapezoid(part[:, 2], part[:, 0]) / span
-        square = np.trapezoid((part[:, 2] - lift) ** 2, part[:, 0]) / span
-        result.append((float(b - a), float(np.trapezoid(part[:, 1], part[:, 0]) / span), float(square)))
-    return result
+    if not rows[:, 3].any():
+        return Interval(field, field, field)
+    times = rows[-1:, 0] if loop is None else np.array([float(name) for name in loop["times"]])
+    shift = field - float(np.interp(times, rows[:, 0], rows[:, 3]).mean())
+    return Interval(probed.value + shift, probed.low + shift, probed.high + shift)
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:
@@ -331,7 +355,7 @@ def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forwar
     """Distance (m) from the rear to where the velocity along the air on the body's axis turns forward; 0 when it
     never turns back.
     """
-    middle, _, _ = _axis_points(spec)
+    middle, _, _ = axis_points(spec)
     x, s = points[:, 0] - middle - 1e-7 * spec.mesh.projected_width, spec.along * points[:, 1]
     if spec.mesh.half:
         x = points[:, 0] - 1e-7 * spec.mesh.projected_width

@@ -1,4 +1,4 @@
-"""The time-resolved run: through the start-up, then a loop of snapshots over whole shedding periods."""
+"""The time-resolved run: through the start-up, then on until the statistics stand, keeping a loop of snapshots."""
 
 from __future__ import annotations
 
@@ -14,21 +14,25 @@ from numpy.typing import NDArray
 from ..errors import FoamError
 from ..files import write_json
 from .case import FlowSpec, write_parameters
-from .history import Tail, is_settled, upward_crossings
+from .history import Tail
 from .initial import perturb, start_from
 from .read import LOOP, CaseFields, time_folders
 from .solve import PHASE, SAVE_EVERY, Listener, Watch, solver
+from .statistics import Stopping, cycles, evaluate, is_still
 from .vibration import Vibration
 
-__all__ = ["best_loop", "run_time_resolved"]
+__all__ = ["LONGEST", "LOOP_PERIODS", "SNAPSHOTS", "best_loop", "run_time_resolved"]
 
 Array = NDArray[np.float64]
 SNAPSHOTS = 24  # a period
-LOOP_PERIODS = 3  # at least this many in the loop
-SPARE_PERIODS = 3  # more are recorded, to choose the loop from
+LOOP_PERIODS = 3  # at least this many in the loop of a periodic wake
+BROADBAND_PERIODS = 6  # the same where periods differ from each other
+SPARE_PERIODS = 3  # more are kept until the run ends, to choose the loop from
+RECORDED = "recorded"  # a file: the solver ended by itself
 KEPT = {"U", "p", "k", "omega"}
 COLLAPSED = 1e-7  # convective times: a time step this short will never arrive
 LONGEST_START = 80.0  # convective times (projected width over speed) before a start-up is given up as irregular
+LONGEST = 300.0  # convective times after which a run ends with what it has, its intervals wider than asked
 
 
 def run_time_resolved(
@@ -37,17 +41,18 @@ def run_time_resolved(
     *,
     start: Path | None = None,
     listener: Listener = lambda _: None,
-    periods: int = LOOP_PERIODS,
+    periods: int | None = None,
     timeout: float | None = None,
 ) -> str:
-    """Run pimpleFoam through the start-up and record ``periods`` whole shedding periods. Returns the verdict.
+    """Run pimpleFoam until the statistics stand (:class:`Stopping`, FlowSpec.accuracy). Returns the verdict.
 
-    From ``start`` (the case of a draft of the same bodies) or a uniform flow, with a transverse push behind the body
-    that sets off the shedding. The start-up ends when three periods repeat (2 % in length and drag, 5 % in lift) or
-    after 80 widths of travel; then 24 snapshots a period are kept and listed in loop.json. A wake that does not shed
-    is kept as one steady time. Where the body vibrates (``spec.vibration``) the loop is whole periods of the
-    vibration, and loop.json holds the motion of the mesh and its phase at the loop's start; a wake that only swings
-    with the body is kept as such a loop too.
+    From ``start`` (any solved case, best the draft of the same bodies) or a uniform flow, with a transverse push behind
+    the body that sets off the shedding. Once three periods look alike, or after 80 widths of travel, snapshots are
+    written, 24 a period, of which OpenFOAM keeps the last; when the run ends, the loop of ``periods`` whole periods (3
+    when periodic, 6 when broadband) that closes best stays, listed in loop.json. A wake that does not shed is kept as
+    one steady time. The run ends unfinished after 300 widths of travel: the intervals say what is lacking. Where the
+    body vibrates (``spec.vibration``) the loop is whole periods of the vibration, and loop.json holds the motion of the
+    mesh and its phase at the loop's start; a wake that only swings with the body is kept as such a loop too.
     """
     phase = folder / PHASE
     if not phase.exists():
@@ -55,19 +60,29 @@ def run_time_resolved(
             start_from(spec, folder, start)
             perturb(spec, folder)
         _start_up(spec, folder, listener, timeout)
-        rows = Tail(folder).update()
-        write_json(
-            phase, {"phase": "loop", "begin": float(time_folders(folder)[-1].name), "period": _period(rows, spec)}
-        )
+        period = _period(Tail(folder).update(), spec)
+        write_json(phase, {"phase": "loop", "begin": float(time_folders(folder)[-1].name), "period": period})
     state = json.loads(phase.read_text())
     if state["period"] is None:
         return "steady"
     if state["phase"] == "loop":
-        _record(spec, folder, state, periods, listener, timeout)
-        _close_loop(spec, folder, state, periods)
-        write_json(phase, {**state, "phase": "done"})
-    rows = Tail(folder).update()
-    return "periodic" if is_settled(rows[rows[:, 0] > state["begin"] - 2 * state["period"]]) else "broadband"
+        _record(spec, folder, state, periods or BROADBAND_PERIODS, listener, timeout)
+        verdict = _verdict(spec, Tail(folder).update())
+        if verdict == "steady":
+            write_json(phase, {**state, "phase": "done", "period": None})
+            return verdict
+        _close_loop(spec, folder, state, periods or (LOOP_PERIODS if verdict == "periodic" else BROADBAND_PERIODS))
+        state = {**state, "phase": "done", "verdict": verdict}
+        write_json(phase, state)
+    return str(state["verdict"])
+
+
+def _verdict(spec: FlowSpec, rows: Array) -> str:
+    """steady | periodic | broadband; the wake that only swings with a vibrating body is periodic."""
+    if is_still(rows, spec.convective_time, swings=spec.vibration is not None):
+        return "steady" if spec.vibration is None else "periodic"
+    found = evaluate(rows, spec.accuracy)
+    return found.verdict if found else "broadband"
 
 
 def _start_up(spec: FlowSpec, folder: Path, listener: Listener, timeout: float | None) -> None:
@@ -77,9 +92,8 @@ def _start_up(spec: FlowSpec, folder: Path, listener: Listener, timeout: float |
         now = rows[-1, 0]
         if now < 15 * scale:
             return False
-        return (
-            is_settled(rows[rows[:, 0] > 5 * scale]) is not None or _is_still(rows, spec) or now > LONGEST_START * scale
-        )
+        still = is_still(rows, scale, swings=spec.vibration is not None)
+        return still or now > LONGEST_START * scale or alike(rows[rows[:, 0] > 2 * scale])
 
     first = 0.2 * spec.mesh.h_corner / spec.speed
     write_parameters(folder, {
@@ -109,54 +123,53 @@ def _swing_to_middle(
         )
 
 
+def alike(rows: Array) -> bool:
+    """Whether the last three shedding periods have lengths and mean drags within 10 %: their length can be told."""
+    last = cycles(rows)[-3:]
+    return len(last) == 3 and bool((np.ptp(last[:, 1:3], axis=0) <= 0.1 * np.abs(last[:, 1:3].mean(axis=0))).all())
+
+
 def _watch(
     spec: FlowSpec, folder: Path, stage: str, listener: Listener, finished: Callable[[Array], bool], end: float
 ) -> Watch:
     return Watch(folder, stage, listener, finished, expected=end, least_step=COLLAPSED * spec.convective_time)
 
 
-def _is_still(rows: Array, spec: FlowSpec) -> bool:
-    """Whether the wake has come to rest: over ten convective times drag within 0.1 % and lift below 1e-3, shrinking.
-
-    The drag of a vibrating body never rests: there the lift decides.
+def _period(rows: Array, spec: FlowSpec) -> float | None:
+    """Shedding period (s) at the end of the start-up; None for a wake at rest, the vibration's where it only swings; 6
+    convective times for a wake without a rhythm (a usual bluff body's: St = 1/6).
     """
     scale = spec.convective_time
-    if rows[-1, 0] < 30 * scale:
-        return False
-    recent = rows[rows[:, 0] > rows[-1, 0] - 10 * scale]
-    half = len(recent) // 2
-    shrinks = np.ptp(recent[half:, 2]) <= np.ptp(recent[:half, 2])
-    drags = spec.vibration is not None or np.ptp(recent[:, 1]) < 1e-3 * abs(recent[:, 1].mean())
-    return bool(drags and np.ptp(recent[:, 2]) < 1e-3 and shrinks)
-
-
-def _period(rows: Array, spec: FlowSpec) -> float | None:
-    """Shedding period (s) at the end of the start-up; None for a wake at rest, the vibration's where it only swings."""
-    scale = spec.convective_time
-    if _is_still(rows, spec):
+    if is_still(rows, scale, swings=spec.vibration is not None):
         return None if spec.vibration is None else spec.vibration.period
-    late = rows[rows[:, 0] > rows[-1, 0] - 0.5 * (rows[-1, 0] - rows[0, 0])]
-    crossings = upward_crossings(late[:, 0], late[:, 2])
-    if len(crossings) < 2:
-        raise FoamError(
-            f"the wake neither rests nor sheds after {rows[-1, 0] / scale:.0f} widths of travel: use rung draft"
-        )
-    return is_settled(late) or float(np.diff(crossings).mean())
+    late = cycles(rows[rows[:, 0] > 2 * scale])[-3:]
+    return float(late[:, 1].mean()) if len(late) else 6 * scale
 
 
 def _record(
     spec: FlowSpec, folder: Path, state: dict[str, float], periods: int, listener: Listener, timeout: float | None
 ) -> None:
-    begin, step = state["begin"], _cadence(spec, state)
-    end = begin + (periods + SPARE_PERIODS) * state["period"] + step
-    if spec.vibration is not None:
-        end += spec.vibration.period  # the loop ends on a whole one
-    if float(time_folders(folder)[-1].name) < end - step:
-        write_parameters(folder, {
-            "startFrom": "latestTime", "endTime": end + 0.01 * step, "writeControl": "adjustableRunTime",
-            "writeInterval": step, "purgeWrite": 0,
-        })  # fmt: skip
-        solver(folder, "pimpleFoam", _watch(spec, folder, "recording", listener, lambda rows: False, end), timeout)
+    """Run on, writing snapshots at a fixed cadence, until the statistics stand and a loop can be chosen."""
+    begin, step, scale = state["begin"], _cadence(spec, state), spec.convective_time
+    vibration = 0.0 if spec.vibration is None else spec.vibration.period  # the loop begins and ends on a whole one
+    kept = int(((periods + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2
+    least = begin + (LOOP_PERIODS + 1) * state["period"] + 2 * vibration + 2 * step
+    end = max(LONGEST * scale, least)
+    stopping = Stopping(spec.accuracy)
+
+    def finished(rows: Array) -> bool:
+        still = is_still(rows, scale, swings=spec.vibration is not None)
+        return bool(rows[-1, 0] > least and (still or stopping.look(rows)))
+
+    if (folder / RECORDED).exists():
+        return
+    write_parameters(folder, {
+        "startFrom": "latestTime", "endTime": end, "writeControl": "adjustableRunTime", "writeInterval": step,
+        "purgeWrite": kept,
+    })  # fmt: skip
+    expected = min(max(40 * scale, least), end)
+    solver(folder, "pimpleFoam", _watch(spec, folder, "recording", listener, finished, expected), timeout)
+    (folder / RECORDED).touch()
 
 
 def _cadence(spec: FlowSpec, state: dict[str, float]) -> float:
@@ -171,12 +184,13 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
     """
     if not (folder / LOOP).exists():
         step = _cadence(spec, state)
-        folders = [path for path in time_folders(folder) if float(path.name) >= state["begin"] - 1e-3 * step]
+        folders = _on_beat(time_folders(folder), state["begin"], step, spec.vibration)
         fields = CaseFields(folder)
         clock = np.array([float(path.name) for path in folders])
         velocity = np.stack([fields.field(path, "U")[0] for path in folders])
         whole = None if spec.vibration is None else spec.vibration.period
-        first, last, length, mismatch = best_loop(clock, velocity, periods * state["period"], whole)
+        least = min(periods * state["period"], 0.9 * float(clock[-1] - clock[0]) - (whole or 0.0))
+        first, last, length, mismatch = best_loop(clock, velocity, least, whole)
         table: dict[str, Any] = {"period": length, "periods": round(length / state["period"]), "begin": state["begin"]}
         names = [path.name for path in folders[first:last]]
         if spec.vibration is not None:
@@ -190,6 +204,23 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
         for member in path.iterdir():
             if member.name not in KEPT:
                 shutil.rmtree(member) if member.is_dir() else member.unlink()
+
+
+def _on_beat(folders: list[Path], begin: float, step: float, vibration: Vibration | None) -> list[Path]:
+    """The times of the recording, every ``step`` (s) from ``begin``: not those at which a run was stopped in between.
+
+    With a vibration the first one lies a whole number of its periods after ``begin``, where its phase is zero.
+    """
+
+    def beats(path: Path, interval: float) -> bool:
+        count = (float(path.name) - begin) / interval
+        return count > -0.02 and abs(count - round(count)) * interval < 0.02 * step
+
+    found = [path for path in folders if beats(path, step)]
+    if vibration is not None:
+        first = next((i for i, path in enumerate(found) if beats(path, vibration.period)), 0)
+        found = found[first:]
+    return found
 
 
 def best_loop(clock: Array, velocity: Array, least: float, whole: float | None = None) -> tuple[int, int, float, float]:

@@ -18,9 +18,11 @@ from ..files import write_json
 from ..process import tail
 from .case import FlowSpec, set_patch_types, write_case, write_inlets, write_parameters
 from .failure import AirflowFailure, Cause, disk_is_full
-from .history import Tail, kind_of
+from .history import Tail, kind_of, read_vectors
+from .initial import start_from
 from .parallel import gather, scatter
 from .programs import call
+from .read import time_folders
 
 __all__ = ["Listener", "MeshCheck", "Progress", "Watch", "prepare", "run_steady", "solver"]
 
@@ -28,6 +30,7 @@ Array = NDArray[np.float64]
 CHECKED, PHASE, STOP = "mesh_check.json", "phase.json", "stop"
 SAVE_EVERY = 5  # s of wall time between savings: what an interruption may cost
 WINDOW, STANDSTILL = 300, 2e-4  # a steady run ends when Cd moved by less than this share over so many iterations
+STILL_BASE, STILL_WAKE = 1e-3, 5e-3  # the same for base pressure and for velocities in the wake, of the inlet speed
 USABLE = 0.01  # range of Cd over the window, relative, that still counts as steady
 TYPICAL_ITERATIONS = 900
 ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
@@ -253,21 +256,31 @@ def _ends_well(file: Path) -> bool:
 
 
 def run_steady(
-    spec: FlowSpec, folder: Path, *, listener: Listener = lambda _: None, most: int = 3000, timeout: float | None = None
+    spec: FlowSpec,
+    folder: Path,
+    *,
+    start: Path | None = None,
+    listener: Listener = lambda _: None,
+    most: int = 3000,
+    timeout: float | None = None,
 ) -> str:
-    """Iterate simpleFoam until Cd stands still or ``most`` iterations; go on from what is there. Returns the verdict.
+    """Iterate simpleFoam until what is measured stands still or ``most`` iterations; go on from what is there, or from
+    ``start`` (another solved case). Returns the verdict.
 
-    "steady" when Cd moved by less than 1 % over the last 300 iterations; else how it moves: "periodic" or "broadband"
-    (then the flow asks for the time-resolved rung; nothing has failed).
+    Standing still, over the last 300 iterations: Cd within 2e-4, base pressure within 1e-3 (of the dynamic pressure at
+    least), the velocities along the wake's axis (and with them the reversal length) within 0.5 % of the inlet speed.
+    "steady" when Cd moved by less than 1 % over those iterations; else how it moves: "periodic" or "broadband" (then
+    the flow asks for the time-resolved rung; nothing has failed).
     """
+    wake = _Wake(folder, spec.speed)
 
     def finished(rows: Array) -> bool:
-        recent = rows[-WINDOW:, 1]
-        still = len(recent) == WINDOW and np.ptp(recent) <= STANDSTILL * abs(recent.mean())
-        return bool(still or rows[-1, 0] >= most)
+        return bool(rows[-1, 0] >= most or (_stands_still(rows[-WINDOW:]) and wake.stands_still()))
 
     done = folder / PHASE
     if not done.exists():
+        if start is not None and not time_folders(folder):
+            start_from(spec, folder, start)
         steps: dict[str, str | float | int] = {
             "startFrom": "latestTime",
             "endTime": most + 1000,
@@ -281,3 +294,24 @@ def run_steady(
         verdict = "steady" if converged else kind_of(drag[-WINDOW:], USABLE)
         write_json(done, {"phase": "done", "verdict": verdict})
     return str(json.loads(done.read_text())["verdict"])
+
+
+def _stands_still(recent: Array) -> bool:
+    drag, base = recent[:, 1], recent[:, 3]
+    return bool(
+        len(recent) == WINDOW
+        and np.ptp(drag) <= STANDSTILL * abs(drag.mean())
+        and np.ptp(base) <= STILL_BASE * max(abs(float(base.mean())), 1.0)
+    )
+
+
+class _Wake:
+    """The velocities along the wake's axis that a steady run records."""
+
+    def __init__(self, folder: Path, speed: float) -> None:
+        self.folder, self.speed = folder, speed
+
+    def stands_still(self) -> bool:
+        """Whether none moved by more than STILL_WAKE of the inlet speed over the window; true without a record."""
+        rows = read_vectors(self.folder, "wakeAxis")[-WINDOW:]
+        return not len(rows) or bool(np.ptp(rows[:, 1:], axis=0).max() <= STILL_WAKE * self.speed)

@@ -177,15 +177,13 @@ def _row(
 
 
 def _order_row(case: Case, rung: str, airflow: Measured, studies: dict[str, GridEstimate]) -> Iterator[Row]:
-    if case.order is None:
-        return
-    name, least = case.order
-    study = studies[name]
-    row = asdict(_plain(case, rung, airflow, name, None, study))
-    label = f"order of {quantities[name].label}, at least {least:g}"
-    met = study.order is not None and study.order >= least
-    yield Row(**{**row, "quantity": label, "ours": study.order, "low": None, "high": None, "met": met,
-                 "source": study.why})  # fmt: skip
+    for name, least in case.order.items():
+        study = studies[name]
+        row = asdict(_plain(case, rung, airflow, name, None, study))
+        label = f"order of {quantities[name].label}, at least {least:g}"
+        met = study.order is not None and study.order >= least
+        shown = {"quantity": label, "ours": study.order, "low": None, "high": None, "met": met, "source": study.why}
+        yield Row(**{**row, **shown})
 
 
 def _beside_rows(case: Case, scene: Scene, own: Sequence[Row], tell: Tell) -> Iterator[Row]:

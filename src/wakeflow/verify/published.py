@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ class Case:
     values: tuple[Published, ...] = ()
     quick: bool = False
     scales: tuple[float, ...] = (1.0,)
-    order: tuple[str, float] | None = None
+    order: Mapping[str, float] = field(default_factory=dict)
     beside: str | None = None
     closer: str | None = None
     note: str = ""
@@ -64,14 +64,13 @@ def read_cases(tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Case]:
 
 def _case(name: str, table: dict[str, Any]) -> Case:
     values = tuple(_published(name, row) for row in table.pop("value", []))
-    for key in ("scales", "order"):
-        if key in table:
-            table[key] = tuple(table[key])
+    if "scales" in table:
+        table["scales"] = tuple(table["scales"])
     try:
         case = Case(name=name, values=values, **table)
     except TypeError as problem:
         raise SceneError(f"published.toml: {name}: {problem}") from None
-    for quantity in (case.closer, None if case.order is None else case.order[0]):
+    for quantity in (case.closer, *case.order):
         if quantity is not None and quantity not in quantities:
             raise SceneError(f"published.toml: {name}: unknown quantity {quantity!r}")
     if case.closer is not None and (case.beside is None or not any(v.quantity == case.closer for v in values)):
