@@ -29,7 +29,7 @@ from wakeflow.resources import case_template
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000
-CONVECTIVE_TIMES = 40.0  # of a start-up: enough to shed or to fail
+LONGEST_START, LONGEST, ACCURACY = 40.0, 60.0, 0.1  # convective times, relative: enough to shed or to fail
 SHAPES = {
     "rhombus 45": ("rhombus", {"slope_angle": np.radians(45)}),
     "rhombus 10": ("rhombus", {"slope_angle": np.radians(10)}),
@@ -132,24 +132,25 @@ def flow_of(case: Case, mesh: MeshSpec) -> FlowSpec:
     """The case's airflow, with the turbulence model that the plan would choose."""
     flow = FlowSpec(mesh, SPEED, DENSITY, DENSITY * SPEED * D / case["reynolds"], turbulence="laminar")
     model = "laminar" if case["reynolds"] < LAMINAR_BELOW else "kOmegaSST"
-    return replace(flow, turbulence=model, stepping=case["stepping"])  # type: ignore[arg-type]
+    return replace(flow, turbulence=model, stepping=case["stepping"], accuracy=ACCURACY)  # type: ignore[arg-type]
 
 
 def outcome(case: Case) -> dict[str, Any]:
     """Solve a case, or take its outcome from the cache: the airflow's table, or ``error`` with the one line said."""
     package = Path(shedding.__file__).parents[1]
-    code = digest_files([package / "foam", package / "meshing.py", case_template(), Path(__file__)])
+    code = digest_files([package / "foam", *package.glob("meshing*"), case_template(), Path(__file__)])
 
     def work(folder: Path) -> None:
         before = _processor_seconds()
-        with_limit, shedding.LONGEST_START = shedding.LONGEST_START, CONVECTIVE_TIMES
+        limits = shedding.LONGEST_START, shedding.LONGEST
+        shedding.LONGEST_START, shedding.LONGEST = LONGEST_START, LONGEST
         try:
             flow = flow_of(case, coarse_mesh(case, folder))
             table = asdict(solve_airflow(flow, folder / "mesh.msh", folder / "case"))
         except (MeshError, FoamError) as problem:
             table = {"error": str(problem), "kind": type(problem).__name__}
         finally:
-            shedding.LONGEST_START = with_limit
+            shedding.LONGEST_START, shedding.LONGEST = limits
         write_json(folder / "outcome.json", {**table, "processor_seconds": _processor_seconds() - before})
 
     folder, _ = Store(cache_root()).make("robustness", content_key(case, code), work)

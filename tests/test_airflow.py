@@ -379,10 +379,12 @@ class TestFailure:
     pytestmark = openfoam
 
     def test_a_diverging_airflow_says_so_with_its_log(self, rhombus: Solved, tmp_path: Path) -> None:
+        """No settings cure a negative viscosity: the logs of all attempts are kept, the last one is named."""
         spec = replace(rhombus.spec, viscosity=-0.02, turbulence="laminar")
         with pytest.raises(FoamError, match="diverged") as failed:
             solve_airflow(spec, rhombus.folder / "mesh.msh", tmp_path / "case")
-        assert failed.value.log == tmp_path / "case" / "log.simpleFoam"
+        assert failed.value.log == tmp_path / "case" / "failed-4.log"
+        assert failed.value.log.exists()
         assert failed.value.tail
         assert "\n" not in str(failed.value)
         assert failed.value.exit_code == 3
@@ -433,6 +435,7 @@ def test_a_time_resolved_half_domain_is_refused() -> None:
 def test_the_template_leaves_no_parameter_unresolved() -> None:
     template = case_template()
     given = set(re.findall(r"^(\w+)\s+[^;]*;", (template / "system" / "parameters").read_text(), re.M))
+    given |= set(re.findall(r"^(\w+)\s*$", (template / "system" / "inlets").read_text(), re.M))
     own = {"p", "U", "FOAM_CASE"}
     for path in (p for p in template.rglob("*") if p.is_file()):
         code = re.sub(r"//.*", "", path.read_text())

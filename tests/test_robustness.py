@@ -278,11 +278,10 @@ class TestLadder:
         build_mesh(spec.mesh, tmp_path)
         case = tmp_path / "case"
         prepare(spec, tmp_path / "mesh.msh", case)
-        for begin, end in ((0.0, 0.05), (0.05, 0.1), (0.1, 0.15)):
+        for end in (0.05, 0.1, 0.15):
             write_parameters(case, {"endTime": end, "deltaT": 5e-4, "writeControl": "runTime", "writeInterval": 0.05})
             solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, lambda _: False, expected=end), None)
-            assert float(time_folders(case)[-1].name) == pytest.approx(end, rel=1e-3)
-            assert begin < end
+            assert float(time_folders(case)[-1].name) == pytest.approx(end, rel=0.02)
         sound, bad, last = time_folders(case)
         raw = (bad / "U").read_bytes()
         at = raw.index(b"(", raw.index(b"List<vector>")) + 1
@@ -298,7 +297,7 @@ class TestLadder:
         assert said == [[sound.name, bad.name, last.name], [sound.name], [], []]
 
     @pytest.mark.parametrize("settings", ["careful", "first-order-start", "first-order"])
-    @pytest.mark.parametrize("reynolds", [20.0, 3e4])
+    @pytest.mark.parametrize("reynolds", [20.0, pytest.param(3e4, marks=pytest.mark.slow)])
     def test_every_step_of_the_ladder_solves_what_the_usual_settings_solve(
         self, settings: str, reynolds: float, solved: tuple[FlowSpec, Path, AirflowResult], tmp_path: Path
     ) -> None:

@@ -1,4 +1,4 @@
-"""What a history says so far: intervals that cover known means, start-ups dropped, drifts noticed, ends in time."""
+"""What a history says so far: intervals that cover known means, start-ups dropped, drifts noticed."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_run_that_ends_by_the_rule_covers_the_mean_nine_times_in_ten() -> None
 
 
 def test_the_start_up_is_dropped() -> None:
-    rows = record(1, 60, memory=0.0, noise=0.01, start=2.0)
+    rows = record(1, 60, memory=0.0, noise=0.01, start=4.0)
     found = evaluate(rows, 0.01)
     assert found is not None
     assert 4 < found.begin < 45

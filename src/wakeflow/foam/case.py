@@ -121,11 +121,11 @@ class FlowSpec:
         k, omega = self.incoming(self.speed, self.mesh.width)
         spec = self.mesh
         most, share = SETTINGS[self.settings]
-        swing = self.vibration.parameters() if self.vibration is not None else {}
-        longest = float(swing.pop("maxDeltaT", math.inf))
         middle, _, rear = axis_points(self)
         size, depth = spec.projected_width, 0.5 * spec.thickness
         behind = [self.along * (rear + distance * size) for distance in WAKE_PROBES]
+        swing = self.vibration.parameters() if self.vibration is not None else {}
+        longest = LONGEST_STEP * self.convective_time
         return {
             "stepping": self.stepping,
             "turbulence": self.turbulence,
@@ -142,9 +142,9 @@ class FlowSpec:
             "wakePoints": "(" + " ".join(f"({middle + 0.01 * size:.9g} {y:.9g} {depth:.9g})" for y in behind) + ")",
             "settings": self.settings,
             "maxCo": min(most, share * self.max_courant),
-            "maxDeltaT": min(longest, LONGEST_STEP * self.convective_time),
             "ranks": self.ranks,
             **swing,
+            "maxDeltaT": min(longest, float(swing.get("maxDeltaT", longest))),
         }
 
 

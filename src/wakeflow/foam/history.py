@@ -48,7 +48,7 @@ def _lines(path: Path, last: int) -> list[list[str]]:
 
 
 def read_vectors(case: Path, what: str) -> Array:
-    """Rows (n, 1 + 3 c): time and the c vectors that velocity probes wrote; those outside the mesh are left out."""
+    """Rows (n, 1 + 3 c): time and the c vectors that velocity probes wrote; probes outside the mesh are left out."""
     rows: list[list[float]] = []
     for path in sorted((case / "postProcessing" / what).glob("*/U"), key=lambda path: float(path.parent.name)):
         lines = path.read_text().splitlines(keepends=True)

@@ -19,6 +19,7 @@ from .failure import AirflowFailure, Attempt
 from .initial import perturb, start_from
 from .read import LOOP, time_folders
 from .sanity import is_sane
+from .shedding import RECORDED
 from .solve import CHECKED, PHASE, SAVE_EVERY, Listener, Watch, solver
 
 __all__ = ["LADDER", "climb", "first_order_start", "warning"]
@@ -136,7 +137,7 @@ def _set_back(spec: FlowSpec, folder: Path, settings: str) -> None:
         if sound is not None:
             for path in folders[folders.index(sound) + 1 :]:
                 shutil.rmtree(path)
-            for name in (PHASE, LOOP):
+            for name in (PHASE, LOOP, RECORDED):
                 (folder / name).unlink(missing_ok=True)
             return
     _clear(folder)

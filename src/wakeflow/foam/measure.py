@@ -14,7 +14,7 @@ from .case import FlowSpec, axis_points
 from .failure import Attempt
 from .history import CD, Interval, Tail, read_table
 from .read import CaseFields, Snapshot, loop_of, read_flow
-from .statistics import evaluate
+from .statistics import evaluate, is_still
 
 __all__ = ["AirflowResult", "Suction", "measure", "suction_zone"]
 
@@ -89,12 +89,12 @@ class AirflowResult:
     loop_mismatch: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     mesh: dict[str, float] = field(default_factory=dict)
+    statistics: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     cd_of: dict[str, float] = field(default_factory=dict)
     settings: str = "normal"
     attempts: tuple[Attempt, ...] = ()
     checks: dict[str, float] = field(default_factory=dict)
-    statistics: dict[str, float] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
 
 
 def measure(
@@ -148,9 +148,9 @@ def measure(
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
         mesh=mesh or {},
-        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
         statistics=history.statistics,
         notes=history.notes,
+        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
     )
 
 
@@ -184,6 +184,16 @@ class _Coefficients:
     notes: list[str]
 
 
+def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
+    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
+    found = {}
+    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
+        rows = read_table(folder, f"drag_{name}", (CD,))
+        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
+        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
+    return found
+
+
 def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _Coefficients:
     """Steady: the last values with the range they moved through. Time-resolved: means since the end of the start-up."""
     if loop is None:
@@ -191,13 +201,15 @@ def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _
         rms = float(recent[:, 2].std())
         lift = Interval(rms, 0.0, float(np.ptp(recent[:, 2])))
         return _Coefficients(_last(recent[:, 1]), lift, _last(recent[:, 3]), None, len(rows), {}, [])
-    found = evaluate(rows, spec.accuracy)
-    if found is None:  # an irregular wake that shed less than six times
+    swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
+    found = None if swings else evaluate(rows, spec.accuracy)
+    if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
         late = rows[rows[:, 0] >= loop["begin"]]
         rms = float(late[:, 2].std())
         wide = Interval(rms, 0.0, float(np.ptp(late[:, 2])))
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
-        return _Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, len(rows), {}, [note])
+        said = [] if swings else [note]
+        return _Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, len(rows), {}, said)
     scale = spec.convective_time
     notes: list[str] = []
     if not found.stands:
@@ -232,16 +244,6 @@ def _base(probed: Interval, rows: Array, loop: dict[str, Any] | None, field: flo
     times = rows[-1:, 0] if loop is None else np.array([float(name) for name in loop["times"]])
     shift = field - float(np.interp(times, rows[:, 0], rows[:, 3]).mean())
     return Interval(probed.value + shift, probed.low + shift, probed.high + shift)
-
-
-def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
-    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
-    found = {}
-    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
-        rows = read_table(folder, f"drag_{name}", (CD,))
-        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
-        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
-    return found
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:

@@ -31,9 +31,9 @@ def scatter(folder: Path) -> tuple[list[str], list[str]]:
     if ranks == 1:
         return [], []
     call(folder, ["decomposePar", "-force", "-latestTime"])
-    # Bare ranks: no binding (two runs side by side would share one core), and root is the usual user of a container
-    launcher = ["mpirun", "-np", str(ranks), "--allow-run-as-root", "--oversubscribe", "--bind-to", "none"]
-    return launcher, ["-parallel"]
+    # Not bound to cores (two runs side by side would share one), idle ranks yield; in a container one is often root
+    how = "--allow-run-as-root --oversubscribe --bind-to none --mca mpi_yield_when_idle 1"
+    return ["mpirun", "-np", str(ranks), *how.split()], ["-parallel"]
 
 
 def gather(folder: Path, *, is_whole: Callable[[Path], bool]) -> None:

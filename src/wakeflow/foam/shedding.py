@@ -50,10 +50,9 @@ def run_time_resolved(
     the body that sets off the shedding. Once three periods look alike, or after 80 widths of travel, snapshots are
     written, 24 a period, of which OpenFOAM keeps the last; when the run ends, the loop of ``periods`` whole periods (3
     when periodic, 6 when broadband) that closes best stays, listed in loop.json. A wake that does not shed is kept as
-    one steady time. The run ends unfinished after 300 widths of travel: the intervals say what is lacking.
-
-    Where the body vibrates (``spec.vibration``) the loop is whole periods of the vibration and begins at its phase
-    zero, and loop.json holds the motion of the mesh; a wake that only swings with the body is kept as such a loop too.
+    one steady time. The run ends unfinished after 300 widths of travel: the intervals say what is lacking. Where the
+    body vibrates (``spec.vibration``) the loop is whole periods of the vibration, and loop.json holds the motion of the
+    mesh and its phase at the loop's start; a wake that only swings with the body is kept as such a loop too.
     """
     phase = folder / PHASE
     if not phase.exists():
@@ -68,17 +67,22 @@ def run_time_resolved(
         return "steady"
     if state["phase"] == "loop":
         _record(spec, folder, state, periods or BROADBAND_PERIODS, listener, timeout)
-        rows = Tail(folder).update()
-        still = is_still(rows, spec.convective_time, swings=spec.vibration is not None)
-        if still and spec.vibration is None:
-            write_json(phase, {**state, "phase": "done", "period": None, "verdict": "steady"})
-            return "steady"
-        found = evaluate(rows, spec.accuracy)
-        verdict = "periodic" if still else found.verdict if found else "broadband"
+        verdict = _verdict(spec, Tail(folder).update())
+        if verdict == "steady":
+            write_json(phase, {**state, "phase": "done", "period": None})
+            return verdict
         _close_loop(spec, folder, state, periods or (LOOP_PERIODS if verdict == "periodic" else BROADBAND_PERIODS))
         state = {**state, "phase": "done", "verdict": verdict}
         write_json(phase, state)
     return str(state["verdict"])
+
+
+def _verdict(spec: FlowSpec, rows: Array) -> str:
+    """steady | periodic | broadband; the wake that only swings with a vibrating body is periodic."""
+    if is_still(rows, spec.convective_time, swings=spec.vibration is not None):
+        return "steady" if spec.vibration is None else "periodic"
+    found = evaluate(rows, spec.accuracy)
+    return found.verdict if found else "broadband"
 
 
 def _start_up(spec: FlowSpec, folder: Path, listener: Listener, timeout: float | None) -> None:
@@ -89,7 +93,7 @@ def _start_up(spec: FlowSpec, folder: Path, listener: Listener, timeout: float |
         if now < 15 * scale:
             return False
         still = is_still(rows, scale, swings=spec.vibration is not None)
-        return now > LONGEST_START * scale or still or alike(rows[rows[:, 0] > 2 * scale])
+        return still or now > LONGEST_START * scale or alike(rows[rows[:, 0] > 2 * scale])
 
     first = 0.2 * spec.mesh.h_corner / spec.speed
     write_parameters(folder, {
@@ -132,8 +136,8 @@ def _watch(
 
 
 def _period(rows: Array, spec: FlowSpec) -> float | None:
-    """Shedding period (s) at the end of the start-up; None for a wake at rest, the vibration's where it only swings;
-    6 convective times for a wake without a rhythm (a usual bluff body's: St = 1/6).
+    """Shedding period (s) at the end of the start-up; None for a wake at rest, the vibration's where it only swings; 6
+    convective times for a wake without a rhythm (a usual bluff body's: St = 1/6).
     """
     scale = spec.convective_time
     if is_still(rows, scale, swings=spec.vibration is not None):
@@ -145,18 +149,17 @@ def _period(rows: Array, spec: FlowSpec) -> float | None:
 def _record(
     spec: FlowSpec, folder: Path, state: dict[str, float], periods: int, listener: Listener, timeout: float | None
 ) -> None:
-    """Run on, writing a snapshot every 1/24 of a period, until the statistics stand and a loop can be chosen."""
+    """Run on, writing snapshots at a fixed cadence, until the statistics stand and a loop can be chosen."""
     begin, step, scale = state["begin"], _cadence(spec, state), spec.convective_time
-    spare = 0.0 if spec.vibration is None else 2 * spec.vibration.period  # the loop begins and ends on a whole one
-    kept = round(((periods + SPARE_PERIODS) * state["period"] + spare) / step) + 2
-    least = begin + (LOOP_PERIODS + 1) * state["period"] + spare + 2 * step
+    vibration = 0.0 if spec.vibration is None else spec.vibration.period  # the loop begins and ends on a whole one
+    kept = int(((periods + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2
+    least = begin + (LOOP_PERIODS + 1) * state["period"] + 2 * vibration + 2 * step
     end = max(LONGEST * scale, least)
     stopping = Stopping(spec.accuracy)
 
     def finished(rows: Array) -> bool:
-        if rows[-1, 0] <= least:
-            return False
-        return stopping.look(rows) or is_still(rows, scale, swings=spec.vibration is not None)
+        still = is_still(rows, scale, swings=spec.vibration is not None)
+        return bool(rows[-1, 0] > least and (still or stopping.look(rows)))
 
     if (folder / RECORDED).exists():
         return
@@ -181,16 +184,13 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
     """
     if not (folder / LOOP).exists():
         step = _cadence(spec, state)
-        folders = [path for path in time_folders(folder) if _on_beat(float(path.name), state["begin"], step)]
-        if spec.vibration is not None:
-            whole = round(spec.vibration.period / step)
-            folders = folders[-round((float(folders[0].name) - state["begin"]) / step) % whole :]
+        folders = _on_beat(time_folders(folder), state["begin"], step, spec.vibration)
         fields = CaseFields(folder)
         clock = np.array([float(path.name) for path in folders])
         velocity = np.stack([fields.field(path, "U")[0] for path in folders])
-        least = min(periods * state["period"], 0.9 * float(clock[-1] - clock[0]))
-        swing = None if spec.vibration is None else spec.vibration.period
-        first, last, length, mismatch = best_loop(clock, velocity, least, swing)
+        whole = None if spec.vibration is None else spec.vibration.period
+        least = min(periods * state["period"], 0.9 * float(clock[-1] - clock[0]) - (whole or 0.0))
+        first, last, length, mismatch = best_loop(clock, velocity, least, whole)
         table: dict[str, Any] = {"period": length, "periods": round(length / state["period"]), "begin": state["begin"]}
         names = [path.name for path in folders[first:last]]
         if spec.vibration is not None:
@@ -206,9 +206,21 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
                 shutil.rmtree(member) if member.is_dir() else member.unlink()
 
 
-def _on_beat(time: float, begin: float, step: float) -> bool:
-    """Whether a time is one of the recording's, which OpenFOAM counts from its begin; a stop comes between two."""
-    return time >= begin and abs((time - begin) / step - round((time - begin) / step)) < 0.02
+def _on_beat(folders: list[Path], begin: float, step: float, vibration: Vibration | None) -> list[Path]:
+    """The times of the recording, every ``step`` (s) from ``begin``: not those at which a run was stopped in between.
+
+    With a vibration the first one lies a whole number of its periods after ``begin``, where its phase is zero.
+    """
+
+    def beats(path: Path, interval: float) -> bool:
+        count = (float(path.name) - begin) / interval
+        return count > -0.02 and abs(count - round(count)) * interval < 0.02 * step
+
+    found = [path for path in folders if beats(path, step)]
+    if vibration is not None:
+        first = next((i for i, path in enumerate(found) if beats(path, vibration.period)), 0)
+        found = found[first:]
+    return found
 
 
 def best_loop(clock: Array, velocity: Array, least: float, whole: float | None = None) -> tuple[int, int, float, float]:

@@ -312,6 +312,6 @@ class _Wake:
         self.folder, self.speed = folder, speed
 
     def stands_still(self) -> bool:
-        """Whether none moved by more than STILL_WAKE of the inlet speed over the window; true without record."""
+        """Whether none moved by more than STILL_WAKE of the inlet speed over the window; true without a record."""
         rows = read_vectors(self.folder, "wakeAxis")[-WINDOW:]
         return not len(rows) or bool(np.ptp(rows[:, 1:], axis=0).max() <= STILL_WAKE * self.speed)

@@ -1,11 +1,10 @@
 """What a history of drag, lift and base pressure says so far: means with 95 % intervals, and whether they suffice.
 
 The signals are cut into whole shedding periods (from one rise of the lift through its mean to the next). The start-up
-is dropped by MSER: the number of dropped periods d minimises the variance of the mean of the rest, sum (x - mean)^2 /
-(n - d)^2, over d <= n/2 (White, "An effective truncation heuristic for bias reduction in simulation output",
-Simulation 69, 1997); the largest d of the four quantities holds. The intervals are those of non-overlapping batch means
-(Student's t), widened by sqrt((1 + r)/(1 - r)) for the correlation r of neighbouring batches (as for an AR(1) sequence)
-and by what a significant drift would still change.
+ends where each quantity first crosses its mean over the later half of the periods (Fishman's rule of crossing the mean,
+"Concepts and Methods in Discrete Event Digital Simulation", 1973) and half as many periods again. The intervals are
+those of non-overlapping batch means (Student's t), widened by sqrt((1 + r)/(1 - r)) for the correlation r of
+neighbouring batches (as for an AR(1) sequence) and by what a significant drift would still change.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ Array = NDArray[np.float64]
 FEWEST = 6  # whole periods after the start-up
 ENOUGH = {"periodic": FEWEST, "broadband": 16}  # before a run may end: a few unequal periods look alike by chance
 BATCHES = 8  # at most about twice as many: fewer but longer batches of a longer run are less correlated
-MARGIN = 1.5
-LEAST = 0.0
-DRIFTING = 3.0  # t statistic of a slope over the batches that no stationary signal reaches often (1 % at 8 batches)
+MARGIN = 1.5  # of the periods up to the crossing: what is left of the start-up there goes too
+DRIFTING = 3.0  # t statistic of a slope over the batches that a stationary signal seldom reaches (2 % at 8 batches)
+OFTEN = 1.15  # looked at often, a spread that is small by chance ends the run: wider by what that costs in trials
 RESOLVED = 0.05  # of the half-width asked: no interval is narrower, slower changes than the run lasted go unseen
 LOOSER = {"cd": 1.0, "strouhal": 1.0, "cp_base": 1.0, "cl_rms": 2.0}  # times the accuracy asked; see `wanted`
-PERIODIC = {"length": 0.03, "drag": 0.03, "lift": 0.1}  # relative spread from period to period of a periodic wake
+PERIODIC = {"length": 0.01, "drag": 0.01, "lift": 0.03}  # relative spread from period to period of a periodic wake
 
 
 @dataclass(frozen=True)
@@ -166,8 +165,10 @@ def _interval(values: Array) -> Interval:
     spread = float(np.sqrt((off**2).sum() / (count - 1) / count))
     if spread == 0:
         return Interval(mean, mean, mean)
-    correlation = float(np.clip((off[1:] * off[:-1]).sum() / (off**2).sum() + 1 / count, LEAST, 0.8))
-    half = student(count - 1) * spread * np.sqrt((1 + correlation) / (1 - correlation)) + _drift(values, batches)
+    correlation = float(np.clip((off[1:] * off[:-1]).sum() / (off**2).sum() + 1 / count, 0.0, 0.8))
+    half = OFTEN * student(count - 1) * spread * np.sqrt((1 + correlation) / (1 - correlation)) + _drift(
+        values, batches
+    )
     return Interval(mean, mean - half, mean + half)
 
 
@@ -216,17 +217,18 @@ def _verdict(kept: Array, square: Array) -> str:
 
 def is_still(rows: Array, scale: float, *, swings: bool = False) -> bool:
     """Whether the wake has come to rest: over ten convective times (``scale``, s) drag and base pressure stay within
-    0.1 % (of the dynamic pressure at least), lift within 1e-3 and shrinking. Drag and pressure of a body that vibrates
-    (``swings``) never rest: there the lift decides.
+    0.1 % (of the dynamic pressure at least), lift within 1e-3 and shrinking.
+
+    Where the body vibrates (``swings``) drag and pressure never rest: there the lift decides.
     """
     if rows[-1, 0] < 30 * scale:
         return False
     recent = rows[rows[:, 0] > rows[-1, 0] - 10 * scale]
     half = len(recent) // 2
     shrinks = np.ptp(recent[half:, 2]) <= np.ptp(recent[:half, 2])
-    drag = np.ptp(recent[:, 1]) < 1e-3 * abs(recent[:, 1].mean())
-    pressure = np.ptp(recent[:, 3]) < 1e-3 * max(abs(float(recent[:, 3].mean())), 1.0)
-    return bool((swings or (drag and pressure)) and np.ptp(recent[:, 2]) < 1e-3 and shrinks)
+    drag = swings or np.ptp(recent[:, 1]) < 1e-3 * abs(recent[:, 1].mean())
+    pressure = swings or np.ptp(recent[:, 3]) < 1e-3 * max(abs(float(recent[:, 3].mean())), 1.0)
+    return bool(drag and pressure and np.ptp(recent[:, 2]) < 1e-3 and shrinks)
 
 
 class Stopping:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import MeshError
 from .flat import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
+from .layers import Layers, around, joined, with_layers
 from .outline import Piece, loops
 from .spec import MeshSpec
 from .zones import Sizes, boxes, levels, sources
@@ -21,7 +22,12 @@ def mesh_in_this_process(argument: dict[str, Any]) -> None:
     """Mesh ``argument['spec']`` into the file ``argument['path']``; MeshError says what Gmsh stumbled over."""
     spec = MeshSpec.from_json(argument["spec"])
     sizes = sources(spec)
-    mesh = _fill(spec, loops(spec, sizes.at), sizes)
+    rings = loops(spec, sizes.at)
+    parts: list[Layers] = []
+    if spec.strategy == "layers":
+        rings, parts = with_layers(spec, rings)
+        sizes = around(sizes, parts)
+    mesh = joined(_fill(spec, rings, sizes), parts)
     write_msh(mesh.ordered(), spec.thickness, Path(argument["path"]))
 
 

@@ -20,7 +20,7 @@ from ..errors import MeshError
 from ..geometry import edges
 from .spec import Array, MeshSpec
 
-__all__ = ["Piece", "chains", "distance", "loops", "seen", "sharp", "to_edges", "turning"]
+__all__ = ["Piece", "chains", "crosses_itself", "distance", "loops", "seen", "sharp", "to_edges", "turning"]
 
 SMOOTH = math.radians(25)  # a corner that turns less is part of a curve
 OFF = 0.05  # of a cell: how far the mesh's boundary may lie off the outline
@@ -100,13 +100,24 @@ def _to_segments(places: Array, start: Array, end: Array) -> Array:
 def distance(one: Array, other: Array) -> float:
     """Least distance (m) between two polygons' corners and edges; 0 when edges cross."""
 
-    def side(p: Array, q: Array, r: Array) -> Array:
-        return (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+    crossing = _sides(one, other, lambda first, second: first * second <= 0)
+    return 0.0 if crossing else float(min(to_edges(one, other).min(), to_edges(other, one).min()))
 
-    (a, b), (c, d) = edges(one[:, None]), edges(other)
+
+def crosses_itself(outline: Array) -> bool:
+    """Whether two edges of an outline cross; touching does not count."""
+    return _sides(outline, outline, lambda first, second: first * second < 0)
+
+
+def _sides(one: Array, other: Array, apart: Callable[[Array, Array], NDArray[np.bool_]]) -> bool:
+    """Whether two edges have each other's ends on sides that ``apart`` calls opposite."""
+
+    def side(p: Array, q: Array, r: Array) -> Array:
+        return np.asarray((q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0])
+
     a, b = one[:, None], np.roll(one, -1, axis=0)[:, None]
-    crossing = (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0)
-    return 0.0 if crossing.any() else float(min(to_edges(one, other).min(), to_edges(other, one).min()))
+    c, d = edges(other)
+    return bool((apart(side(a, b, c), side(a, b, d)) & apart(side(c, d, a), side(c, d, b))).any())
 
 
 def loops(spec: MeshSpec, size: Callable[[Array], Array]) -> list[list[Piece]]:

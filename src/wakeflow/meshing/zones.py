@@ -15,7 +15,7 @@ from ..geometry import edges
 from .outline import chains, seen, sharp, to_edges, turning
 from .spec import Array, MeshSpec
 
-__all__ = ["Box", "Sizes", "boxes", "levels", "sources"]
+__all__ = ["Box", "Sizes", "boxes", "gap", "levels", "sources"]
 
 TURN = 0.2  # rad: a cell on a rounded part turns no more than this
 STEP = 1.15  # ratio of neighbouring levels that the edges wanted are rounded down to
@@ -111,16 +111,16 @@ def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
         points.append(a + share_along[:, None] * (b - a))
         edge.append(np.full(len(share_along), size))
     places = np.concatenate(points)
-    return places, np.minimum(np.concatenate(edge), _gap(spec, index, places) * spec.of_gap)
+    return places, np.minimum(np.concatenate(edge), gap(spec, index, places) * spec.of_gap)
 
 
-def _gap(spec: MeshSpec, index: int, places: Array) -> Array:
+def gap(spec: MeshSpec, index: int, places: Array) -> Array:
     """Distance (m) from places on a body to the nearest side wall or other body."""
-    gap = spec.width / 2 - np.abs(places[:, 0])
+    least = spec.width / 2 - np.abs(places[:, 0])
     for other, outline in enumerate(spec.bodies):
         if other != index:
-            gap = np.minimum(gap, to_edges(places, np.array(outline)))
-    return gap
+            least = np.minimum(least, to_edges(places, np.array(outline)))
+    return least
 
 
 def _along(start: float, end: float, edge: float) -> NDArray[np.float64]:
