@@ -483,4 +483,4 @@ def test_the_parameters_of_a_case_name_settings_and_ranks(tmp_path: Path) -> Non
     text = (tmp_path / "system" / "parameters").read_text()
     assert "settings        careful;" in text
     assert "ranks           3;" in text
-    assert [flow(settings=name).parameters()["maxCo"] for name in SETTINGS] == [2.0, 1.0, 0.5]
+    assert [flow(settings=name, max_courant=2.0).parameters()["maxCo"] for name in SETTINGS] == [2.0, 1.0, 0.5]

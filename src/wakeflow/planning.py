@@ -195,6 +195,10 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
 
 def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     lines = list(_airflow_lines(plan.airflow))
+    if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
+        brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
+        share = brought / (scene.air.speed * scene.channel.width)
+        lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
     for name, how in plan.fractions.items():
         resolved = "released above the body, impacts resolved"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved

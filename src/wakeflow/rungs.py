@@ -29,6 +29,8 @@ FLAT_BELOW = 160.0  # two-dimensional below: mode A of a square's wake at 161 (R
 LAMINAR_BELOW = 300.0  # above it the k-omega SST model runs
 FINE = 0.005  # accuracy of a share that pays for three grids where the mesh is what limits it
 GRIDS = 1.5  # refinement ratio between the grids of a study
+# of the airflow's statistics: below a third of what grids differ by; as usual; where model errors are tens of per cent
+ACCURACY = {"reference": 0.005, "flat": 0.02, "bracket": 0.05}
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
 
@@ -39,7 +41,8 @@ class AirflowPlan:
 
     ``symmetric``: the geometry is its own mirror image about x = 0; ``half``: only half of the channel is solved, the
     other half is its mirror image. ``scales``: cell edges over the rung's own, one a grid, the first is the answer's.
-    ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
+    ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
+    time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
     """
 
@@ -52,6 +55,7 @@ class AirflowPlan:
     scales: tuple[float, ...] = (1.0,)
     brackets: bool = False
     moving: bool = False
+    accuracy: float = 0.02
 
 
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
@@ -84,6 +88,7 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
         half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
         scales=(1 / GRIDS, 1.0, GRIDS) if rung == "reference" else (1.0,),
         brackets=not steady and reynolds > FLAT_BELOW,
+        accuracy=ACCURACY["reference" if rung == "reference" else "bracket" if reynolds > FLAT_BELOW else "flat"],
     )
 
 
