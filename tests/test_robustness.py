@@ -28,13 +28,13 @@ from wakeflow.foam.failure import AirflowFailure, Attempt, Cause, diagnose, disk
 from wakeflow.foam.history import read_table
 from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.measure import AirflowResult
-from wakeflow.foam.parallel import ranks_for
 from wakeflow.foam.read import time_folders
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
 from wakeflow.foam.solve import Progress, Watch, prepare, solver
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.resources import case_template
+from wakeflow.rungs import ranks_for
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
 D = 0.05

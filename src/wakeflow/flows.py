@@ -65,6 +65,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         inlets=tuple(
             Stream(name, inlet.side, inlet.width, inlet.velocity) for name, inlet in scene.channel.inlet.items()
         ),
+        accuracy=how.accuracy,
         vibration=Vibration(float(amplitude[1]), omega) if how.moving else None,
     )
 

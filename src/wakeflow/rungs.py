@@ -18,7 +18,16 @@ from .opencase import is_laminar
 from .registry import nearest
 from .scene import Scene
 
-__all__ = ["FLAT_BELOW", "LAMINAR_BELOW", "SHEDDING_ABOVE", "AirflowPlan", "choose_airflow", "typical_cells"]
+__all__ = [
+    "FLAT_BELOW",
+    "LAMINAR_BELOW",
+    "SHEDDING_ABOVE",
+    "AirflowPlan",
+    "choose_airflow",
+    "ranks_for",
+    "typical_cells",
+    "typical_seconds",
+]
 
 Stepping = Literal["steady", "time-resolved"]
 RUNGS = ("auto", "none", "draft", "standard", "reference")
@@ -29,7 +38,10 @@ FLAT_BELOW = 160.0  # two-dimensional below: mode A of a square's wake at 161 (R
 LAMINAR_BELOW = 300.0  # above it the k-omega SST model runs
 FINE = 0.005  # accuracy of a share that pays for three grids where the mesh is what limits it
 GRIDS = 1.5  # refinement ratio between the grids of a study
+# of the airflow's statistics: below a third of what grids differ by; as usual; where model errors are tens of per cent
+ACCURACY = {"reference": 0.005, "flat": 0.02, "bracket": 0.05}
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
+WORTH_IT = 60_000  # cells from which a second MPI rank pays; each gets half of it at least
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
 
 
@@ -39,7 +51,8 @@ class AirflowPlan:
 
     ``symmetric``: the geometry is its own mirror image about x = 0; ``half``: only half of the channel is solved, the
     other half is its mirror image. ``scales``: cell edges over the rung's own, one a grid, the first is the answer's.
-    ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
+    ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
+    time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
     """
 
@@ -52,6 +65,7 @@ class AirflowPlan:
     scales: tuple[float, ...] = (1.0,)
     brackets: bool = False
     moving: bool = False
+    accuracy: float = 0.02
 
 
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
@@ -84,6 +98,7 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
         half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
         scales=(1 / GRIDS, 1.0, GRIDS) if rung == "reference" else (1.0,),
         brackets=not steady and reynolds > FLAT_BELOW,
+        accuracy=ACCURACY["reference" if rung == "reference" else "bracket" if reynolds > FLAT_BELOW else "flat"],
     )
 
 
@@ -108,6 +123,14 @@ def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
     if reynolds < FLAT_BELOW:
         return "standard", f"{where} sheds vortices in two dimensions: the time-resolved solution is the flow itself"
     return "standard", f"{where} sheds vortices: the truth lies between the steady and the time-resolved wake"
+
+
+def ranks_for(cells: int, cores: int) -> tuple[int, str]:
+    """MPI ranks for a case of so many cells on so many cores, and the reason."""
+    ranks = max(1, min(cores, cells // (WORTH_IT // 2)))
+    if ranks == 1:
+        return 1, f"one process: {cells} cells are too few to share (MPI from {WORTH_IT} cells and two cores)"
+    return ranks, f"{ranks} MPI ranks of about {cells // ranks} cells"
 
 
 def typical_cells(airflow: AirflowPlan, bodies: int) -> float:
