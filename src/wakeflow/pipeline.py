@@ -118,7 +118,7 @@ class Chain:
         def work(part: Path) -> None:
             cells = json.loads((mesh_folder / "mesh.json").read_text())["cells"]
             solve_airflow(
-                replace(spec, ranks=ranks_for(cells, cores())[0]),
+                replace(spec, ranks=1 if spec.vibration else ranks_for(cells, cores())[0]),
                 mesh_folder / "mesh.msh",
                 part / "case",
                 start=self._start(mesh_key, spec) if spec.stepping == "time-resolved" else None,
