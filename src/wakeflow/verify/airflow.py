@@ -26,6 +26,7 @@ __all__ = ["Row", "compare", "grid_study", "momentum", "run_airflow", "run_scene
 
 Tell = Callable[[str], None]
 GRIDS = (1.0, 1.5, 2.25)  # mesh scales of the study of a scene that nothing is published of
+AIR_TABLES = ("body", "channel", "air", "vibration")  # what an airflow depends on, its numerics apart
 SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied there
 
 
@@ -67,12 +68,16 @@ def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
 
 
 def run_scene(path: Path, folder: Path, *, tell: Tell = lambda text: None) -> dict[str, Any]:
-    """The same for one scene: the case of its file's name, or a study on three grids where nothing is published."""
+    """The same for one scene, written as ``scene-NAME.json`` and ``.md``: the case of its file's name where the body,
+    the channel and the air are that case's; a study on three grids of any other, since nothing is published of it.
+    """
     scene = Scene.load(path)
     if scene.air is None:
         raise SceneError(f"{path}: no [air] table: there is no airflow to verify")
-    case = cases().get(path.stem) or Case(path.stem, path.stem, scales=GRIDS)
-    return _run(folder, path.stem, [(case, scene)], tell)
+    known = cases().get(path.stem)
+    if known is None or any(getattr(_scene(known), table) != getattr(scene, table) for table in AIR_TABLES):
+        known = Case(path.stem, path.stem, scales=GRIDS)
+    return _run(folder, f"scene-{path.stem}", [(known, scene)], tell)
 
 
 def _scene(case: Case) -> Scene:

@@ -56,7 +56,7 @@ def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, An
     if what is not None and what.endswith(".toml"):
         from .airflow import run_scene
 
-        return {Path(what).stem: run_scene(Path(what), FOLDER, tell=tell)}
+        return {f"scene-{Path(what).stem}": run_scene(Path(what), FOLDER, tell=tell)}
     if what in PLANNED:
         raise SceneError(f"verify {what}: not in this version; choose one of: {', '.join(PROOFS)}")
     if what is not None and what not in PROOFS:
