@@ -281,10 +281,12 @@ class TestStart:
         side = np.column_stack([np.sign(here[:, 0]), np.full(len(here), -1.0)])
         expected = {"U": 2 * side * fields.field(latest, "U")[0][nearest]}
         expected |= {name: 4 * fields.field(latest, name)[0][nearest] for name in ("p", "k")}
-        (tmp_path / "case" / "1").mkdir()
         for name, values in expected.items():
-            shutil.copy(tmp_path / "case" / "0" / name, tmp_path / "case" / "1" / name)
-            found = CaseFields(tmp_path / "case").field(tmp_path / "case" / "1", name)[0]
+            text = (tmp_path / "case" / "0" / name).read_text()
+            listed = re.search(r"internalField\s+nonuniform[^(]*\((.*?)\n\);", text, re.S)
+            assert listed is not None, name
+            found = np.array(re.sub("[()]", " ", listed[1]).split(), dtype=float).reshape(len(here), -1)
+            found = found[:, :2] if name == "U" else found[:, 0]
             far = np.sqrt(np.mean((found - values) ** 2)) / np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
             assert far < 0.2, name  # within the distance to the nearest cell
 

@@ -20,12 +20,13 @@ __all__ = ["LOOSER", "Statistics", "Stopping", "cycles", "evaluate", "is_still",
 
 Array = NDArray[np.float64]
 FEWEST = 6  # whole periods after the start-up
-ENOUGH = {"periodic": FEWEST, "broadband": 16}  # before a run may end: a few unequal periods look alike by chance
+ENOUGH = {"periodic": FEWEST, "broadband": 12}  # before a run may end: a few unequal periods look alike by chance
 BATCHES = 8  # at most about twice as many: fewer but longer batches of a longer run are less correlated
 MARGIN = 1.5  # of the periods up to the crossing: what is left of the start-up there goes too
 DRIFTING = 3.0  # t statistic of a slope over the batches that a stationary signal seldom reaches (2 % at 8 batches)
 SHARED = -0.4  # periods share their ends: what one is longer by, its neighbour is shorter; not trusted beyond this
 OFTEN = 1.15  # looked at often, a spread that is small by chance ends the run: wider by what that costs in trials
+SURE = 0.5  # of the width asked: so narrow that one look at a periodic wake is enough
 RESOLVED = 0.05  # of the half-width asked: no interval is narrower, slower changes than the run lasted go unseen
 LOOSER = {"cd": 1.0, "strouhal": 2.0, "cp_base": 1.0, "cl_rms": 2.0}  # times the accuracy asked; see `wanted`
 PERIODIC = {"length": 0.01, "drag": 0.01, "lift": 0.03}  # relative spread from period to period of a periodic wake
@@ -234,7 +235,8 @@ def is_still(rows: Array, scale: float, *, swings: bool = False) -> bool:
 
 class Stopping:
     """Whether a growing record may end: two looks in a row, the second at least 10 % (and two periods) later, found all
-    intervals as narrow as asked. One look would end too often on a spread that is small by chance.
+    intervals as narrow as asked. One look would end too often on a spread that is small by chance; at a periodic wake
+    whose intervals are half as wide as asked one is enough.
     """
 
     def __init__(self, accuracy: float) -> None:
@@ -252,4 +254,5 @@ class Stopping:
         self.next = now + max(0.1 * (now - first), 2 * period)
         stands = found is not None and found.stands
         self.stood, before = stands, self.stood
-        return stands and before
+        sure = found is not None and found.verdict == "periodic" and found.excess < SURE
+        return stands and (before or sure)
