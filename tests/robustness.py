@@ -24,8 +24,8 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, build_mesh, plan_mesh
-from wakeflow.planning import LAMINAR_BELOW
 from wakeflow.resources import case_template
+from wakeflow.rungs import LAMINAR_BELOW
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000
@@ -114,7 +114,7 @@ def mesh_of(case: Case, scale: float) -> MeshSpec:
 
 def coarse_mesh(case: Case, folder: Path) -> MeshSpec:
     """Build the finest mesh, of a few sizes tried, that stays within MOST_CELLS."""
-    scale = 2.0
+    scale = 1.5
     while True:
         spec = mesh_of(case, scale)
         try:

@@ -19,12 +19,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from wakeflow.errors import FoamError, MeshError, SceneError
 from wakeflow.files import Store
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import kind_of, upward_crossings
+from wakeflow.foam.initial import start_from
 from wakeflow.foam.measure import suction_zone
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.read import CaseFields, read_flow, time_folders
@@ -257,6 +259,44 @@ class TestShedding:
         np.testing.assert_allclose(read_flow(shedding.case, float(third))["pressure"], every["pressure"][2])
         with pytest.raises(FoamError, match="no time 99"):
             read_flow(shedding.case, 99.0)
+
+
+class TestStart:
+    pytestmark = openfoam
+
+    def test_another_speed_size_and_direction_are_scaled(self, rhombus: Solved, tmp_path: Path) -> None:
+        """From the half domain with downward air at 5 m/s to the whole one, 1.5 times as large, upward at 10 m/s."""
+        mesh = plan_mesh(
+            [1.5 * RHOMBUS], width=0.45, top=0.675, bottom=-0.375, direction="up", rung="standard", scale=3
+        )
+        spec = replace(rhombus.spec, mesh=mesh, speed=10.0, stepping="time-resolved", turbulence="kOmegaSST")
+        build_mesh(mesh, tmp_path)
+        prepare(spec, tmp_path / "mesh.msh", tmp_path / "case")
+        start_from(spec, tmp_path / "case", rhombus.case)
+        here = read_polymesh(tmp_path / "case").plane.centres
+        fields = CaseFields(rhombus.case)
+        latest = fields.folder("latest")
+        there = np.column_stack([np.abs(here[:, 0]), -here[:, 1]]) / 1.5
+        nearest = cKDTree(fields.mesh.plane.centres).query(there)[1]
+        side = np.column_stack([np.sign(here[:, 0]), np.full(len(here), -1.0)])
+        expected = {"U": 2 * side * fields.field(latest, "U")[0][nearest]}
+        expected |= {name: 4 * fields.field(latest, name)[0][nearest] for name in ("p", "k")}
+        for name, values in expected.items():
+            text = (tmp_path / "case" / "0" / name).read_text()
+            listed = re.search(r"internalField\s+nonuniform[^(]*\((.*?)\n\);", text, re.S)
+            assert listed is not None, name
+            found = np.array(re.sub("[()]", " ", listed[1]).split(), dtype=float).reshape(len(here), -1)
+            found = found[:, :2] if name == "U" else found[:, 0]
+            far = np.sqrt(np.mean((found - values) ** 2)) / np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
+            assert far < 0.2, name  # within the distance to the nearest cell
+
+    def test_a_steady_run_goes_on_from_another_solution(self, rhombus: Solved, tmp_path: Path) -> None:
+        spec = replace(rhombus.spec, speed=5.25)
+        prepare(spec, rhombus.folder / "mesh.msh", tmp_path / "case")
+        run_steady(spec, tmp_path / "case", start=rhombus.case)
+        rows = _rows(tmp_path / "case")
+        assert len(rows) < 0.9 * rhombus.result["steps"]
+        assert rows[-1, 1] == pytest.approx(rhombus.result["cd"]["value"], rel=0.01)
 
 
 # -- interruption and failure ------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import shutil
@@ -336,6 +337,22 @@ class TestGivenCase:
         assert message in str(caught.value)
         assert "\n" not in str(caught.value)
 
+    def test_all_of_its_times_or_their_mean(self, tmp_path: Path) -> None:
+        scene = as_given(chain_of(small()), tmp_path)
+        latest = max((p for p in (tmp_path / "case").iterdir() if p.name.isdigit()), key=lambda p: int(p.name))
+        for path in (tmp_path / "case").iterdir():
+            if path.name.isdigit() and path.name not in ("0", latest.name):
+                shutil.rmtree(path)
+        shutil.copytree(latest, latest.with_name(str(int(latest.name) + 3)))  # the same air, 3 s later
+        one = Chain(scene, make_plan(scene))
+        whole, mean = (scene.replace({"air.time": time}) for time in ("all", "mean"))
+        moving, still = (Chain(changed, make_plan(changed)) for changed in (whole, mean))
+        np.testing.assert_array_equal(moving.field[1].times, [0.0, 3.0])
+        np.testing.assert_allclose(moving.field[1].velocity[1], one.field[1].velocity)
+        np.testing.assert_allclose(still.field[1].velocity, one.field[1].velocity)
+        assert moving.airflow["cd"]["value"] == pytest.approx(one.airflow["cd"]["value"])
+        assert moving.tracks().fates["wheat"]["binned"] == 64
+
     def test_other_rungs_do_not_go_with_it(self, tmp_path: Path) -> None:
         scene = as_given(chain_of(small()), tmp_path)
         with pytest.raises(SceneError, match=r"rung = 'standard': air.case gives the airflow"):
@@ -372,10 +389,10 @@ def test_what_a_case_says_of_its_air(tmp_path: Path, inlet: str, found: dict[str
     assert air_of(tmp_path) == {**found, "nu": 1.5e-5}
 
 
+QUICK = {("rhombus", 10, 0.5), ("prism", 80, 0.5)}
 RANGE = [
-    (shape, slope, blockage)
-    for shape in ("rhombus", "prism")
-    for slope, blockage in ((10, 0.02), (80, 0.02), (10, 0.5), (80, 0.5), (45, 0.3))
+    pytest.param(*case, marks=[] if case in QUICK else pytest.mark.slow)
+    for case in itertools.product(("rhombus", "prism"), (10, 45, 80), (0.02, 0.3, 0.5))
 ]
 
 

@@ -28,13 +28,13 @@ from wakeflow.foam.failure import AirflowFailure, Attempt, Cause, diagnose, disk
 from wakeflow.foam.history import read_table
 from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.measure import AirflowResult
-from wakeflow.foam.parallel import ranks_for
 from wakeflow.foam.read import time_folders
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
 from wakeflow.foam.solve import Progress, Watch, prepare, solver
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.resources import case_template
+from wakeflow.rungs import ranks_for
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
 D = 0.05
@@ -483,4 +483,4 @@ def test_the_parameters_of_a_case_name_settings_and_ranks(tmp_path: Path) -> Non
     text = (tmp_path / "system" / "parameters").read_text()
     assert "settings        careful;" in text
     assert "ranks           3;" in text
-    assert [flow(settings=name).parameters()["maxCo"] for name in SETTINGS] == [2.0, 1.0, 0.5]
+    assert [flow(settings=name, max_courant=2.0).parameters()["maxCo"] for name in SETTINGS] == [2.0, 1.0, 0.5]

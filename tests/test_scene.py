@@ -195,11 +195,15 @@ def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
 
 
 def test_symmetry_counts_pairs_of_bodies_and_streams(rhombus: Scene) -> None:
+    from wakeflow.planning import make_plan
+
     left, right = ({"shape": "circle", "width": 0.02, "at": [x, -0.1]} for x in (-0.1, 0.1))
     assert rhombus.symmetric
     assert not rhombus.replace({"body.left": left}).symmetric
     assert rhombus.replace({"body.left": left, "body.right": right}).symmetric
     streamed = rhombus.replace({"channel.inlet.a": INLET})
     assert not streamed.symmetric
+    lines = make_plan(streamed).used
+    assert "secondary streams: a add 0.02 of the main stream's air" in lines  # 2 m/s x 20 mm beside 5 m/s x 400 mm
     assert streamed.replace({"channel.inlet.b": {**INLET, "side": "right"}}).symmetric
     assert not streamed.replace({"channel.inlet.b": {**INLET, "side": "right", "velocity": 1.0}}).symmetric

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from wakeflow.foam.history import Tail
 from wakeflow.foam.statistics import Stopping, cycles, evaluate, is_still, start_up_of
 
 STEPS = 40  # a period of 1 s
@@ -125,3 +128,31 @@ def test_a_wake_at_rest_is_told_from_a_shedding_one() -> None:
     assert is_still(rows, 1.0)
     rows[-1, 3] = -0.5
     assert not is_still(rows, 1.0)
+
+
+def test_a_growing_history_is_read_on_and_a_restart_replaces_what_it_computes_again(tmp_path: Path) -> None:
+    (tmp_path / "system").mkdir()
+    (tmp_path / "system" / "parameters").write_text("inletSpeed  2;  // m/s\n")
+    time = 0.1 * np.arange(1, 41)
+
+    def write(start: str, upto: int, begin: int = 0, lag: int = 0) -> None:
+        for what, name, line in (
+            ("forceCoefficients", "coefficient.dat", "{0:.9g} {1:.9g} 0 {2:.9g}\n"),
+            ("basePressure", "p", "  {0:.6g}   {3:.9g}\n"),
+            ("inletPressure", "surfaceFieldValue.dat", "{0:.9g}\t{4:.9g}\n"),
+        ):
+            last = upto - (lag if what == "basePressure" else 0)
+            rows = [line.format(t, 1 + t, t - 2, -3 * t, t) for t in time[begin:last]]
+            path = tmp_path / "postProcessing" / what / start / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("# a head\n" + "".join(rows) + "4.1 7")  # the last line is not whole yet
+
+    tail = Tail(tmp_path)
+    assert len(tail.update()) == 0
+    for upto in (3, 17, 30):
+        write("0", upto, lag=1)
+        assert len(tail.update()) == upto - 1
+    write("2.5", 40, begin=25)
+    rows = Tail(tmp_path).update()
+    np.testing.assert_allclose(rows[:, 0], time)
+    np.testing.assert_allclose(rows[:, 1:], np.column_stack([1 + time, time - 2, -4 * time / 2.0]))

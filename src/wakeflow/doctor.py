@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from .errors import ProgramError
 from .files import cache_root
-from .process import capture
+from .process import capture, cores
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -258,7 +258,7 @@ def _last_line(text: str) -> str | None:
 
 
 def _cores() -> Finding:
-    return Finding("cores", str(len(os.sched_getaffinity(0))), True, "tracking, sweeps")
+    return Finding("cores", str(cores()), True, "tracking, sweeps")
 
 
 def _memory() -> Finding:

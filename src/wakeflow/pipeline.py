@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
@@ -21,8 +20,9 @@ from .errors import ProgramError
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
 from .flows import flow_spec, mesh_spec, nearest, remember
 from .planning import COMPARED, REPLICATES, Plan, make_plan
-from .process import call_in_child
+from .process import call_in_child, cores
 from .resources import case_template
+from .rungs import ranks_for
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -112,11 +112,13 @@ class Chain:
         mesh_key, mesh_folder = self.mesh
         spec = flow_spec(self.scene, self.plan, self.mesh_spec)
         code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
-        key = content_key("airflow", mesh_key, {k: v for k, v in asdict(spec).items() if k != "mesh"}, code)
+        asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
+        key = content_key("airflow", mesh_key, asked, code)
 
         def work(part: Path) -> None:
+            cells = json.loads((mesh_folder / "mesh.json").read_text())["cells"]
             solve_airflow(
-                spec,
+                replace(spec, ranks=1 if spec.vibration else ranks_for(cells, cores())[0]),
                 mesh_folder / "mesh.msh",
                 part / "case",
                 start=self._start(mesh_key, spec) if spec.stepping == "time-resolved" else None,
@@ -237,7 +239,7 @@ class Chain:
 
     def compile_beside(self) -> None:
         """Have the tracker compiled into its cache by another process, while this one waits for OpenFOAM."""
-        if not self._compiling and (os.cpu_count() or 1) > 1:
+        if not self._compiling and cores() > 1:
             self._compiling.append(Thread(target=_compile, args=(self.store.root / "log.compile",), daemon=True))
             self._compiling[0].start()
 

@@ -22,7 +22,8 @@ from .laws.drag import (
     terminal_velocity,
 )
 from .locking import AirMotion, vibration_of_scene
-from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, typical_cells, typical_seconds
+from .process import cores
+from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, ranks_for, typical_cells, typical_seconds
 from .scales import flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
 
@@ -194,7 +195,11 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
 
 
 def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
-    lines = list(_airflow_lines(plan.airflow))
+    lines = list(_airflow_lines(plan.airflow, len(scene.body)))
+    if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
+        brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
+        share = brought / (scene.air.speed * scene.channel.width)
+        lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
     for name, how in plan.fractions.items():
         resolved = "released above the body, impacts resolved"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
@@ -209,7 +214,7 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     return lines
 
 
-def _airflow_lines(airflow: AirflowPlan) -> Iterator[str]:
+def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
     if airflow.rung == "given":
         yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
@@ -219,6 +224,8 @@ def _airflow_lines(airflow: AirflowPlan) -> Iterator[str]:
     if airflow.symmetric and not airflow.half:
         part = "; half of the granules fly in its mirror image"
     yield f"airflow: rung {airflow.rung}, {airflow.stepping}, {airflow.turbulence}{part} ({airflow.why})"
+    cells = typical_cells(airflow, bodies)
+    yield f"about {cells:.0f} cells: {ranks_for(round(cells), cores())[1]}"
     if airflow.brackets:
         yield (
             f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in the steady "

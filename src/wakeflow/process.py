@@ -24,7 +24,7 @@ from typing import IO, Any
 from . import errors
 from .errors import ProgramError, WakeflowError
 
-__all__ = ["Finished", "call_in_child", "capture", "run", "tail"]
+__all__ = ["Finished", "call_in_child", "capture", "cores", "run", "tail"]
 
 POLL = 0.05  # s between looks at the log
 GRACE = 3.0  # s between asking a group to end and killing it
@@ -37,6 +37,11 @@ class Finished:
     returncode: int
     seconds: float
     log: Path
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 def tail(log: Path, lines: int = 12) -> str:

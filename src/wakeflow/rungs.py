@@ -18,7 +18,16 @@ from .opencase import is_laminar
 from .registry import nearest
 from .scene import Scene
 
-__all__ = ["FLAT_BELOW", "LAMINAR_BELOW", "SHEDDING_ABOVE", "AirflowPlan", "choose_airflow", "typical_cells"]
+__all__ = [
+    "FLAT_BELOW",
+    "LAMINAR_BELOW",
+    "SHEDDING_ABOVE",
+    "AirflowPlan",
+    "choose_airflow",
+    "ranks_for",
+    "typical_cells",
+    "typical_seconds",
+]
 
 Stepping = Literal["steady", "time-resolved"]
 RUNGS = ("auto", "none", "draft", "standard", "reference")
@@ -32,6 +41,7 @@ GRIDS = 1.5  # refinement ratio between the grids of a study
 # of the airflow's statistics: below a third of what grids differ by; as usual; where model errors are tens of per cent
 ACCURACY = {"reference": 0.005, "flat": 0.02, "bracket": 0.05}
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
+WORTH_IT = 60_000  # cells from which a second MPI rank pays; each gets half of it at least
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
 
 
@@ -113,6 +123,14 @@ def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
     if reynolds < FLAT_BELOW:
         return "standard", f"{where} sheds vortices in two dimensions: the time-resolved solution is the flow itself"
     return "standard", f"{where} sheds vortices: the truth lies between the steady and the time-resolved wake"
+
+
+def ranks_for(cells: int, cores: int) -> tuple[int, str]:
+    """MPI ranks for a case of so many cells on so many cores, and the reason."""
+    ranks = max(1, min(cores, cells // (WORTH_IT // 2)))
+    if ranks == 1:
+        return 1, f"one process: {cells} cells are too few to share (MPI from {WORTH_IT} cells and two cores)"
+    return ranks, f"{ranks} MPI ranks of about {cells // ranks} cells"
 
 
 def typical_cells(airflow: AirflowPlan, bodies: int) -> float:

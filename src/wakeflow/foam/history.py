@@ -76,7 +76,7 @@ class Tail:
 
     def update(self) -> Array:
         """All rows (n, 4) so far."""
-        forces, *pressures = (np.array(part.update()).reshape(-1, part.width) for part in self.parts)
+        forces, *pressures = (part.update() for part in self.parts)
         if self.dynamic is None or not all(len(part) for part in pressures):
             return np.column_stack([forces, np.zeros(len(forces))])
         base, inlet = pressures
@@ -90,8 +90,8 @@ class _Table:
     """Rows of one function object's output, read on from where the last look ended."""
 
     def __init__(self, case: Path, what: str, columns: tuple[int, ...]) -> None:
-        self.folder, self.columns, self.width = case / "postProcessing" / what, columns, 1 + len(columns)
-        self.rows: list[list[float]] = read_table(case, what, columns).tolist()
+        self.folder, self.columns = case / "postProcessing" / what, columns
+        self.rows = read_table(case, what, columns)
         self.known = {path: path.stat().st_mtime_ns for path in self._files()}
         self.path: Path | None = None
         self.at = 0
@@ -99,8 +99,8 @@ class _Table:
     def _files(self) -> list[Path]:
         return [path for path in self.folder.glob("*/*") if path.is_file()]
 
-    def update(self) -> list[list[float]]:
-        """All rows so far."""
+    def update(self) -> Array:
+        """All rows so far; a restart replaces what it computes again."""
         if self.path is None:
             growing = (path for path in self._files() if path.stat().st_mtime_ns != self.known.get(path))
             self.path = next(growing, None)
@@ -110,14 +110,11 @@ class _Table:
                 text = stream.read()
             text = text[: text.rfind(b"\n") + 1]
             self.at += len(text)
-            for line in text.decode().splitlines():
-                words = line.split()
-                if line.lstrip().startswith("#") or len(words) <= max(self.columns):
-                    continue
-                row = [float(words[i]) for i in (0, *self.columns)]
-                while self.rows and self.rows[-1][0] >= row[0]:
-                    self.rows.pop()
-                self.rows.append(row)
+            lines = (line.split() for line in text.decode().splitlines() if not line.lstrip().startswith("#"))
+            new = [[float(line[i]) for i in (0, *self.columns)] for line in lines if len(line) > max(self.columns)]
+            if new:
+                kept = np.searchsorted(self.rows[:, 0], new[0][0])
+                self.rows = np.concatenate([self.rows[:kept], np.array(new)])
         return self.rows
 
 

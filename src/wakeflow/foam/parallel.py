@@ -9,17 +9,7 @@ from pathlib import Path
 
 from .programs import call
 
-__all__ = ["WORTH_IT", "gather", "ranks_for", "scatter"]
-
-WORTH_IT = 60_000  # cells a rank must get at least before MPI pays
-
-
-def ranks_for(cells: int, cores: int) -> tuple[int, str]:
-    """Ranks for a case of so many cells on so many cores, and the reason."""
-    ranks = max(1, min(cores, cells // (WORTH_IT // 2)))
-    if ranks == 1:
-        return 1, f"one process: {cells} cells are too few to share (MPI from {WORTH_IT} cells and two cores)"
-    return ranks, f"{ranks} MPI ranks of about {cells // ranks} cells"
+__all__ = ["gather", "scatter"]
 
 
 def scatter(folder: Path) -> tuple[list[str], list[str]]:

@@ -19,13 +19,13 @@ EULERIAN = 0.8  # ratio of the Lagrangian to the Eulerian integral time, as in c
 BOLTZMANN = 1.380649e-23  # J/K, exact
 
 
-def lifetime(k: float, dissipation: float) -> float:
+def lifetime(k: Any, dissipation: Any) -> Any:
     """Lagrangian integral time T_L (s) = k / dissipation / (1/2 + 3/4 C0), C0 = 2.1; 0 where k = 0.
 
     k m2/s2, dissipation m2/s3. Pope, S.B. 1994, Annu. Rev. Fluid Mech. 26, 23; Peirano, E., Chibbaro, S., Pozorski,
-    J. & Minier, J.-P. 2006, Prog. Energy Combust. Sci. 32, 315. High turbulence Reynolds number.
+    J. & Minier, J.-P. 2006, Prog. Energy Combust. Sci. 32, 315. High turbulence Reynolds number. Takes arrays.
     """
-    return LIFETIME * k / max(dissipation, 1e-300)
+    return LIFETIME * k / (dissipation + 1e-300)
 
 
 def crossing(lifetime: float, slip: float, rms: float) -> tuple[float, float]:

@@ -210,7 +210,8 @@ def _divided(start: Array, end: Array, size: Callable[[Array], Array], *, even: 
     share = np.linspace(0, 1, 401)
     cells = float(np.linalg.norm(end - start)) / size(start + share[:, None] * (end - start))
     reached = np.concatenate([[0.0], np.cumsum(0.5 * (cells[1:] + cells[:-1]) * np.diff(share))])
-    count = max(2, 2 * round(float(reached[-1]) / 2)) if even else max(1, round(float(reached[-1])))
+    wanted = float(reached[-1]) - 1e-9
+    count = 2 * math.ceil(wanted / 2) if even else max(1, round(wanted))
     at = np.interp(np.linspace(0, reached[-1], count + 1)[:-1], reached, share)
     return np.asarray(start + at[:, None] * (end - start))
 

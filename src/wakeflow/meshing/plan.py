@@ -70,6 +70,7 @@ def plan_mesh(
     high = max(float(o[:, 1].max()) for o in outlines)
     before, behind = UPSTREAM * largest, DOWNSTREAM * largest
     above, below = (before, behind) if direction == "down" else (behind, before)
+    h_far = scale * max(table["far"] * largest, table["across"] * width)
     return MeshSpec(
         bodies=tuple(tuple((float(x), float(y)) for x, y in outline) for outline in outlines),
         names=tuple(names) if names is not None else tuple(str(i) for i in range(len(outlines))),
@@ -82,10 +83,10 @@ def plan_mesh(
         h_body=scale * table["body"] * size,
         h_corner=scale * table["corner"] * size,
         h_wake=scale * table["wake"] * size,
-        h_far=scale * max(table["far"] * largest, table["across"] * width),
+        h_far=h_far,
         growth=scale * table["growth"],
         wake_length=2.5 * largest,
-        h_wall=scale * table["wall"] * width if walls == "no-slip" else float("inf"),
+        h_wall=min(scale * table["wall"] * width, h_far) if walls == "no-slip" else h_far,
         of_edge=scale * table["edge"],
         of_gap=scale * table["gap"],
         inlets=tuple(inlets),

@@ -51,6 +51,16 @@ def phis(z):
 
 
 @compiled
+def _swayed(path, s, e, a, x, y, vx, vy):
+    """What is seen from the mesh of a path that was made from there without the swing."""
+    angle = path[16] + path[15] * s
+    out, rate = math.sin(angle), path[15] * math.cos(angle)
+    x += a * path[19] - (path[13] * out - path[17])
+    y += a * path[20] - (path[14] * out - path[18])
+    return x, y, vx + e * path[19] - path[13] * rate, vy + e * path[20] - path[14] * rate
+
+
+@compiled
 def along(path, s):
     """Position and velocity at time ``s`` after the step's start."""
     e, p1, p2, p3, p4 = phis(-path[4] * s)
@@ -61,12 +71,7 @@ def along(path, s):
     vx = e * path[2] + a * path[5] + b * path[7] + c * path[9]
     vy = e * path[3] + a * path[6] + b * path[8] + c * path[10]
     if path[15] != 0.0:
-        angle = path[16] + path[15] * s
-        out, rate = math.sin(angle), path[15] * math.cos(angle)
-        x += a * path[19] - (path[13] * out - path[17])
-        y += a * path[20] - (path[14] * out - path[18])
-        vx += e * path[19] - path[13] * rate
-        vy += e * path[20] - path[14] * rate
+        return _swayed(path, s, e, a, x, y, vx, vy)
     return x, y, vx, vy
 
 

@@ -88,6 +88,26 @@ def _distance(x0, y0, x1, y1, x, y):
     return math.sqrt(dx * dx + dy * dy)
 
 
+@compiled
+def _smooth(values, smooth, c0, c1, c2, q0, q1, q2, t, pressed, stirred):
+    """Velocity, pressure gradient, deviation at a point of the triangle of nodes c, in a field of splines in time."""
+    w = (t - smooth[0]) * smooth[1]
+    n = math.floor(w)
+    j = int(n - math.floor(n / smooth[2]) * smooth[2])
+    s = shares(w - n)
+    ux = uy = px = py = rms = 0.0
+    for i in range(4):
+        a, b, c = s[i] * q0, s[i] * q1, s[i] * q2
+        ux += a * values[c0, j + i, 0] + b * values[c1, j + i, 0] + c * values[c2, j + i, 0]
+        uy += a * values[c0, j + i, 1] + b * values[c1, j + i, 1] + c * values[c2, j + i, 1]
+        if pressed:
+            px += a * values[c0, j + i, 2] + b * values[c1, j + i, 2] + c * values[c2, j + i, 2]
+            py += a * values[c0, j + i, 3] + b * values[c1, j + i, 3] + c * values[c2, j + i, 3]
+        if stirred:
+            rms += a * values[c0, j + i, 4] + b * values[c1, j + i, 4] + c * values[c2, j + i, 4]
+    return ux, uy, px, py, rms
+
+
 @inlined
 def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, mx, my, gain):
     """N = F + B0 v and the drag rate at a point of a triangle, straight from its corners; and v.
@@ -105,21 +125,7 @@ def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, 
     ux = uy = px = py = rms = 0.0
     pressed, stirred = grain[PRESSURE] != 0.0, grain[DISPERSION] != 0.0
     if air.smooth[1] != 0.0:
-        w = (t - air.smooth[0]) * air.smooth[1]
-        n = math.floor(w)
-        j = int(n - math.floor(n / air.smooth[2]) * air.smooth[2])
-        s = shares(w - n)
-        for k in range(3):
-            c, q = (c0, q0) if k == 0 else ((c1, q1) if k == 1 else (c2, q2))
-            for i in range(4):
-                part = q * s[i]
-                ux += part * values[c, j + i, 0]
-                uy += part * values[c, j + i, 1]
-                if pressed:
-                    px += part * values[c, j + i, 2]
-                    py += part * values[c, j + i, 3]
-                if stirred:
-                    rms += part * values[c, j + i, 4]
+        ux, uy, px, py, rms = _smooth(values, air.smooth, c0, c1, c2, q0, q1, q2, t, pressed, stirred)
     else:
         a, b = ints[SNAP_A], ints[SNAP_B]
         ux = q0 * values[a, c0, 0] + q1 * values[a, c1, 0] + q2 * values[a, c2, 0]

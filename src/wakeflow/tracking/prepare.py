@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -72,7 +73,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 FORCES = tuple(name for name in forces_known if forces_known[name].computed)
 MOST_TABLES = 4096
-LIFETIMES = np.vectorize(lifetime, otypes=[float])
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
@@ -169,9 +169,9 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
         return Air(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
-    values, smooth, swing = _values(field, forces), np.zeros(3), swing_of(field)
-    if swing is not None or field.coefficients is not None:
-        values, smooth = _smooth(field, values, swing)
+    swing = swing_of(field)
+    flat = swing is None and field.coefficients is None
+    values, smooth = (_values(field, forces), np.zeros(3)) if flat else _smooth(field, forces, swing)
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
     times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
@@ -188,48 +188,62 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
     )
 
 
-def _values(field: FlowField, forces: Sequence[str]) -> Array:
-    """Nodal values (T, N, 4 or 6) of a field at rest or its snapshots; of a smooth field the values of its splines'
-    coefficients.
+def _width(forces: Sequence[str]) -> int:
+    """How many quantities of the air are needed: velocity, pressure gradient, deviation and lifetime of the eddies."""
+    return 6 if "dispersion" in forces else (4 if "pressure-gradient" in forces else 2)
 
-    Deviation and lifetime of the eddies, which must not become negative, take the values at the knots for coefficients
-    (Schoenberg's variation diminishing splines, second-order accurate).
+
+def _eddies(field: FlowField) -> tuple[Array, Array]:
+    """Deviation m/s and lifetime s of the eddies (.., N)."""
+    assert field.k is not None
+    assert field.dissipation is not None
+    k = np.maximum(field.k, 0.0)
+    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(field.dissipation, 0.0)), LONGEST_LIFE)
+
+
+def _values(field: FlowField, forces: Sequence[str]) -> Array:
+    """Nodal values (T, N, 2 to 6) of a steady field or of snapshots."""
+    lead = field.velocity.shape[:-1]
+    values = np.zeros((*lead, _width(forces)))
+    values[..., :2] = field.velocity
+    if "pressure-gradient" in forces:
+        values[..., 2:4] = field.pressure_gradient
+    if "dispersion" in forces:
+        values[..., 4], values[..., 5] = _eddies(field)
+    return values if field.times is not None else values[None]
+
+
+def _smooth(field: FlowField, forces: Sequence[str], swing: Swing | None) -> tuple[Array, Array]:
+    """Spline coefficients by nodes (N, knots + 3, 2 to 6), the last knot's first, and the knots: first, per s, number.
+
+    A steady field on a mesh that swings is one whose knots are all alike. Deviation and lifetime of the eddies, which
+    must not become negative, take the values at the knots for coefficients (Schoenberg's variation diminishing splines,
+    second-order accurate).
     """
-    whole = field.snapshots()
-    velocity = whole.velocity if whole.times is not None else whole.velocity[None]
-    values = np.zeros((*velocity.shape[:2], 6 if "dispersion" in forces else 4))
+    if field.times is None:
+        assert swing is not None
+        same = np.repeat(_values(field, forces), 7, axis=0)
+        return np.ascontiguousarray(np.swapaxes(same, 0, 1)), np.array([0.0, 4 * swing.omega / (2 * np.pi), 4.0])
+    if field.coefficients is None:
+        raise SceneError("a field of snapshots on a moving mesh must be compressed first: field.compressed()")
+    assert field.period is not None
+    knots, count = len(field.times), len(field.points)
+    around = np.arange(-1, knots + 2) % knots
+    shares = field.coefficients[around]
+    values = np.zeros((count, len(around), _width(forces)))
 
     def drawn(parts: Array) -> Array:
-        return parts if field.coefficients is None else np.tensordot(field.coefficients, parts, axes=1)
+        flat = shares @ parts.reshape(len(parts), -1)
+        return np.swapaxes(flat.reshape(len(around), count, 2), 0, 1)
 
     values[..., :2] = drawn(field.velocity)
     if "pressure-gradient" in forces:
         assert field.pressure_gradient is not None
         values[..., 2:4] = drawn(field.pressure_gradient)
     if "dispersion" in forces:
-        assert whole.k is not None
-        assert whole.dissipation is not None
-        k = np.maximum(whole.k, 0.0).reshape(velocity.shape[:2])
-        values[..., 4] = np.sqrt(2.0 / 3.0 * k)
-        values[..., 5] = np.minimum(LIFETIMES(k, whole.dissipation.reshape(k.shape)), LONGEST_LIFE)
-    return values
-
-
-def _smooth(field: FlowField, values: Array, swing: Swing | None) -> tuple[Array, Array]:
-    """Spline coefficients by nodes (N, knots + 3, 4 or 6), the last knot's first, and the knots: first, per s, number.
-
-    A steady field on a mesh that swings is one whose knots are all alike.
-    """
-    if field.times is not None and field.coefficients is None:
-        raise SceneError("a field of snapshots on a moving mesh must be compressed first: field.compressed()")
-    if field.times is None:
-        assert swing is not None
-        values, knots = np.repeat(values, 4, axis=0), (0.0, 4 * swing.omega / (2 * np.pi), 4.0)
-    else:
-        assert field.period is not None
-        knots = (float(field.times[0]), len(values) / field.period, float(len(values)))
-    around = np.concatenate([values[-1:], values, values[:2]])
-    return np.ascontiguousarray(np.swapaxes(around, 0, 1)), np.array(knots)
+        deviation, life = _eddies(replace(field, pressure=None, given_gradient=None).snapshots())
+        values[..., 4], values[..., 5] = deviation[around].T, life[around].T
+    return values, np.array([field.times[0], knots / field.period, knots])
 
 
 def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach: float) -> Index:

@@ -22,8 +22,8 @@ class Air(NamedTuple):
     geometry: Array  # (M, 8) first corner, gradients of the three barycentric coordinates
     corners: Index  # (M, 3)
     neighbours: Index  # (M, 3): triangle across edge k; -1 open boundary; -2 - c: covered boundary edge c
-    # (T, N, 4) velocity, pressure gradient; (T, N, 6) with dispersion: deviation, lifetime of eddies; or of a smooth
-    # field (N, knots + 3, 4 or 6): coefficients of periodic cubic B-splines, from the last knot's on
+    # (T, N, 2) velocity, (T, N, 4) with the pressure gradient, (T, N, 6) with deviation and lifetime of the eddies; of
+    # a smooth field (N, knots + 3, ..): coefficients of periodic cubic B-splines, from the last knot's on
     values: Array
     times: Array  # (T,)
     period: Array  # (1,) s; 0: does not repeat
