@@ -90,6 +90,7 @@ def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Te
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
         "rows": [],
         "momentum": [],
+        "notes": [f"{case.title}: {case.note}" for case, _ in chosen if case.note],
         "failed": [],
     }
     for case, scene in chosen:

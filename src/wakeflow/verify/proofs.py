@@ -80,4 +80,6 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
         for table in tables:
             console.print(table)
             console.print()
+        for note in report.get("notes", []):
+            console.print(note, highlight=False)
         console.print(f"report: {FOLDER / name}.json", highlight=False, soft_wrap=True)

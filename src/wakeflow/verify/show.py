@@ -128,13 +128,17 @@ def airflow_markdown(report: dict[str, Any]) -> str:
     lines = [f"{report['date']}, {report['machine']}", ""]
     lines += [*_grid(AIRFLOW, map(_airflow_cells, report["rows"])), ""]
     lines += [*_grid(MOMENTUM, map(_momentum_cells, report["momentum"])), ""]
+    lines += [f"- {note}" for note in report["notes"]]
     lines += [f"failed: {failure['case']}: {failure['why']}" for failure in report["failed"]]
     return "\n".join(lines)
 
 
 def _airflow_cells(row: dict[str, Any]) -> list[str]:
     def percent(value: float | None, signed: bool = False) -> str:
-        return "–" if value is None else f"{100 * value:{'+' if signed else ''}.2g}"
+        if value is None:
+            return "–"
+        digits = ".0f" if abs(value) >= 0.995 else ".2g"
+        return f"{100 * value:{'+' if signed else ''}{digits}}"
 
     theirs = "–" if row["theirs"] is None else " to ".join(f"{value:.5g}" for value in dict.fromkeys(row["theirs"]))
     band = "–" if row["low"] is None else f"{row['low']:.4g} to {row['high']:.4g}"
