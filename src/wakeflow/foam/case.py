@@ -45,8 +45,9 @@ WAKE_PROBES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # projected widths behind the
 SETTINGS = {"normal": (math.inf, 1.0), "careful": (1.0, 0.5), "first-order": (0.5, 0.25)}
 
 
-# Solutions of velocity and pressure in a time step. Laminar: one made a square's lift 15 % and its drag 1.5 % too large at
-# Re 100. k-omega SST: with one, half the Courant number moved a rhombus' Cd by 1.5 % and its lift by 2 %, at twice the cost.
+# Solutions of velocity and pressure in a time step. Laminar: one made a square's lift 15 % and its drag 1.5 % too
+# large at Re 100. k-omega SST: with one, half the Courant number moved a rhombus' Cd by 1.5 % and its lift by 2 %, at
+# twice the cost.
 CORRECTORS = {"laminar": 2, "kOmegaSST": 1}
 
 
