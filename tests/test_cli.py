@@ -13,7 +13,7 @@ from wakeflow.cli import main
 def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(cases / "rhombus.toml"), "--json"]) == 0
     plan = json.loads(capsys.readouterr().out)
-    assert plan["rung"] == "draft"
+    assert plan["rung"] == "standard"
     assert plan["fractions"]["wheat"]["mode"] == "injected"
     assert plan["fractions"]["dust"]["mode"] == "resolved"
     names = {row["name"] for row in plan["left_out"]}

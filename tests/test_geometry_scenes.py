@@ -283,7 +283,7 @@ class TestGivenCase:
         one, other = own.airflow, given.airflow
         assert other["verdict"] == "given"
         assert other["cd"]["value"] == pytest.approx(one["cd"]["value"], rel=0.01)
-        assert other["cp_base"]["value"] == pytest.approx(one["cp_base"])
+        assert other["cp_base"]["value"] == pytest.approx(one["cp_base"]["value"])
         for key in ("cp_front", "p_inlet", "pressure_drop", "flow_rate", "reynolds"):
             assert other[key] == pytest.approx(one[key], rel=1e-9)
         assert other["suction"] == pytest.approx(one["suction"])

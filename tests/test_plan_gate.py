@@ -44,7 +44,7 @@ FINE, FINER = 1e-6, 1e-7  # tolerances: their difference is the tracker's own er
 
 @pytest.fixture
 def rhombus() -> Scene:
-    return Scene.load(CASES / "rhombus.toml")
+    return Scene.load(CASES / "rhombus.toml", {"numerics.rung": "draft"})
 
 
 # -- what it decides ---------------------------------------------------------------------------------------------------
@@ -275,7 +275,7 @@ class Trial:
 @cache
 def trial(*, spheres: bool = False) -> Trial:
     inertia = {f"fraction.{name}.inertia": 0.4 for name in FRACTIONS} if spheres else {}
-    scene = Scene.load(CASES / "rhombus.toml", {"feed.count": COUNT, **inertia})
+    scene = Scene.load(CASES / "rhombus.toml", {"feed.count": COUNT, "numerics.rung": "draft", **inertia})
     plan = make_plan(scene)
     return Trial(scene, plan, Chain(scene, plan).field[1])
 

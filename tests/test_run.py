@@ -24,7 +24,9 @@ COUNT = 2048
 
 @pytest.fixture(scope="session")
 def rhombus(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = Scene.load(Path(__file__).parents[1] / "cases" / "rhombus.toml", {"feed.count": COUNT})
+    scene = Scene.load(
+        Path(__file__).parents[1] / "cases" / "rhombus.toml", {"feed.count": COUNT, "numerics.rung": "draft"}
+    )
     return wf.run(scene, tmp_path_factory.mktemp("rhombus"))
 
 
@@ -234,7 +236,7 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
     """Ctrl-C during the airflow: code 130, no result, no child left; the same command finishes from where it was."""
     command = [
         sys.executable, "-m", "wakeflow.cli", "run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"),
-        "--set", "feed.count=64", "--until", "airflow", "--set", "air.speed=5.5",
+        "--rung", "draft", "--set", "feed.count=64", "--until", "airflow", "--set", "air.speed=5.5",
     ]  # fmt: skip
     env = {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
     case = tmp_path / "cache" / "airflow"

@@ -148,6 +148,8 @@ def _small(sizes: Mapping[str, float], blocked: Mapping[str, str | None], limit:
 
 def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | None:
     """Why a term cannot be computed for a fraction; None where it can."""
+    if term == VIBRATION:
+        return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
     if term not in forces or not forces[term].computed:
         return "not computed in this version"
     if forces[term].needs == "turbulence" and turbulence == "laminar":

@@ -185,12 +185,13 @@ class _Coefficients:
 
 
 def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
-    """Mean Cd of each of several bodies over what Cd is measured on; nothing for one."""
+    """Cd of each of several bodies: a steady run's last one, as Cd; else the mean from ``begin`` (s) on."""
     found = {}
     for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
         rows = read_table(folder, f"drag_{name}", (CD,))
-        late = rows[-min(WINDOW, len(rows) // 4) :] if begin is None else rows[rows[:, 0] >= begin]
-        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
+        late = rows[rows[:, 0] >= (rows[-1, 0] if begin is None else begin)]
+        mean = np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]) if len(late) > 1 else late[0, 1]
+        found[name] = float(mean)
     return found
 
 

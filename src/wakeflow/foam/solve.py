@@ -28,6 +28,7 @@ __all__ = ["Listener", "MeshCheck", "Progress", "Watch", "prepare", "run_steady"
 
 Array = NDArray[np.float64]
 CHECKED, PHASE, STOP = "mesh_check.json", "phase.json", "stop"
+DIGITS = 15  # timePrecision in the template
 SAVE_EVERY = 5  # s of wall time between savings: what an interruption may cost
 WINDOW, STANDSTILL = 300, 2e-4  # a steady run ends when Cd moved by less than this share over so many iterations
 STILL_BASE, STILL_WAKE = 1e-3, 5e-3  # the same for base pressure and for velocities in the wake, of the inlet speed
@@ -210,6 +211,7 @@ def solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> N
     (folder / STOP).unlink(missing_ok=True)
     gather(folder, is_whole=lambda path: _is_whole(folder, path))  # what an interrupted parallel run left
     _drop_broken_times(folder)
+    _name_plainly(folder)
     launcher, options = scatter(folder)
     try:
         call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
@@ -234,6 +236,14 @@ def _drop_broken_times(folder: Path) -> None:
     for path in _times(folder):
         if not _is_whole(folder, path):
             shutil.rmtree(path)
+
+
+def _name_plainly(folder: Path) -> None:
+    """Give time folders the names that a restart looks for: OpenFOAM adds digits where two times nearly coincide."""
+    for path in _times(folder):
+        plain = path.with_name(f"{float(path.name):.{DIGITS}g}")
+        if not plain.exists():
+            path.rename(plain)
 
 
 def _is_whole(folder: Path, path: Path) -> bool:

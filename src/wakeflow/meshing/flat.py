@@ -13,6 +13,7 @@ from .spec import Array
 __all__ = ["FlatMesh", "write_msh"]
 
 Indices = NDArray[np.intp]
+FLAT = 160.0  # degrees
 LINE, TRIANGLE, QUAD, HEXAHEDRON, PRISM = 1, 2, 3, 5, 6  # MSH's numbers of element types
 
 
@@ -28,6 +29,18 @@ class FlatMesh:
     edges: Indices
     patch: Indices
     names: tuple[str, ...]
+
+    def without_flat_quads(self) -> FlatMesh:
+        """The same mesh, quads with an angle above FLAT degrees cut into two triangles from that corner."""
+        corner = self.points[self.quads]
+        ahead, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
+        turn = ahead[..., 0] * back[..., 1] - ahead[..., 1] * back[..., 0]
+        angle = np.degrees(np.arctan2(turn, (ahead * back).sum(axis=2))) % 360
+        flat = angle.max(axis=1) > FLAT
+        order = (angle[flat].argmax(axis=1)[:, None] + np.arange(4)) % 4
+        a, b, c, d = np.take_along_axis(self.quads[flat], order, axis=1).T
+        triangles = np.concatenate([self.triangles, np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+        return replace(self, triangles=triangles, quads=self.quads[~flat])
 
     def ordered(self) -> FlatMesh:
         """The same mesh, points and cells numbered so that neighbours stand near to each other.

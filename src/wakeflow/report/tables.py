@@ -173,17 +173,20 @@ def budget_table(result: Result) -> Table:
     table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     if any(_unit(entry) != POINTS for entry in result["budget"]):
         table.title = "budget: errors, of shares in percentage points"
-    table.add_column("quantity")
-    for source in [*sources, "total"]:
-        table.add_column(source, justify="right")
+    table.add_column("quantity", no_wrap=True)
+    totals = any(entry["total"]["error"] is not None for entry in result["budget"])  # else the note says why not
+    for source in [*sources, "total"] if totals else sources:
+        table.add_column(source.replace("-", "-\n"), justify="right", overflow="fold")
     for entry in result["budget"]:
         parts = {part["source"]: part["error"] for part in entry["parts"]}
-        cells = [error_text(entry, parts[source]) if source in parts else NONE for source in sources]
-        table.add_row(entry["quantity"], *cells, error_text(entry, entry["total"]["error"]))
+        cells = [_bare(entry, parts[source]) if source in parts else NONE for source in sources]
+        unit = "" if _unit(entry) == POINTS else f"\n({_unit(entry)})"
+        total = [_bare(entry, entry["total"]["error"])] if totals else []
+        table.add_row(entry["quantity"].removeprefix("share.") + unit, *cells, *total)
     if result["budget"]:
         table.add_section()
         cost = source_seconds(result)
-        table.add_row("run time (s)", *(_seconds(cost[source]) for source in sources), "")
+        table.add_row("run time (s)", *(_seconds(cost[source]) for source in sources))
     notes = dict.fromkeys(_term_notes(result))
     if unknown:
         notes[f"unknown, so that no total is claimed: {', '.join(unknown)}"] = None
@@ -230,6 +233,11 @@ def error_text(entry: Mapping[str, Any], error: float | None) -> str:
     if _unit(entry) == POINTS:
         return "0" if error == 0 else f"{100 * error:.0f}" if error >= 0.1 else f"{100 * error:.2g}"
     return f"{error:.2g} {_unit(entry)}"
+
+
+def _bare(entry: Mapping[str, Any], error: float | None) -> str:
+    """An error without its unit, for a table that names it elsewhere."""
+    return error_text(entry, error).removesuffix(f" {_unit(entry)}")
 
 
 def _unit(entry: Mapping[str, Any]) -> str:
