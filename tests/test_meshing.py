@@ -354,6 +354,6 @@ def test_a_mesh_that_gmsh_cannot_make_is_a_mesh_error_with_its_log(tmp_path: Pat
     crossed = ((0.02, 0.0), (-0.02, 0.02), (0.02, 0.02), (-0.02, 0.0))
     spec = replace(coarse([RHOMBUS], rung="standard"), bodies=(crossed,))
     with pytest.raises(MeshError) as failed:
-        build_mesh(spec, tmp_path)
+        build_mesh(spec, tmp_path, timeout=20.0)
     assert failed.value.log == tmp_path / "log.gmsh"
     assert not (tmp_path / "mesh.msh").exists()

@@ -185,23 +185,27 @@ class _Coefficients:
 
 
 def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
-    """Cd of each of several bodies: a steady run's last one, as Cd; else the mean from ``begin`` (s) on."""
+    """Cd of each of several bodies, averaged as Cd of a steady run is; else the mean from ``begin`` (s) on."""
     found = {}
     for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
         rows = read_table(folder, f"drag_{name}", (CD,))
-        late = rows[rows[:, 0] >= (rows[-1, 0] if begin is None else begin)]
-        mean = np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]) if len(late) > 1 else late[0, 1]
-        found[name] = float(mean)
+        if begin is None:
+            found[name] = float(_window(rows)[:, 1].mean())
+            continue
+        late = rows[rows[:, 0] >= begin]
+        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
     return found
 
 
 def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _Coefficients:
-    """Steady: the last values with the range they moved through. Time-resolved: means since the end of the start-up."""
+    """Steady: means over the last iterations with the range they moved through. Time-resolved: means since the end of
+    the start-up; the last values of a wake that came to rest.
+    """
     if loop is None:
-        recent = rows[-max(min(WINDOW, len(rows) // 4), 1) :]
+        recent, ended = _window(rows), _range if spec.stepping == "steady" else _last
         rms = float(recent[:, 2].std())
         lift = Interval(rms, 0.0, float(np.ptp(recent[:, 2])))
-        return _Coefficients(_last(recent[:, 1]), lift, _last(recent[:, 3]), None, len(rows), {}, [])
+        return _Coefficients(ended(recent[:, 1]), lift, ended(recent[:, 3]), None, len(rows), {}, [])
     swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
     found = None if swings else evaluate(rows, spec.accuracy)
     if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
@@ -221,6 +225,11 @@ def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _
     table = {"periods": found.periods, "start_up": found.begin, "accuracy": spec.accuracy, "excess": found.excess}
     number = found.frequency and _times(found.frequency, scale)
     return _Coefficients(found.cd, found.cl_rms, found.cp_base, number, len(rows), table, notes)
+
+
+def _window(rows: Array) -> Array:
+    """The last iterations or steps that a steady airflow is measured on."""
+    return rows[-max(min(WINDOW, len(rows) // 4), 1) :]
 
 
 def _last(values: Array) -> Interval:
