@@ -92,6 +92,20 @@ def test_every_shape_gives_a_sound_mesh_with_named_patches(name: str, rung: str,
     assert (tmp_path / "mesh.vtu").stat().st_size > 0
 
 
+def test_a_cell_that_gmsh_folds_over_is_not_kept(tmp_path: Path) -> None:
+    """At this size of cells Gmsh 4.15 lays a triangle into the tip of the second rhombus."""
+    steep = shapes["rhombus"](width=0.05, slope_angle=np.radians(75))
+    bodies = [steep, steep + np.array([0.0375, 0.05 + float(np.ptp(steep[:, 1]))])]
+    top, bottom = float(bodies[1][:, 1].max()) + 0.05, float(steep[:, 1].min()) - 0.05
+    how = {"width": 0.5, "top": top, "bottom": bottom, "direction": "up", "walls": "no-slip", "rung": "draft"}
+    for scale in (2.7, 2.9201969796573657):
+        spec = plan_mesh(bodies, scale=scale, **how)  # type: ignore[arg-type]
+        build_mesh(spec, tmp_path)
+        points, cells, _ = read_mesh(tmp_path / "mesh.msh")
+        air = spec.width * (spec.top - spec.bottom) - sum(area(body) for body in bodies)
+        assert cell_areas(points, cells).sum() == pytest.approx(air, rel=1e-9)
+
+
 def test_the_same_spec_gives_the_same_mesh_to_the_byte(tmp_path: Path) -> None:
     spec = coarse([RHOMBUS])
     for name in ("one", "two"):

@@ -42,6 +42,15 @@ class FlatMesh:
         triangles = np.concatenate([self.triangles, np.column_stack([a, b, c]), np.column_stack([a, c, d])])
         return replace(self, triangles=triangles, quads=self.quads[~flat])
 
+    def is_unfolded(self) -> bool:
+        """Whether all cells turn the same way round: one that does not lies on top of others."""
+        turns = []
+        for cells in (self.triangles, self.quads):
+            (x, y), (nx, ny) = self.points[cells].T, np.roll(self.points[cells], -1, axis=1).T
+            turns.append((x * ny - nx * y).sum(axis=0))
+        turn = np.concatenate(turns)
+        return bool((turn > 0).all() or (turn < 0).all())
+
     def ordered(self) -> FlatMesh:
         """The same mesh, points and cells numbered so that neighbours stand near to each other.
 

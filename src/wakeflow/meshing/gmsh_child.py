@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MeshError
-from ..geometry import contains
 from .flat import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
 from .layers import Layers, around, joined, with_layers
 from .outline import Piece, loops
@@ -19,18 +17,34 @@ from .zones import Sizes, boxes, levels, sources
 
 __all__ = ["mesh_in_this_process"]
 
+NUDGES = (
+    1.0,
+    0.97,
+    1.03,
+    0.94,
+    1.06,
+)  # on the cell edges, in turn: now and then Gmsh 4.15 folds a cell over
+
 
 def mesh_in_this_process(argument: dict[str, Any]) -> None:
     """Mesh ``argument['spec']`` into the file ``argument['path']``; MeshError says what Gmsh stumbled over."""
     spec = MeshSpec.from_json(argument["spec"])
+    meshes = (_mesh(spec.scaled(nudge)) for nudge in NUDGES)
+    mesh = next((mesh for mesh in meshes if mesh.is_unfolded()), None)
+    if mesh is None:
+        raise MeshError("Gmsh folds a cell over at a sharp corner, at every size tried: round the corner a little")
+    write_msh(mesh.ordered(), spec.thickness, Path(argument["path"]))
+
+
+def _mesh(spec: MeshSpec) -> FlatMesh:
+    """The whole mesh, no quad flat."""
     sizes = sources(spec)
     rings = loops(spec, sizes.at)
     parts: list[Layers] = []
     if spec.strategy == "layers":
         rings, parts = with_layers(spec, rings)
         sizes = around(sizes, parts)
-    mesh = joined(_fill(spec, rings, sizes), parts)
-    write_msh(mesh.without_flat_quads().ordered(), spec.thickness, Path(argument["path"]))
+    return joined(_fill(spec, rings, sizes), parts).without_flat_quads()
 
 
 def _fill(spec: MeshSpec, rings: list[list[Piece]], sizes: Sizes) -> FlatMesh:
@@ -44,7 +58,7 @@ def _fill(spec: MeshSpec, rings: list[list[Piece]], sizes: Sizes) -> FlatMesh:
         surface, lines = _model(gmsh, rings)
         _set_sizes(gmsh, spec, sizes)
         gmsh.model.mesh.generate(2)
-        return _in_the_air(_read(gmsh, surface, lines), rings)
+        return _read(gmsh, surface, lines)
     except Exception as problem:  # Gmsh raises bare Exception; its own words say what it stumbled over
         raise MeshError(f"Gmsh could not mesh the channel: {problem}") from None
     finally:
@@ -103,18 +117,6 @@ def _read(gmsh: Any, surface: int, lines: list[tuple[int, str]]) -> FlatMesh:
     number[used] = np.arange(len(used))
     points = places.reshape(-1, 3)[used, :2]
     return FlatMesh(points, number[triangles], number[quads], number[np.concatenate(edges)], patch, names)
-
-
-def _in_the_air(mesh: FlatMesh, rings: list[list[Piece]]) -> FlatMesh:
-    """Without cells beyond the rings: Gmsh 4.15 now and then fills the tip of a sharp corner from the solid's side."""
-    outer, *holes = (np.array([piece.start for piece in ring]) for ring in rings)
-
-    def kept(cells: NDArray[np.intp]) -> NDArray[np.intp]:
-        middle = mesh.points[cells].mean(axis=1)
-        solid = [contains(hole, middle) for hole in holes]
-        return cells[contains(outer, middle) & ~np.any(solid, axis=0)] if holes else cells[contains(outer, middle)]
-
-    return replace(mesh, triangles=kept(mesh.triangles), quads=kept(mesh.quads))
 
 
 def _set_sizes(gmsh: Any, spec: MeshSpec, sizes: Sizes) -> None:
