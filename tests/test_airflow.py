@@ -30,8 +30,9 @@ from wakeflow.foam.initial import start_from
 from wakeflow.foam.measure import suction_zone
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.read import CaseFields, read_flow, time_folders
-from wakeflow.foam.shedding import best_loop
+from wakeflow.foam.shedding import _on_beat, best_loop
 from wakeflow.foam.solve import Progress, Watch, prepare, run_steady
+from wakeflow.foam.vibration import Vibration
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.process import run
@@ -579,6 +580,17 @@ def test_verdicts_name_what_the_signal_does() -> None:
     assert kind_of(1 + 1e-4 * rng.standard_normal(1000), 0.01) == "steady"
     assert kind_of(1 + 0.1 * np.sin(2 * np.pi * clock), 0.01) == "periodic"
     assert kind_of(1 + 0.1 * rng.standard_normal(1000), 0.01) == "broadband"
+
+
+def test_the_loop_is_chosen_from_one_unbroken_recording(tmp_path: Path) -> None:
+    """OpenFOAM keeps the last snapshots and the time that the recording began from; a run stopped at 8.03."""
+    names = ["2", *(f"{time:.15g}" for time in np.arange(6.0, 8.0, 0.1)), "8.03"]
+    folders = [tmp_path / name for name in names]
+    assert [path.name for path in _on_beat(folders, 2.0, 0.1, None)] == names[1:-1]
+    swing = Vibration(0.001, 2 * np.pi / 0.3)
+    found = _on_beat(folders, 2.0, 0.1, swing)
+    assert (float(found[0].name) - 2.0) / 0.3 == pytest.approx(round((float(found[0].name) - 2.0) / 0.3))
+    assert float(found[0].name) == pytest.approx(6.2)
 
 
 def test_the_best_loop_of_a_periodic_field_has_its_period_and_no_mismatch() -> None:

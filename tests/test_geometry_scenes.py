@@ -233,7 +233,7 @@ class TestSeveralBodies:
     def scene(self) -> Scene:
         low = {"shape": "prism", "width": 0.06, "slope_angle": math.pi / 3}
         pair = {name: {**low, "at": [x, -0.12]} for name, x in (("left", -0.11), ("right", 0.11))}
-        return small(body={**SMALL["body"], **pair})
+        return small(body={**SMALL["body"], **pair}, numerics__mesh_scale=1.5)
 
     def test_each_has_its_drag(self) -> None:
         airflow = chain_of(self.scene()).airflow

@@ -279,7 +279,8 @@ class TestLadder:
         case = tmp_path / "case"
         prepare(spec, tmp_path / "mesh.msh", case)
         for end in (0.05, 0.1, 0.15):
-            write_parameters(case, {"endTime": end, "deltaT": 5e-4, "writeControl": "runTime", "writeInterval": 0.05})
+            write_parameters(case, {"endTime": end, "deltaT": 5e-4, "writeControl": "adjustableRunTime",
+                                    "writeInterval": 0.05})  # fmt: skip
             solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, lambda _: False, expected=end), None)
             assert float(time_folders(case)[-1].name) == pytest.approx(end, rel=0.02)
         sound, bad, last = time_folders(case)

@@ -207,7 +207,8 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
 
 
 def _on_beat(folders: list[Path], begin: float, step: float, vibration: Vibration | None) -> list[Path]:
-    """The times of the recording, every ``step`` (s) from ``begin``: not those at which a run was stopped in between.
+    """The times of the recording, every ``step`` (s) from ``begin``: not those at which a run was stopped in between,
+    nor those before a gap (the begin itself stays when OpenFOAM has thrown away what followed).
 
     With a vibration the first one lies a whole number of its periods after ``begin``, where its phase is zero.
     """
@@ -217,6 +218,8 @@ def _on_beat(folders: list[Path], begin: float, step: float, vibration: Vibratio
         return count > -0.02 and abs(count - round(count)) * interval < 0.02 * step
 
     found = [path for path in folders if beats(path, step)]
+    gaps = np.diff([float(path.name) for path in found]) > 1.5 * step
+    found = found[int(np.flatnonzero(gaps)[-1]) + 1 :] if gaps.any() else found
     if vibration is not None:
         first = next((i for i, path in enumerate(found) if beats(path, vibration.period)), 0)
         found = found[first:]
