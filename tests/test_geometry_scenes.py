@@ -233,10 +233,11 @@ class TestSeveralBodies:
     def scene(self) -> Scene:
         low = {"shape": "prism", "width": 0.06, "slope_angle": math.pi / 3}
         pair = {name: {**low, "at": [x, -0.12]} for name, x in (("left", -0.11), ("right", 0.11))}
-        return small(body={**SMALL["body"], **pair}, numerics__mesh_scale=1.5)
+        return small(body={**SMALL["body"], **pair})
 
     def test_each_has_its_drag(self) -> None:
-        airflow = chain_of(self.scene()).airflow
+        """At Re 6: at 24 the wakes side by side lean to one side or the other, as real ones do."""
+        airflow = chain_of(self.scene().replace({"air.speed": 0.05})).airflow
         drag = airflow["cd_of"]
         assert sum(drag.values()) == pytest.approx(airflow["cd"]["value"], rel=1e-6)
         assert drag["left"] == pytest.approx(drag["right"], rel=MESH)
