@@ -246,7 +246,7 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
     _, errors = child.communicate(timeout=60)
-    assert child.returncode == 130
+    assert child.returncode == 130, errors
     assert "interrupted" in errors
     assert not (tmp_path / "out" / "result.json").exists()
     assert _working_below(tmp_path) == []
