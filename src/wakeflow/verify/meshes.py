@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from .. import meshing
+from .. import foam, meshing
 from ..files import Store, cache_root, content_key, digest_files, write_json
 from ..foam import FlowSpec, solve_airflow
+from ..foam.cost import core_seconds
 from ..grids import cell_size, estimate
 from ..laws.shape import shapes
 from ..meshing import build_mesh, plan_mesh
@@ -53,18 +53,16 @@ def solve_row(spec: FlowSpec, store: Store) -> Row:
     def work(folder: Path) -> None:
         built = build_mesh(spec.mesh, folder)
         found = solve_airflow(spec, folder / "mesh.msh", folder / "case")
-        log = (folder / "case" / "log.simpleFoam").read_text()
-        clock = [float(value) for value in re.findall(r"^ExecutionTime = (\S+) s", log, re.M)]
         row = {
             "cells": built.cells, "smallest": built.smallest_edge / spec.mesh.projected_width, "steps": found.steps,
-            "seconds": sum(now for now, then in zip(clock, [*clock[1:], 0.0], strict=True) if then < now),
+            "seconds": core_seconds(folder / "case"),
             "cd": found.cd.value, "cp_base": found.cp_base.value,
             "reversal": found.suction.reversal_length / spec.mesh.projected_width, "verdict": found.verdict,
         }  # fmt: skip
         write_json(folder / "row.json", row)
         shutil.rmtree(folder / "case")
 
-    code = digest_files([Path(meshing.__file__).parent, case_template()])
+    code = digest_files([*(Path(str(package.__file__)).parent for package in (meshing, foam)), case_template()])
     folder, _ = store.make("meshes", content_key("meshes", asdict(spec), code), work)
     row: Row = json.loads((folder / "row.json").read_text())
     return row

@@ -40,10 +40,19 @@ def _airflow(slow: bool, tell: Tell) -> dict[str, Any]:
     return run_airflow(FOLDER, slow=slow, tell=tell)
 
 
+def _meshes(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .meshes import FLOWS, SCALES, run_meshes
+
+    if slow:
+        return run_meshes(FOLDER, tell=tell)
+    return run_meshes(FOLDER, tell=tell, scales=SCALES[:2], finest=SCALES[2:], flows=FLOWS[:1])
+
+
 PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "tracker": _tracker,
     "problems": _problems,
     "airflow": _airflow,
+    "meshes": _meshes,
 }
 
 
@@ -68,13 +77,15 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
     """Print the tables of every report, and where it lies."""
     from rich.console import Console
 
-    from .show import airflow_tables, goal_table, problem_table, row_tables
+    from .show import airflow_tables, goal_table, mesh_tables, problem_table, row_tables
 
     console = Console()
     console.width = max(console.width, WIDE) if not console.is_terminal else console.width
     for name, report in reports.items():
         if name == "tracker":
             tables = [*row_tables(report), goal_table(report)]
+        elif name == "meshes":
+            tables = mesh_tables(report)
         else:
             tables = [problem_table(report)] if name == "problems" else airflow_tables(report)
         for table in tables:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["airflow_markdown", "airflow_tables", "goal_table", "markdown", "problem_table", "row_tables"]
+__all__ = ["airflow_markdown", "airflow_tables", "goal_table", "markdown", "mesh_tables", "problem_table", "row_tables"]
 
 
 COLUMNS = (
@@ -105,6 +105,22 @@ def problem_table(report: dict[str, Any]) -> Table:
         table.add_row(row["problem"], f"{row['tolerance']:.0e}", f"{row['error']:.1e}", f"{row['steps']:.0f}", order,
                       expected, f"{row['ratio']:.1e}")  # fmt: skip
     return table
+
+
+def mesh_tables(report: dict[str, Any]) -> list[Table]:
+    """One table a flow: what each way to mesh costs and errs."""
+    from rich.table import Table
+
+    tables = []
+    for flow, found in report["flows"].items():
+        title = f"{flow}: relative errors of steady airflows against core-seconds"
+        table = Table("strategy", "cells", "core-s", "Cd", "base Cp", "reversal length", title=title,
+                      title_justify="left", pad_edge=False, box=None)  # fmt: skip
+        for row in found["rows"]:
+            errors = (f"{100 * row[f'{name}_error']:.2g} %" for name in ("cd", "cp_base", "reversal"))
+            table.add_row(row["strategy"], str(row["cells"]), f"{row['seconds']:.1f}", *errors)
+        tables.append(table)
+    return tables
 
 
 def airflow_tables(report: dict[str, Any]) -> list[Table]:
