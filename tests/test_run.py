@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -240,7 +241,8 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
     ]  # fmt: skip
     env = {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
     case = tmp_path / "cache" / "airflow"
-    child = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs are deaf to Ctrl-C
+    child = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline and not list(case.glob("*.part/case/[1-9]*/U")):  # the first saved iteration
         time.sleep(0.1)
