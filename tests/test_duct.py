@@ -67,6 +67,14 @@ def test_granules_of_almost_the_airs_speed_still_end_where_they_belong(aspirator
     assert np.all(line == (LIGHT if share < 1.0 else HEAVY))
 
 
+def test_the_momentum_of_the_fall_carries_light_grain_into_a_short_leg(aspirator: Scene) -> None:
+    """Just below the air speed it sinks by (U^2 / g) ln(1 + v0 / 2U) = 0.497 m from 1.4 m/s before it turns."""
+    for leg, place in ((0.47, HEAVY), (0.52, LIGHT)):
+        changes = {"feed.height": 0.1, "air.speed": 7.3, SPEED: 7.3 * 0.9999, "channel.bottom": -leg}
+        line = flown(aspirator.replace(changes), "wheat")[1]
+        assert np.all(line == place), leg
+
+
 def test_what_hangs_in_the_air_is_counted_elsewhere_and_said(aspirator: Scene, tmp_path: Path) -> None:
     hanging = aspirator.replace({"fraction.wheat.terminal_velocity": 6.0 * (1.0 + 1e-9), "feed.count": 256})
     result = wf.run(hanging, tmp_path, force=CALM, until="tracks")
