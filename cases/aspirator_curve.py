@@ -71,7 +71,7 @@ def draw(path: Path, names: list[str], rows: list[Any], base: wf.Scene) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(figsize=(7.2, 3.8))
+    figure, axes = pyplot.subplots(figsize=(8.4, 3.6))
     axes.axvspan(4.85, 7.04, color="#e6ebf1", label="published window, 4.85 to 7.04 m/s")
     speeds = np.linspace(2.4, 9.0, 400)
     for name, colour in zip(names, ("#b8860b", "#2e7d32", "#1565c0"), strict=True):
@@ -84,7 +84,7 @@ def draw(path: Path, names: list[str], rows: list[Any], base: wf.Scene) -> None:
     axes.set_xlabel("speed of the upward air (m/s)")
     axes.set_ylabel("carried over (% of mass)")
     axes.set_title("Verification: lines exact, dots calm air, crosses with turbulence of 5 %", fontsize=9, loc="left")
-    axes.legend(fontsize=8, frameon=False, loc="center right")
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110, bbox_inches="tight")
 

@@ -24,7 +24,7 @@ from ..files import write_json
 from ..pipeline import Chain
 from ..scene import RESERVED_BIN, Scene
 from ..separation import interval
-from ..tracking import Granules, Tracks, track
+from ..tracking import Tracks, track
 from .carrier import Carrier, make_carrier
 from .peer import fly_peer
 from .subjects import Subject, shipped, subject
@@ -33,14 +33,18 @@ __all__ = ["FRACTIONS", "BinRow", "compare", "run_shares"]
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
-FRACTIONS: dict[str, dict[str, str]] = {  # heavy ones with their velocity after the impact, dust from above the body
-    "wheat": {"feed.mode": "injected"},
-    "chaff": {"feed.mode": "injected"},
-    "dust": {"feed.mode": "resolved"},
+FRACTIONS: dict[str, tuple[str, dict[str, Any]]] = {  # name: (fraction of the scene, changes of the scene)
+    "wheat": ("wheat", {"feed.mode": "injected"}),  # heavy ones with their velocity after the impact
+    "chaff": ("chaff", {"feed.mode": "injected"}),
+    "dust": ("dust", {"feed.mode": "resolved"}),  # from above the body
+    "dust, elastic": (  # where both laws of contact are the same, but for the radius
+        "dust",
+        {"feed.mode": "resolved", "fraction.dust.restitution": 1.0, "fraction.dust.friction": 0.0},
+    ),
 }
 COUNT, SLOW = 2048, 16384  # granules a fraction
 TOLERANCE = 1e-4  # body widths, as in the shipped scene
-SCHEME, COURANT = "analytical", 0.03  # of the peer: landing errors below 1e-4 body widths, tables of ``verify tracker``
+SCHEME, STEP, COURANT = "analytical", 1e-4, 0.3  # of the peer, s: landing errors of some 1e-4 body widths
 
 
 @dataclass(frozen=True)
@@ -88,9 +92,9 @@ def compare(
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
         tell("meshing the channel for OpenFOAM's parcels")
         carrier = make_carrier(own, chain.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
-        for name, changes in FRACTIONS.items():
+        for name, (fraction, changes) in FRACTIONS.items():
             tell(f"{name}: ours")
-            case = subject(name, "steady", scene, carrier.field, count, (name, changes))
+            case = subject(name, "steady", scene, carrier.field, count, (fraction, changes))
             mine, same = (_ours(case, scene, air) for air in (own, carrier.field))
             tell(f"{name}: OpenFOAM's parcels")
             there = _theirs(case, carrier, float(np.nanmax(_landed_time(same))), Path(room, "run"))
@@ -118,11 +122,9 @@ def _landed_time(tracks: Tracks) -> Array:
 
 
 def _theirs(case: Subject, carrier: Carrier, longest: float, folder: Path) -> Array:
-    grains: Granules = case.grains
     until = 1.05 * longest
-    return fly_peer(
-        carrier, grains, scheme=SCHEME, step=until, courant=COURANT, until=until, folder=folder
-    ).position[:, 0]  # fmt: skip
+    found = fly_peer(carrier, case.grains, scheme=SCHEME, step=STEP, courant=COURANT, until=until, folder=folder)
+    return found.position[:, 0]
 
 
 def _bins(case: Subject, x: Array) -> NDArray[np.int64]:

@@ -8,6 +8,7 @@ its density instead, which is the same acceleration.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Chain
 
 
 def subject(
-    kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, str]] | None = None
+    kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, Any]] | None = None
 ) -> Subject:
     """``count`` granules of a kind in a field that ends at the scene's floor; ``of`` a fraction of the scene with some
     changes instead of those that the kind stands for.
