@@ -127,6 +127,11 @@ def test_the_distribution_that_goes_in_comes_out(aspirator: Scene, spread: dict,
     assert plan.fractions["wheat"].terminal_velocity == pytest.approx(float(np.median(wanted)), rel=1e-4)
 
 
+def test_a_saved_scene_is_the_same_scene(aspirator: Scene, tmp_path: Path) -> None:
+    aspirator.save(tmp_path / "again.toml")
+    assert Scene.load(tmp_path / "again.toml") == aspirator
+
+
 def test_other_fractions_keep_their_granules_when_one_gets_a_spread(aspirator: Scene) -> None:
     one = aspirator.replace({"fraction.wheat.terminal_velocity": 7.3})
     grains = [feedstock(s, make_plan(s), "straw", None).granules for s in (aspirator, one)]

@@ -153,13 +153,15 @@ def _rows(
 
 def _by_replicate(case: Subject, values: Array, chosen: NDArray[np.bool_]) -> Array:
     """Means (r,) over the chosen granules of each replicate that has any."""
-    total = np.bincount(case.replicate[chosen], values[chosen].astype(float))
+    total = np.bincount(case.replicate[chosen], values[chosen])
     count = np.bincount(case.replicate[chosen])
     return np.asarray(total[count > 0] / count[count > 0])
 
 
 def _share(case: Subject, inside: NDArray[np.bool_]) -> tuple[float, float, float]:
-    value, low, high = interval(_by_replicate(case, inside, np.ones(len(inside), dtype=bool)), len(inside))
+    value, low, high = interval(
+        _by_replicate(case, inside.astype(float), np.ones(len(inside), dtype=bool)), len(inside)
+    )
     return 100 * value, 100 * low, 100 * high
 
 
