@@ -69,7 +69,7 @@ def test_granules_of_almost_the_airs_speed_still_end_where_they_belong(aspirator
 
 def test_the_momentum_of_the_fall_carries_light_grain_into_a_short_leg(aspirator: Scene) -> None:
     """A granule of the air's speed sinks by int v dv / (g (F(U + v) / F(U) - 1)), F the drag, before it turns: some
-    7 % more than (U^2 / g) ln(1 + v0 / 2U), since the drag law's F grows a little less than with the square.
+    8 % more than (U^2 / g) ln(1 + v0 / 2U), since the drag law's F grows a little less than with the square.
     """
     v = np.linspace(0.0, np.sqrt(2 * 9.81 * 0.1), 20_001)
     v = 0.5 * (v[1:] + v[:-1])
