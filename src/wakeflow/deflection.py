@@ -178,6 +178,8 @@ def _landing(scene: Scene, name: str, kind: _Kind, met: Met) -> Array:
         part = np.where(way.real > 0.0, np.clip((floor - z.real) / np.maximum(way.real, 1e-300), 0.0, 1.0), 1.0)
         z = np.where(meets, z, z + part * way)
         v = np.where(meets, _bounced(scene, name, rim, v, normal / np.maximum(np.abs(normal), 1e-300)), after)
+        if np.all(z.real >= floor * (1.0 - 1e-12)):
+            break
     wall = 0.5 * scene.channel.width
     return np.asarray(wall - np.abs((z.imag + wall) % (4.0 * wall) - 2.0 * wall))
 

@@ -83,19 +83,15 @@ def _meetings(
     scene: Scene, speeds: Mapping[str, float], found: Mapping[str, list[Flight]], shift: float
 ) -> tuple[float, float, str]:
     """Meetings of a granule of the fraction that bears the fewest, how many those are, and what they are."""
-    worst: tuple[float, float, str] | None = None
+    rows = []
     for name, fraction in scene.fraction.items():
-        own = fraction.properties
-        met, each = meetings(scene, own.diameter, own.density), _free_shift(scene, speeds[name])
-        if name in found:
-            flight = found[name][len(found[name]) // 2]
-            each = bounds["collisions-between-granules"].shift(replace(flight, meetings=1.0))
-        if worst is None or met * each * worst[1] > worst[0] * shift:
+        own, shift_of = fraction.properties, bounds["collisions-between-granules"].shift
+        each = [(flight.meetings, shift_of(replace(flight, meetings=1.0))) for flight in found.get(name, [])]
+        for met, moves in each or [(meetings(scene, own.diameter, own.density), _free_shift(scene, speeds[name]))]:
             path = 2.0 * scene.feed.width / met * 1e3
             why = f"of {name} with others in the curtain, by the momentum they take: one every {path:.3g} mm of way"
-            worst = met, shift / each, why
-    assert worst is not None
-    return worst
+            rows.append((met, shift / moves, why))
+    return max(rows, key=lambda row: row[0] / row[1])
 
 
 def _free_shift(scene: Scene, speed: float) -> float:

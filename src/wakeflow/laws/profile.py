@@ -23,26 +23,26 @@ _normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the pla
 
 
 @profiles.register("uniform")
-def uniform(p: Array, *, width: float) -> Array:
+def uniform(p: Array, width: float) -> Array:
     """The same everywhere: a slot, a vibrating feeder's edge."""
     return width * (np.asarray(p) - 0.5)
 
 
 @profiles.register("triangular")
-def triangular(p: Array, *, width: float) -> Array:
+def triangular(p: Array, width: float) -> Array:
     """Falls off linearly from the middle to nothing at the edges; twice as dense in the middle as the mean."""
     below = np.minimum(p, 1.0 - np.asarray(p))
     return 0.5 * width * np.copysign(1.0 - np.sqrt(2.0 * below), np.asarray(p) - 0.5)
 
 
 @profiles.register("parabolic")
-def parabolic(p: Array, *, width: float) -> Array:
+def parabolic(p: Array, width: float) -> Array:
     """Density 3/2 (1 - (2 x / width)^2) of the mean: dense flow through a slot. The root of 3 s^2 - 2 s^3 = p."""
     return -width * np.sin(np.arcsin(1.0 - 2.0 * np.asarray(p)) / 3.0)
 
 
 @profiles.register("normal")
-def normal(p: Array, *, width: float, std: float | None = None) -> Array:
+def normal(p: Array, width: float, *, std: float | None = None) -> Array:
     """Normal with standard deviation ``std`` (m; a quarter of the width without), cut off at the curtain's edges."""
     spread = 0.25 * width if std is None else std
     below = NormalDist().cdf(-0.5 * width / spread)
@@ -50,7 +50,7 @@ def normal(p: Array, *, width: float, std: float | None = None) -> Array:
 
 
 @profiles.register("table")
-def table(p: Array, *, width: float, positions: Sequence[float], weights: Sequence[float]) -> Array:
+def table(p: Array, width: float, *, positions: Sequence[float], weights: Sequence[float]) -> Array:
     """Mass per width as measured: ``weights`` (any unit) at ``positions`` (m from the middle), linear between them."""
     x, w = np.asarray(positions, dtype=float), np.asarray(weights, dtype=float)
     if len(x) != len(w) or len(x) < 2:

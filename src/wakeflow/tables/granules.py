@@ -34,7 +34,7 @@ class Profile(Table):
         """Places (m from the curtain's middle) left of which the shares ``p`` of its mass fall."""
         given = self.model_dump(exclude_none=True, exclude={"distribution"})
         try:
-            return profiles[self.distribution](p, width=width, **given)
+            return profiles[self.distribution](p, width, **given)
         except TypeError:
             kind = "curtain profile"
             raise SceneError(takes(kind, self.distribution, profiles[self.distribution], given)) from None
