@@ -15,7 +15,7 @@ import numpy as np
 from .bounds import Flight, bounds
 from .geometry import edges, normals
 from .laws.collision import impact
-from .scales import meetings, packing
+from .scales import CROSSED, meetings, packing
 from .scene import GRAVITY, Scene
 
 __all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained"]
@@ -88,7 +88,7 @@ def _meetings(
         own, shift_of = fraction.properties, bounds["collisions-between-granules"].shift
         each = [(flight.meetings, shift_of(replace(flight, meetings=1.0))) for flight in found.get(name, [])]
         for met, moves in each or [(meetings(scene, own.diameter, own.density), _free_shift(scene, speeds[name]))]:
-            path = 2.0 * scene.feed.width / met * 1e3
+            path = CROSSED * scene.feed.width / met * 1e3
             why = f"of {name} with others in the curtain, by the momentum they take: one every {path:.3g} mm of way"
             rows.append((met, shift / moves, why))
     return max(rows, key=lambda row: row[0] / row[1])

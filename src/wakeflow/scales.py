@@ -18,11 +18,12 @@ from .laws.drag import drag_laws, slip_correction, terminal_velocity
 from .laws.material import Material
 from .scene import GRAVITY, Air, Fraction, Scene
 
-__all__ = ["arrival_speed", "flights", "meetings", "packing"]
+__all__ = ["CROSSED", "arrival_speed", "flights", "meetings", "packing"]
 
 Array = NDArray[np.float64]
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over
 RECIRCULATION = 0.2  # of U: how fast air that granules fall into leaves the wake
+CROSSED = 3.0  # curtain's widths of way across other granules: in, out again, and among those that linger on the slope
 MARCH = 0.01  # step of the one-dimensional fall, of the time it takes about
 
 
@@ -156,14 +157,13 @@ def meetings(scene: Scene, diameter: float, density: float) -> float:
     """How many granules one of ``diameter`` (m) and ``density`` (kg/m3) meets as it crosses the curtain, each counted
     by the share of momentum that it takes, m_j / (m_i + m_j).
 
-    Kinetic theory: number density n_j times pi/4 (d_i + d_j)^2 times a relative way of twice the curtain's width: in
-    from above, and out again across granules that still fall.
+    Kinetic theory: number density n_j times pi/4 (d_i + d_j)^2 times a relative way of CROSSED curtain's widths.
     """
     feed, total = scene.feed, 0.0
     for share, other in packing(scene):
         cross = 1.5 * share * (diameter + other.diameter) ** 2 / other.diameter**3
         mass, its = density * diameter**3, other.density * other.diameter**3
-        total += cross * 2.0 * feed.width * its / (mass + its)
+        total += cross * CROSSED * feed.width * its / (mass + its)
     return feed.crowding * total
 
 
