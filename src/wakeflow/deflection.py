@@ -56,7 +56,8 @@ class Deflection:
 
 def axis(scene: Scene) -> float:
     """x (m) of the first body's top, which parts the curtain."""
-    outline = next(iter(scene.body.values())).outline()
+    outline = scene.first_outline
+    assert outline is not None
     return float(outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=1e-9 * scene.width), 0].mean())
 
 
@@ -77,9 +78,9 @@ def front_of(scene: Scene) -> Front:
 def deflection(scene: Scene, name: str, law: str, scale: float) -> Deflection | None:
     """What the air does to fraction ``name`` before the first body; drag by ``law`` times ``scale``.
 
-    None without air, and where the air comes from below: the slopes that granules fall on then lie in the wake.
+    None without air or body, and where the air comes from below: the slopes that granules fall on then lie in the wake.
     """
-    if scene.air is None or scene.air.direction == "up":
+    if scene.air is None or scene.air.direction == "up" or not scene.body:
         return None
     fraction, air = scene.fraction[name], scene.air
     share = (np.arange(SIZES) + 0.5) / SIZES
@@ -164,8 +165,7 @@ def _landing(scene: Scene, name: str, kind: _Kind, met: Met) -> Array:
     """
     assert scene.air is not None
     front, rim = front_of(scene), 0.5 * np.array(kind.diameters)[:, None]
-    top = float(next(iter(scene.body.values())).outline()[:, 1].max())
-    floor, air = top - scene.channel.bottom, complex(scene.air.speed)
+    floor, air = scene.level - scene.channel.bottom, complex(scene.air.speed)
     z, v = met.z.copy(), _bounced(scene, name, rim, met.v, met.normal)
     step = 2.0 * np.sqrt(2.0 * floor / GRAVITY) / FALL_STEPS
     for _ in range(FALL_STEPS):

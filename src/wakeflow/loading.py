@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .bounds import Flight, bounds
 from .geometry import edges, normals
@@ -18,6 +19,7 @@ from .laws.collision import impact
 from .scales import CROSSED, meetings, packing
 from .scene import GRAVITY, Scene
 
+Array = NDArray[np.float64]
 __all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained"]
 
 COUPLING, INDEPENDENT, TURBULENCE = "one-way coupling", "independent granules", "the air's own turbulence"
@@ -95,8 +97,8 @@ def _meetings(
 
 
 def _free_shift(scene: Scene, speed: float) -> float:
-    """Body widths that a granule of ``speed`` (m/s) goes while it falls from the body to the floor, without air."""
-    return speed * math.sqrt(2.0 * abs(scene.channel.bottom) / GRAVITY) / scene.width
+    """Widths that a granule of ``speed`` (m/s) goes while it falls from the body to the floor, without air."""
+    return speed * math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY) / scene.width
 
 
 def _on_the_air(scene: Scene, found: Mapping[str, list[Flight]]) -> tuple[float, float]:
@@ -117,10 +119,12 @@ def _layer(scene: Scene, speeds: Mapping[str, float]) -> tuple[float, float, flo
     A granule that meets the slope goes half its length at the tangential speed of eq. (2), and faster by gravity
     less friction, until it leaves: t = (sqrt(v^2 + a L) - v) / a. It bounces to v_n^2 / (2 g cos b). Without vibration.
     """
-    beta, length = _slope(scene)
+    if scene.first_outline is None:
+        return None
+    beta, length = _slope(scene.first_outline)
     if beta <= 0.0:
         return None
-    on_slope = scene.feed.mass_flow * _shares_on_body(scene) / scene.feed.depth
+    on_slope = scene.feed.mass_flow * _share_on(scene, scene.first_outline) / scene.feed.depth
     cover = solid = 0.0
     highest, sizes = 0.0, 0.0
     for name, share in scene.mass_shares().items():
@@ -143,9 +147,8 @@ def _stay(along: float, pull: float, length: float) -> float:
     return length / (math.sqrt(along**2 + pull * length) + along)
 
 
-def _slope(scene: Scene) -> tuple[float, float]:
+def _slope(outline: Array) -> tuple[float, float]:
     """Angle (rad) of the faces that granules fall on, mean over their projected width; their length (m) together."""
-    outline = next(iter(scene.body.values())).outline()
     start, end = edges(outline)
     up = normals(outline)[:, 1] > 1e-9
     across, length = np.abs(end - start)[up, 0], np.linalg.norm(end - start, axis=1)[up]
@@ -153,9 +156,9 @@ def _slope(scene: Scene) -> tuple[float, float]:
     return float(np.average(beta, weights=across)), float(length.sum())
 
 
-def _shares_on_body(scene: Scene) -> float:
-    """Share of the curtain that falls within the width of the first body."""
-    x = next(iter(scene.body.values())).outline()[:, 0]
+def _share_on(scene: Scene, outline: Array) -> float:
+    """Share of the curtain that falls within the width of ``outline``."""
+    x = outline[:, 0]
     places = scene.feed.places((np.arange(500) + 0.5) / 500)
     return float(np.mean((places > x.min()) & (places < x.max())))
 

@@ -34,7 +34,11 @@ __all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan
 
 TURNING = "turning-before-the-impact"  # the term that injection leaves out
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
+LAMINAR_CHANNEL = (
+    1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
+)
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
+RARE = 1e-3  # mass below and above which a measured terminal velocity may be anything
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 
 
@@ -46,9 +50,9 @@ class FractionPlan:
     drag: str  # name of the drag law
     drag_scale: float  # factor on the law that gives the measured terminal velocity; 1 without one. A granule's own
     # slip correction divides it
-    terminal_velocity: float | None  # m/s in the scene's air; None in a vacuum
+    terminal_velocity: float | None  # m/s in the scene's air, of the median; None in a vacuum
     relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
-    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width
+    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width; inf without a body or air
     arrival_speed: float  # m/s at the top of the body, drag included; negative where the air carries it up
     deflection: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
     forces: tuple[str, ...] = ()  # the terms it is flown with
@@ -77,10 +81,11 @@ class Plan:
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
     validity: list[Limit] = field(default_factory=list)  # what the feed rate strains, and from which rate on
+    unit: str = "body widths"  # of lengths: of the channel where nothing stands
 
     @property
     def rung(self) -> str:
-        """none | draft | standard | reference | given"""
+        """none | analytic | draft | standard | reference | given"""
         return self.airflow.rung
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
@@ -119,12 +124,12 @@ def make_plan(
         motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
     check_switches(scene, switches, airflow.turbulence)
-    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={})
+    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, unit=scene.unit)
     found: dict[str, list[Flight]] = {}
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name, found)) is not None}
     arrivals = {name: how.arrival_speed for name, how in plan.fractions.items()}
     plan.validity.extend(limits(scene, arrivals, found, limit_of(scene, target)))
-    plan.warnings.extend(_missing(gates))
+    plan.warnings.extend(_missing(gates, scene.unit))
     plan.estimate.update(_estimate(scene, plan))
     if scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
@@ -143,8 +148,9 @@ def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Fl
         return None
     straight = how.deflection is not None and how.deflection.straight and not scene.obstacles
     found = flights(
-        scene, name, how.drag, how.drag_scale, straight=straight, turbulent=plan.airflow.turbulence != "laminar"
-    )
+        scene, name, how.drag, how.drag_scale, straight=straight,
+        turbulent=plan.airflow.turbulence in ("kOmegaSST", "given"),
+    )  # fmt: skip
     scales[name] = found
     gate = open_gate(
         scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence, moving=plan.airflow.moving
@@ -157,12 +163,12 @@ def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Fl
     return gate
 
 
-def _missing(gates: Mapping[str, Gate]) -> Iterator[str]:
+def _missing(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
     """A line for each term that could matter and is not computed, with what it could move."""
     terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
     for term, why in terms:
         moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
-        yield f"{term}, left out, could move {', '.join(moved)} body widths: {why}"
+        yield f"{term}, left out, could move {', '.join(moved)} {unit}: {why}"
 
 
 def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
@@ -187,9 +193,11 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
     scale = 1.0
     if fraction.measured_settling is not None:
         scale = _calibration(name, law, *fraction.measured_settling)
+        for speed in () if (spread := fraction.settling(np.array([RARE, 1.0 - RARE]))) is None else spread.tolist():
+            _calibration(name, law, granule.diameter, granule.density, speed)
     wanted = scene.feed.mode
     if scene.air is None:
-        clear = "injected" if not scene.obstacles else "resolved"
+        clear = "injected" if scene.body and not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted
         return FractionPlan(mode, law, scale, None, math.inf, math.inf, scene.feed.fall_speed)
     air, own = scene.air, scale / float(slip_correction(granule.diameter))
@@ -203,7 +211,7 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
     reynolds = air.density * abs(fall - along) * granule.diameter / air.viscosity
     factor = own * float(entry.factor(np.array([reynolds]), phi)[0])
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
-    stokes = tau * max(fall, 0.0) / (0.5 * scene.width)
+    stokes = tau * max(fall, 0.0) / (0.5 * scene.width) if scene.body else math.inf
     turned = deflection(scene, name, law, scale)
     small = turned is not None and turned.missed <= target and turned.shift <= limit_of(scene, target)
     mode = wanted if wanted != "auto" else ("injected" if small and not scene.obstacles else "resolved")
@@ -217,11 +225,12 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
         share = brought / (scene.air.speed * scene.channel.width)
         lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
     for name, how in plan.fractions.items():
-        impact = "injected by eq. (1)-(2)" if how.mode == "injected" else "released above the body, impacts resolved"
+        resolved = "released above the body, impacts resolved" if scene.body else f"enters at y = {scene.level:.3g} m"
+        impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
         stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g}{_turned(how)})"
         drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
         fall = f", arrives at {how.arrival_speed:.3g} m/s"
-        lines.append(f"{name}: {impact}{stokes}{fall}{drag}; forces {', '.join(how.forces)}")
+        lines.append(f"{name}: {impact}{stokes}{fall}{drag}{_spread(scene, name)}; forces {', '.join(how.forces)}")
     rows = ", ".join(f"{row.name} {row.value:.2g}" for row in plan.validity if row.limit is not None)
     lines.append(f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {rows}")
     if scene.vibration is not None:
@@ -243,10 +252,22 @@ def _turned(how: FractionPlan) -> str:
     )
 
 
+def _spread(scene: Scene, name: str) -> str:
+    """Between which terminal velocities nine in ten granules of a fraction lie, where a distribution was measured."""
+    ends = scene.fraction[name].settling(np.array([0.05, 0.95]))
+    return (
+        ""
+        if ends is None
+        else f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
+    )
+
+
 def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
     if airflow.rung == "given":
         yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
+    if airflow.rung == "analytic":
+        yield f"airflow: {airflow.why}"
     if airflow.stepping is None:
         return
     part = ", half of the channel mirrored" if airflow.half else ""
@@ -295,7 +316,8 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
         size = float(fraction.diameters(np.array([0.95]))[0])
         if size > 0.1 * scene.width:
             lines.append(
-                f"{name}: {size / scene.width:.0%} of the body's width; granules are treated as points in the air"
+                f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
+                "treated as points in the air"
             )
         if fraction.properties.confidence == "low":
             lines.append(f"{name}: material data of low confidence; measure your own terminal velocity")
@@ -321,6 +343,9 @@ def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[st
 
 
 def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
+    reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
+    if airflow.rung == "analytic" and parabolic and reynolds > LAMINAR_CHANNEL:
+        yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
     if airflow.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
         yield "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
     if airflow.brackets:
