@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from .field import FlowField
 from .geometry import edges, normals
-from .laws.collision import collide
+from .laws.collision import approach_speed, collide
 from .laws.drag import slip_correction
+from .laws.restitution import restitution_at
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, Fraction, Scene
 from .tracking import Granules, track
@@ -198,7 +199,7 @@ def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granule
         restitution=properties.restitution,
         friction=properties.friction,
         drag_scale=how.drag_scale / correction,
-        inertia=fraction.inertia,
+        inertia=fraction.turning,
     )
 
 
@@ -236,10 +237,9 @@ def feedstock(
 
 def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:
     """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2)."""
-    vx, vy, spin, _, _ = collide(
-        0.0, -fall, 0.0, normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1], grains.restitution, grains.friction,
-        1.0 / grains.inertia, grains.diameter / 2,
-    )  # fmt: skip
+    ways = normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1]
+    e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *ways))
+    vx, vy, spin, _, _ = collide(0.0, -fall, 0.0, *ways, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2)
     return np.stack([vx, vy], axis=1), spin
 
 

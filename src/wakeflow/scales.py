@@ -16,6 +16,7 @@ from .bounds import NEAR, Flight
 from .geometry import normals
 from .laws.drag import drag_laws, slip_correction, terminal_velocity
 from .laws.material import Material
+from .laws.restitution import restitution_at
 from .scene import GRAVITY, Air, Fraction, Scene
 
 __all__ = ["flights", "meetings"]
@@ -48,7 +49,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, injected: bool, 
             whole, time, near = whole + stays, time + stays, near + stays
         found.append(Flight(
             diameter=diameter, density=density, tau=tau,
-            arrival=arrival, thrown=arrival * _thrown(scene, fraction), slip=slip, settling=fall.settling,
+            arrival=arrival, thrown=arrival * _thrown(scene, fraction, arrival), slip=slip, settling=fall.settling,
             landing=landing, whole=whole, time=time, near=near,
             beside=injected and not upward,
             sideways_bins=any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values()),
@@ -59,12 +60,12 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, injected: bool, 
     return found
 
 
-def _thrown(scene: Scene, fraction: Fraction) -> float:
+def _thrown(scene: Scene, fraction: Fraction, arrival: float) -> float:
     """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face."""
     granule = fraction.properties
     across, up = np.abs(np.concatenate([normals(body.outline()) for body in scene.body.values()])).T
-    sliding = (1.0 + granule.restitution) * up * np.maximum(across - granule.friction * up, 0.0)
-    return float(sliding.max())
+    kick = (1.0 + restitution_at(granule.restitution, arrival * up)) * up
+    return float((kick * np.maximum(across - granule.friction * up, 0.0)).max())
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from .tables import (
     Fraction,
     Inlet,
     Numerics,
+    Rebound,
     SceneTables,
     Size,
     Vibration,
@@ -147,6 +148,7 @@ def _allowed(where: list[str]) -> str:
     model = _model_at(where[:-1])
     field = model.model_json_schema(by_alias=True)["properties"].get(where[-1], {}) if model else {}
     field = {**field.get("anyOf", [{}])[0], **field}
+    field = {**field.get("oneOf", [{}])[0], **field}
     limits = [
         f"{sign} {field[word]:.6g}"
         for word, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
@@ -173,6 +175,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return plain.get(where[0])
     if where[2:3] == ["size"]:
         return Size
+    if where[2:3] == ["restitution"]:
+        return Rebound
     return keyed[where[0]] if len(where) > 1 else None
 
 

@@ -7,16 +7,18 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import SceneError
+from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
+from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
 from ..quantities import Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
 from .common import GRAVITY, Array, Table, takes
 
-__all__ = ["Feed", "Fraction", "Size"]
+__all__ = ["Feed", "Fraction", "Rebound", "Size"]
 
 
 class Feed(Table):
@@ -93,6 +95,39 @@ def _one_diameter(value: Any) -> Any:
     return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
 
 
+class Rebound(Table):
+    """A restitution law of the normal approach speed: ``law`` and its parameters."""
+
+    law: str = Field(description="one of: " + ", ".join(restitution_laws))
+    value: Annotated[float, Field(ge=0, le=1)] | None = Field(None, description="restitution measured at one speed")
+    at: PositiveSpeed | None = Field(None, description="that speed, normal to the wall")
+    exponent: Annotated[float, Field(ge=1e-3, le=2)] | None = Field(None, description="power: 0.25")
+    most: Annotated[float, Field(ge=1e-3, le=1)] | None = Field(
+        None, description="power, elastic-plastic: largest value, 0.99"
+    )
+    speeds: list[PositiveSpeed] | None = Field(None, description="table: approach speeds, rising")
+    values: list[Annotated[float, Field(ge=0, le=1)]] | None = Field(None, description="table: restitution at each")
+
+    @model_validator(mode="after")
+    def _is_a_law(self) -> Rebound:
+        assert self.of_speed is not None
+        return self
+
+    @property
+    def of_speed(self) -> Restitution:
+        """The law itself. Raises SceneError for parameters that it lacks, has not, or that are out of range."""
+        return Restitution(**self.model_dump(exclude_none=True))
+
+
+def _kind(value: Any) -> str:
+    return "[law]" if isinstance(value, Mapping | Rebound) else "[number]"  # brackets: not shown in messages
+
+
+AnyRestitution = Annotated[
+    Annotated[float, Field(ge=0, le=1), Tag("[number]")] | Annotated[Rebound, Tag("[law]")], Discriminator(_kind)
+]
+
+
 class Fraction(Table):
     """[fraction.NAME]: a class of granules; what is not given comes from its material."""
 
@@ -108,10 +143,13 @@ class Fraction(Table):
         None, description="measured in air at 20 C, of the median size; drag is calibrated to it"
     )
     drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
-    restitution: Annotated[float, Field(ge=0, le=1)] | None = None
+    restitution: AnyRestitution | None = Field(None, description="a number, or a law of the normal approach speed")
     friction: Annotated[float, Field(ge=0, le=10)] | None = None
+    impact: str | None = Field(
+        None, description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default paper: a point mass"
+    )
     inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
-        None, description="I / (m r^2): 0.4 sphere, 0.5 disc; default: a point mass, as in the paper, gets no spin"
+        None, description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
     )
     mass_share: Share | None = Field(None, description="of the feed; shares add up to 1; default: equal")
     target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
@@ -128,6 +166,10 @@ class Fraction(Table):
                 raise SceneError(f"without a material give also: {', '.join(missing)}")
         if self.sphericity is not None and self.terminal_velocity is not None:
             raise SceneError("give sphericity or terminal_velocity, not both")
+        if self.impact is not None:
+            impact_models[self.impact]
+            if self.inertia is not None:
+                raise SceneError("give impact or inertia, not both")
         if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
             verb = "has no" if self.sphericity is not None else "needs a"
             raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
@@ -150,11 +192,18 @@ class Fraction(Table):
             diameter=float(self.diameters(np.array([0.5]))[0]),
             density=self._or_material("density"),
             terminal_velocity=terminal,
-            restitution=self._or_material("restitution"),
+            restitution=self.restitution.of_speed
+            if isinstance(self.restitution, Rebound)
+            else self._or_material("restitution"),
             friction=self._or_material("friction"),
             confidence="given" if self.material is None else materials[self.material].confidence,
             source="scene" if self.material is None else materials[self.material].source,
         )
+
+    @property
+    def turning(self) -> float | None:
+        """I / (m r^2): given, or its impact model's; None for a point mass, which does not turn."""
+        return self.inertia if self.impact is None else impact_models[self.impact].inertia
 
     @property
     def drag_law(self) -> str:
