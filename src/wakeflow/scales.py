@@ -19,7 +19,7 @@ from .laws.material import Material
 from .laws.restitution import restitution_at
 from .scene import GRAVITY, Air, Fraction, Scene
 
-__all__ = ["flights", "meetings"]
+__all__ = ["fall_speeds", "flights", "meetings"]
 
 Array = NDArray[np.float64]
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over
@@ -133,6 +133,23 @@ class _Fall:
 def _last(rows: Iterator[tuple[float, float, float]]) -> tuple[float, float, float]:
     *_, last = rows
     return last
+
+
+def fall_speeds(scene: Scene, name: str, law: str, scale: float, diameter: float, drop: Array) -> Array:
+    """Fall speeds (n,) m/s of a granule of ``diameter`` (m) after falling ``drop`` (n,) m from the feed, drag in the
+    channel's uniform air included; NaN where that carries it up before.
+    """
+    _, speed = scene.release
+    if scene.air is None:
+        return np.sqrt(speed**2 + 2.0 * GRAVITY * drop)
+    fraction = scene.fraction[name]
+    correction = float(slip_correction(diameter))
+    phi, density = fraction.sphericity or 1.0, fraction.properties.density
+    fall = _Fall(scene, scene.air, diameter, density, law, phi, scale / correction)
+    room = scene.channel.top - scene.channel.bottom + scene.release[0]
+    rows = np.array([(0.0, 0.0, speed), *fall._march(speed, float(drop.max()), room)])
+    down = rows[: int(rows[:, 1].argmax()) + 1]
+    return np.interp(drop, down[:, 1], down[:, 2], right=np.nan)
 
 
 def meetings(scene: Scene, diameter: float, density: float) -> float:

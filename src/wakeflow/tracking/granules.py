@@ -125,7 +125,7 @@ class Granules:
     def __getitem__(self, chosen: Any) -> Granules:
         """The chosen granules: a slice, indices or a mask."""
         own: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Granules(**{k: v if isinstance(v, Restitution) else v[chosen] for k, v in own.items()})
+        return self.replace(**{name: v[chosen] for name, v in own.items() if not isinstance(v, Restitution)})
 
     def replace(self, **changes: Any) -> Granules:
         """The same granules with some properties replaced."""

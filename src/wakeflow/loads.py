@@ -1,0 +1,145 @@
+"""What the falling stream does to the first body: mass flow, forces and power on each slope, by first impacts.
+
+Computed from the scene and the plan by the laws that injection uses, at points spread evenly over the curtain, the
+sizes and the vibration's period; no granule is tracked. Later bounces on the same body are not counted, nor how the air
+turns light granules aside before it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .geometry import edges, normals
+from .injection import contact_points, first_contact
+from .laws.layer import Load, load
+from .planning import FractionPlan, Plan
+from .scales import fall_speeds
+from .scene import Scene
+
+__all__ = ["impact_loads"]
+
+Array = NDArray[np.float64]
+SIZES = 8  # equal shares of a fraction's mass
+PLACES = 48  # of the curtain
+PHASES = 64  # of the vibration's period
+
+
+def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
+    """The ``impact`` table of result.json, of the first body; None where none stands. Per slope that is met, from left
+    to right, per fraction, and in total, in SI units: ``mass_flow``; ``fall_speed`` of arrival; ``normal`` force into
+    the slope and ``tangential`` force down it; ``force`` on the body (x, y); ``power`` that the vibration gives to the
+    stream; ``velocity`` of the centre of mass after the impact.
+    """
+    if not scene.body:
+        return None
+    name, body = next(iter(scene.body.items()))
+    outline = body.outline()
+    slopes = _slopes(outline)
+    fractions: dict[str, Any] = {}
+    totals: dict[str, list[Load]] = {slope: [] for slope in slopes}
+    for fraction, how in plan.fractions.items():
+        met = _sample(scene, fraction, how, outline)
+        rows, parts = {}, []
+        for slope, (start, end) in slopes.items():
+            found, fall = _on_slope(scene, fraction, met, start, end)
+            if found.mass_flow > 0.0:
+                rows[slope] = {"fall_speed": fall, **_sum([found])}
+                totals[slope].append(found)
+                parts.append(found)
+        arrival = float(np.mean(met["fall"], where=met["fall"] > 0.0)) if parts else None
+        fractions[fraction] = {"mode": how.mode, "slopes": rows, "total": {"fall_speed": arrival, **_sum(parts)}}
+    places = {
+        slope: {"from": start.tolist(), "to": end.tolist(), **_sum(totals[slope])}
+        for slope, (start, end) in slopes.items()
+        if totals[slope]
+    }
+    everything = _sum([one for part in totals.values() for one in part])
+    return {"body": name, "slopes": places, "fractions": fractions, "total": everything}
+
+
+def _middles(count: int) -> Array:
+    """Middles of ``count`` equal parts of 0 to 1."""
+    return (np.arange(count) + 0.5) / count
+
+
+def _slopes(outline: Array) -> dict[str, tuple[Array, Array]]:
+    """The edges that look up, by name, each from its left end to its right."""
+    starts, ends = edges(outline)
+    up = [(end, start) for start, end, n in zip(starts, ends, normals(outline), strict=True) if n[1] > 1e-12]
+    up.sort(key=lambda edge: float(edge[0][0] + edge[1][0]))
+    names = {1: ["top"], 2: ["left", "right"]}.get(len(up)) or [f"slope-{i + 1}" for i in range(len(up))]
+    return dict(zip(names, up, strict=True))
+
+
+def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[str, Array]:
+    """Equal parts of a fraction's stream: x (m) and ``top`` (m, of the outline under them), the normal and the wall's
+    velocity where they touch the body, the fall speed; NaN in ``fall`` where they do not.
+    """
+    place, phase = (np.ravel(each) for each in np.meshgrid(_middles(PLACES), _middles(PHASES)))
+    x = scene.feed.position + scene.feed.width * (place - 0.5)
+    release = float(outline[:, 1].max()) + scene.release[0]
+    amplitude, omega = scene.motion
+    parts = []
+    for diameter in scene.fraction[name].diameters(_middles(SIZES)):
+        height, normal = contact_points(outline, x, np.full(len(x), diameter / 2))
+        met = np.isfinite(height)
+        fall, wall = np.full(len(x), np.nan), np.zeros((len(x), 2))
+        if met.any():
+            drop = np.maximum(release - height[met], 0.0)
+            fall[met] = fall_speeds(scene, name, how.drag, how.drag_scale, float(diameter), drop)
+        met = fall > 0.0
+        if omega > 0.0 and met.any():
+            passing = 2.0 * math.pi / omega * phase[met]
+            _, wall[met] = first_contact(fall[met], normal[met], passing, amplitude, omega)
+        parts.append((x, height, fall, normal, wall))
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    return dict(zip(("x", "height", "fall", "normal", "wall"), columns, strict=True))
+
+
+def _on_slope(scene: Scene, name: str, met: dict[str, Array], start: Array, end: Array) -> tuple[Load, float]:
+    """What a fraction does to the slope from ``start`` to ``end``, and its mean fall speed (m/s) there.
+
+    A granule that touches a corner, or hangs over an outer one, counts to the slope below its centre, or the next.
+    """
+    fraction = scene.fraction[name]
+    granule, turning = fraction.properties, fraction.turning
+    outline = next(iter(scene.body.values())).outline()
+    x = np.clip(met["x"], outline[:, 0].min(), np.nextafter(outline[:, 0].max(), -np.inf))
+    here = np.flatnonzero((met["fall"] > 0.0) & (x >= start[0]) & (x < end[0]) & _is_top(outline, start, end, x))
+    flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(x)
+    fall = met["fall"][here]
+    found = load(
+        flow, fall, met["normal"][here], met["wall"][here], granule.restitution, granule.friction,
+        0.0 if turning is None else 1.0 / turning,
+    )  # fmt: skip
+    return found, float(fall.mean()) if len(here) else 0.0
+
+
+def _is_top(outline: Array, start: Array, end: Array, x: Array) -> NDArray[np.bool_]:
+    """Whether the edge from ``start`` to ``end`` is the highest of the outline at x (n,)."""
+
+    def height(a: Array, b: Array) -> Array:
+        inside = (x >= a[0]) & (x < b[0])
+        return np.where(inside, a[1] + (x - a[0]) * (b[1] - a[1]) / (b[0] - a[0]), -np.inf)
+
+    highest = np.max([height(a, b) for a, b in _slopes(outline).values()], axis=0)
+    return height(start, end) >= highest
+
+
+def _sum(parts: list[Load]) -> dict[str, Any]:
+    """Forces and power add up, the centre of mass has the mass-weighted velocity."""
+    flow = sum(one.mass_flow for one in parts)
+    force = sum((one.force for one in parts), np.zeros(2))
+    moving = sum((one.mass_flow * one.velocity for one in parts), np.zeros(2))
+    return {
+        "mass_flow": flow,
+        "normal": sum(one.normal for one in parts),
+        "tangential": sum(one.tangential for one in parts),
+        "force": force.tolist(),
+        "power": sum(one.power for one in parts),
+        "velocity": (moving / flow).tolist() if flow > 0.0 else None,
+    }
