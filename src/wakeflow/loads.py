@@ -24,7 +24,7 @@ __all__ = ["impact_loads"]
 
 Array = NDArray[np.float64]
 SIZES = 8  # equal shares of a fraction's mass
-PLACES = 48  # of the curtain
+PLACES = 24  # of each half of the curtain, others for every size
 PHASES = 64  # of the vibration's period
 
 
@@ -44,8 +44,8 @@ def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
     for fraction, how in plan.fractions.items():
         met = _sample(scene, fraction, how, outline)
         rows, parts = {}, []
-        for slope, (start, end) in slopes.items():
-            found, fall = _on_slope(scene, fraction, met, start, end)
+        for number, slope in enumerate(slopes):
+            found, fall = _on_slope(scene, fraction, met, number)
             if found.mass_flow > 0.0:
                 rows[slope] = {"fall_speed": fall, **_sum([found])}
                 totals[slope].append(found)
@@ -76,15 +76,18 @@ def _slopes(outline: Array) -> dict[str, tuple[Array, Array]]:
 
 
 def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[str, Array]:
-    """Equal parts of a fraction's stream: x (m) and ``top`` (m, of the outline under them), the normal and the wall's
-    velocity where they touch the body, the fall speed; NaN in ``fall`` where they do not.
+    """Equal parts of a fraction's stream (n,): ``slope`` number below them, ``fall`` speed m/s when they touch the body
+    (NaN: they do not), unit ``normal`` (n, 2) and velocity of the ``wall`` (n, 2) m/s there.
     """
-    place, phase = (np.ravel(each) for each in np.meshgrid(_middles(PLACES), _middles(PHASES)))
-    x = scene.feed.position + scene.feed.width * (place - 0.5)
     release = float(outline[:, 1].max()) + scene.release[0]
     amplitude, omega = scene.motion
-    parts = []
-    for diameter in scene.fraction[name].diameters(_middles(SIZES)):
+    middles, parts = _middles(SIZES), []
+    diameters, lates = scene.fraction[name].diameters(middles), np.roll(middles[::-1], 3)
+    for shift, late, diameter in zip(middles, lates, diameters, strict=True):
+        half = (np.arange(PLACES) + shift) / PLACES
+        at = (np.arange(PHASES) + late) / PHASES
+        place, phase = (each.ravel() for each in np.meshgrid(0.5 + 0.5 * np.append(-half, half), at))
+        x = scene.feed.position + scene.feed.width * (place - 0.5)
         height, normal = contact_points(outline, x, np.full(len(x), diameter / 2))
         met = np.isfinite(height)
         fall, wall = np.full(len(x), np.nan), np.zeros((len(x), 2))
@@ -95,22 +98,30 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
         if omega > 0.0 and met.any():
             passing = 2.0 * math.pi / omega * phase[met]
             _, wall[met] = first_contact(fall[met], normal[met], passing, amplitude, omega)
-        parts.append((x, height, fall, normal, wall))
+        parts.append((_slope_below(outline, x), fall, normal, wall))
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    return dict(zip(("x", "height", "fall", "normal", "wall"), columns, strict=True))
+    return dict(zip(("slope", "fall", "normal", "wall"), columns, strict=True))
 
 
-def _on_slope(scene: Scene, name: str, met: dict[str, Array], start: Array, end: Array) -> tuple[Load, float]:
-    """What a fraction does to the slope from ``start`` to ``end``, and its mean fall speed (m/s) there.
-
-    A granule that touches a corner, or hangs over an outer one, counts to the slope below its centre, or the next.
+def _slope_below(outline: Array, x: Array) -> NDArray[np.int64]:
+    """Number of the slope that is highest at x (n,): a granule that touches a corner, or hangs over an outer one,
+    counts to the slope below its centre, or the next.
     """
+    x = np.clip(x, outline[:, 0].min(), np.nextafter(outline[:, 0].max(), -np.inf))
+    highest, found = np.full(len(x), -np.inf), np.zeros(len(x), dtype=np.int64)
+    for number, (a, b) in enumerate(_slopes(outline).values()):
+        y = a[1] + (x - a[0]) * (b[1] - a[1]) / (b[0] - a[0])
+        higher = (x >= a[0]) & (x < b[0]) & (y > highest)
+        highest[higher], found[higher] = y[higher], number
+    return found
+
+
+def _on_slope(scene: Scene, name: str, met: dict[str, Array], number: int) -> tuple[Load, float]:
+    """What a fraction does to a slope, and its mean fall speed (m/s) there."""
     fraction = scene.fraction[name]
     granule, turning = fraction.properties, fraction.turning
-    outline = next(iter(scene.body.values())).outline()
-    x = np.clip(met["x"], outline[:, 0].min(), np.nextafter(outline[:, 0].max(), -np.inf))
-    here = np.flatnonzero((met["fall"] > 0.0) & (x >= start[0]) & (x < end[0]) & _is_top(outline, start, end, x))
-    flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(x)
+    here = np.flatnonzero((met["fall"] > 0.0) & (met["slope"] == number))
+    flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(met["fall"])
     fall = met["fall"][here]
     found = load(
         flow, fall, met["normal"][here], met["wall"][here], granule.restitution, granule.friction,
@@ -119,27 +130,16 @@ def _on_slope(scene: Scene, name: str, met: dict[str, Array], start: Array, end:
     return found, float(fall.mean()) if len(here) else 0.0
 
 
-def _is_top(outline: Array, start: Array, end: Array, x: Array) -> NDArray[np.bool_]:
-    """Whether the edge from ``start`` to ``end`` is the highest of the outline at x (n,)."""
-
-    def height(a: Array, b: Array) -> Array:
-        inside = (x >= a[0]) & (x < b[0])
-        return np.where(inside, a[1] + (x - a[0]) * (b[1] - a[1]) / (b[0] - a[0]), -np.inf)
-
-    highest = np.max([height(a, b) for a, b in _slopes(outline).values()], axis=0)
-    return height(start, end) >= highest
-
-
 def _sum(parts: list[Load]) -> dict[str, Any]:
     """Forces and power add up, the centre of mass has the mass-weighted velocity."""
-    flow = sum(one.mass_flow for one in parts)
+    flow = sum((one.mass_flow for one in parts), 0.0)
     force = sum((one.force for one in parts), np.zeros(2))
     moving = sum((one.mass_flow * one.velocity for one in parts), np.zeros(2))
     return {
         "mass_flow": flow,
-        "normal": sum(one.normal for one in parts),
-        "tangential": sum(one.tangential for one in parts),
+        "normal": sum((one.normal for one in parts), 0.0),
+        "tangential": sum((one.tangential for one in parts), 0.0),
         "force": force.tolist(),
-        "power": sum(one.power for one in parts),
+        "power": sum((one.power for one in parts), 0.0),
         "velocity": (moving / flow).tolist() if flow > 0.0 else None,
     }
