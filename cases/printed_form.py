@@ -34,7 +34,7 @@ def forms(slope_angle: float, restitution: float, friction: float) -> tuple[floa
 
 
 def main() -> None:
-    print("| b, deg | R | f | derived: v_x / W | energy | eq. (2) as printed | energy | eq. (1), printed sign | energy |")
+    print("| b, deg | R | f | derived: v_x / W | energy | eq. (2), printed | energy | eq. (1), printed sign | energy |")
     print("|---|---|---|---|---|---|---|---|---|")
     for degrees, restitution, friction in CASES:
         angle = math.radians(degrees)

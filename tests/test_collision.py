@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -165,3 +169,15 @@ def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
     np.testing.assert_allclose(out[0], impact(BETA, 1.4, 0.3, 0.5, 0.3).velocity)
     np.testing.assert_allclose(out[1], impact(BETA, 1.4, 0.3, 0.5, 9.0).velocity)
     np.testing.assert_allclose(out[2], [0.3740, 0.0960], atol=5e-5)
+
+
+def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
+    root = Path(__file__).parents[1]
+    done = subprocess.run(
+        [sys.executable, root / "cases" / "printed_form.py"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout in (root / "docs" / "model.md").read_text()
+    rows = [[float(cell) for cell in line.strip("| ").split("|")] for line in done.stdout.splitlines()[2:]]
+    assert all(row[4] <= 1.0 for row in rows)  # the derived form never does
+    assert [row[6] for row in rows if row[:3] == [45.0, 0.5, 0.0]] == [1.25]
+    assert sum(row[6] > 1.0 for row in rows) >= 3
