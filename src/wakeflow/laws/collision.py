@@ -26,6 +26,7 @@ __all__ = ["Impact", "ImpactModel", "approach_speed", "bounce", "collide", "impa
 
 Array = NDArray[np.float64]
 TINY = np.finfo(float).tiny
+ROUGH = 1e300  # any friction above it is it: an infinite one times no impulse at all would be no number
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ def collide(
     approach = np.maximum(-(rx * nx + ry * ny), 0.0)
     slip = ry * nx - rx * ny - radius * spin * np.sign(mobility)
     normal = (1.0 + restitution) * approach
-    tangential = -np.copysign(np.minimum(np.abs(slip) / (1.0 + mobility), friction * normal), slip)
+    grip = np.minimum(friction, ROUGH) * normal
+    tangential = -np.copysign(np.minimum(np.abs(slip) / (1.0 + mobility), grip), slip)
     return (
         vx + normal * nx - tangential * ny,
         vy + normal * ny + tangential * nx,
@@ -157,7 +159,7 @@ def impact(
         tangential=vx * ny - (vy - body) * nx,
         normal=vx * nx + (vy - body) * ny,
         velocity=np.stack([vx, vy], axis=-1),
-        sticks=hits & (f * normal * (1.0 + mobility) >= slip),
+        sticks=hits & (np.minimum(f, ROUGH) * normal * (1.0 + mobility) >= slip),
         spin=np.full(b.shape, np.nan) if radius is None else spin,
         normal_impulse=normal,
         tangential_impulse=-along,
