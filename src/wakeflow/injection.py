@@ -199,7 +199,7 @@ def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granule
         restitution=properties.restitution,
         friction=properties.friction,
         drag_scale=how.drag_scale / correction,
-        inertia=fraction.turning,
+        inertia=fraction.inertia,
     )
 
 

@@ -119,13 +119,13 @@ def _slope_below(outline: Array, x: Array) -> NDArray[np.int64]:
 def _on_slope(scene: Scene, name: str, met: dict[str, Array], number: int) -> tuple[Load, float]:
     """What a fraction does to a slope, and its mean fall speed (m/s) there."""
     fraction = scene.fraction[name]
-    granule, turning = fraction.properties, fraction.turning
+    granule, inertia = fraction.properties, fraction.inertia
     here = np.flatnonzero((met["fall"] > 0.0) & (met["slope"] == number))
     flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(met["fall"])
     fall = met["fall"][here]
     found = load(
         flow, fall, met["normal"][here], met["wall"][here], granule.restitution, granule.friction,
-        0.0 if turning is None else 1.0 / turning,
+        0.0 if inertia is None else 1.0 / inertia,
     )  # fmt: skip
     return found, float(fall.mean()) if len(here) else 0.0
 

@@ -148,8 +148,8 @@ class Fraction(Table):
     impact: str | None = Field(
         None, description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default paper: a point mass"
     )
-    inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
-        None, description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
+    own_inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
+        None, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
     )
     mass_share: Share | None = Field(None, description="of the feed; shares add up to 1; default: equal")
     target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
@@ -168,7 +168,7 @@ class Fraction(Table):
             raise SceneError("give sphericity or terminal_velocity, not both")
         if self.impact is not None:
             impact_models[self.impact]
-            if self.inertia is not None:
+            if self.own_inertia is not None:
                 raise SceneError("give impact or inertia, not both")
         if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
             verb = "has no" if self.sphericity is not None else "needs a"
@@ -201,9 +201,9 @@ class Fraction(Table):
         )
 
     @property
-    def turning(self) -> float | None:
+    def inertia(self) -> float | None:
         """I / (m r^2): given, or its impact model's; None for a point mass, which does not turn."""
-        return self.inertia if self.impact is None else impact_models[self.impact].inertia
+        return self.own_inertia if self.impact is None else impact_models[self.impact].inertia
 
     @property
     def drag_law(self) -> str:
