@@ -178,7 +178,7 @@ def test_fall_speeds_are_those_of_the_tracker(cases: Path) -> None:
     plan, drop = make_plan(scene), np.array([0.02, 0.1, 0.12])
     for name, how in plan.fractions.items():
         grains = feedstock(scene.replace({"feed.count": 16}), plan, name, None, [0]).granules[[0, 0, 0]]
-        speeds = fall_speeds(scene, name, how.drag, how.drag_scale, float(grains.diameter[0]), drop)
+        speeds = fall_speeds(scene, name, how.drag, grains.drag_scale[0], float(grains.diameter[0]), drop)
         np.testing.assert_allclose(speeds, arrival(scene, how, grains, drop, np.zeros(3)), rtol=0.02)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import edges, normals
-from .injection import contact_points, first_contact
+from .injection import contact_points, first_contact, resting_granules
 from .laws.layer import Load, load
 from .planning import FractionPlan, Plan
 from .scales import fall_speeds
@@ -79,11 +79,12 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
     """Equal parts of a fraction's stream (n,): ``slope`` number below them, ``fall`` speed m/s when they touch the body
     (NaN: they do not), unit ``normal`` (n, 2) and velocity of the ``wall`` (n, 2) m/s there.
     """
-    release = float(outline[:, 1].max()) + scene.release[0]
-    amplitude, omega = scene.motion
-    middles, parts = _middles(SIZES), []
-    diameters, lates = scene.fraction[name].diameters(middles), np.roll(middles[::-1], 3)
-    for shift, late, diameter in zip(middles, lates, diameters, strict=True):
+    release, (amplitude, omega) = scene.level + scene.release[0], scene.motion
+    fraction, middles, parts = scene.fraction[name], _middles(SIZES), []
+    settling = fraction.settling(np.roll(middles, 3))
+    grains = resting_granules(fraction, how, fraction.diameters(middles), settling)
+    lates = np.roll(middles[::-1], 3)
+    for shift, late, diameter, factor in zip(middles, lates, grains.diameter, grains.drag_scale, strict=True):
         half = (np.arange(PLACES) + shift) / PLACES
         at = (np.arange(PHASES) + late) / PHASES
         place, phase = (each.ravel() for each in np.meshgrid(0.5 + 0.5 * np.append(-half, half), at))
@@ -93,7 +94,7 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
         fall, wall = np.full(len(x), np.nan), np.zeros((len(x), 2))
         if met.any():
             drop = np.maximum(release - height[met], 0.0)
-            fall[met] = fall_speeds(scene, name, how.drag, how.drag_scale, float(diameter), drop)
+            fall[met] = fall_speeds(scene, name, how.drag, float(factor), float(diameter), drop)
         met = fall > 0.0
         if omega > 0.0 and met.any():
             passing = 2.0 * math.pi / omega * phase[met]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from inspect import signature
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,17 +16,32 @@ from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
-from ..quantities import Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
+from ..quantities import AnyAngle, Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
+from ..registry import Registry
 from .common import GRAVITY, Array, Table, takes
 
-__all__ = ["Feed", "Fraction", "Rebound", "Size"]
+__all__ = ["Feed", "Fraction", "Rebound", "Size", "Speeds"]
+
+OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
+spreads: Registry[Callable[..., Array]] = Registry("distribution of terminal velocities")
+for _name in sizes:
+    if {p.name for p in signature(sizes[_name]).parameters.values() if p.kind is p.KEYWORD_ONLY} <= OF_SPEEDS:
+        spreads.add(_name, sizes[_name])
 
 
 class Feed(Table):
     """[feed]: the falling curtain."""
 
-    height: Length | None = Field(None, description="of free fall from rest down to the top of the body")
-    speed: Speed | None = Field(None, description="instead of height: fall speed at the top of the body")
+    height: Length | None = Field(
+        None, description="of free fall from rest down to the top of the body; without a body down to level"
+    )
+    speed: Speed | None = Field(None, description="instead of height: speed at the top of the body, or at level")
+    level: Coordinate | None = Field(
+        None, description="only without a body: y where the curtain enters the air; default the channel's top"
+    )
+    direction: AnyAngle | None = Field(
+        None, description="only without a body: of speed at level, from the x axis; default -90 deg, straight down"
+    )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
     rate: Rate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
@@ -41,11 +57,13 @@ class Feed(Table):
     def _one_start(self) -> Feed:
         if (self.height is None) == (self.speed is None):
             raise SceneError("give either height or speed")
+        if self.direction is not None and self.speed is None:
+            raise SceneError("direction goes with speed; granules that fall from a height come straight down")
         return self
 
     @property
     def fall_speed(self) -> float:
-        """Fall speed (m/s) at the top of the body, by free fall without air: the paper's V0."""
+        """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
         if self.speed is not None:
             return self.speed
         assert self.height is not None
@@ -90,6 +108,37 @@ class Size(Table):
             raise SceneError(takes(kind, self.distribution, sizes[self.distribution], given)) from None
 
 
+class Speeds(Table):
+    """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
+
+    distribution: str = Field(description="one of: " + ", ".join(spreads))
+    low: PositiveSpeed | None = None
+    high: PositiveSpeed | None = None
+    mean: PositiveSpeed | None = None
+    std: PositiveSpeed | None = None
+    median: PositiveSpeed | None = None
+    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
+
+    @model_validator(mode="after")
+    def _has_quantiles(self) -> Speeds:
+        self.quantile(np.array([0.5]))
+        return self
+
+    def quantile(self, p: Array) -> Array:
+        """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
+        given = self.model_dump(exclude_none=True, exclude={"distribution"})
+        law = spreads[self.distribution]
+        try:
+            return law(p, **given)
+        except TypeError:
+            raise SceneError(takes(spreads.kind, self.distribution, law, given)) from None
+
+
+def _number_or_table(value: Any) -> str:
+    """The tag of what may be either; brackets keep it out of the places that messages name."""
+    return "[table]" if isinstance(value, Mapping | Table) else "[number]"
+
+
 def _one_diameter(value: Any) -> Any:
     """``size = "4 mm"`` is short for a distribution of one diameter."""
     return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
@@ -119,15 +168,6 @@ class Rebound(Table):
         return Restitution(**self.model_dump(exclude_none=True))
 
 
-def _kind(value: Any) -> str:
-    return "[law]" if isinstance(value, Mapping | Rebound) else "[number]"  # brackets: not shown in messages
-
-
-AnyRestitution = Annotated[
-    Annotated[float, Field(ge=0, le=1), Tag("[number]")] | Annotated[Rebound, Tag("[law]")], Discriminator(_kind)
-]
-
-
 class Fraction(Table):
     """[fraction.NAME]: a class of granules; what is not given comes from its material."""
 
@@ -139,11 +179,25 @@ class Fraction(Table):
     sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
         None, description="surface of the equal sphere over surface"
     )
-    terminal_velocity: PositiveSpeed | None = Field(
-        None, description="measured in air at 20 C, of the median size; drag is calibrated to it"
+    terminal_velocity: (
+        Annotated[
+            Annotated[PositiveSpeed, Tag("[number]")] | Annotated[Speeds, Tag("[table]")],
+            Discriminator(_number_or_table),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="measured in air at 20 C, drag is calibrated to it: a number is that of the median size, a table "
+        "spreads it over the granules whatever their sizes",
     )
     drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
-    restitution: AnyRestitution | None = Field(None, description="a number, or a law of the normal approach speed")
+    restitution: (
+        Annotated[
+            Annotated[float, Field(ge=0, le=1), Tag("[number]")] | Annotated[Rebound, Tag("[table]")],
+            Discriminator(_number_or_table),
+        ]
+        | None
+    ) = Field(None, description="a number, or a law of the normal approach speed")
     friction: Annotated[float, Field(ge=0, le=10)] | None = None
     impact: str | None = Field(
         None, description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default paper: a point mass"
@@ -185,7 +239,8 @@ class Fraction(Table):
     @property
     def properties(self) -> Material:
         """The fraction's own values where given, its material's elsewhere; diameter is the mass median."""
-        terminal = self.terminal_velocity
+        own = self.terminal_velocity
+        terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
         if terminal is None and self.sphericity is None and self.material is not None:
             terminal = materials[self.material].terminal_velocity
         return Material(
@@ -231,6 +286,10 @@ class Fraction(Table):
             source = materials[self.material]
             return source.diameter, source.density, own.terminal_velocity
         return own.diameter, own.density, own.terminal_velocity
+
+    def settling(self, p: Array) -> Array | None:
+        """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where they spread not."""
+        return self.terminal_velocity.quantile(p) if isinstance(self.terminal_velocity, Speeds) else None
 
     def diameters(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""
