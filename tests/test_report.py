@@ -571,6 +571,20 @@ def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
     assert last["fall speed (m/s)"] == ""  # each fraction has its own
 
 
+def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
+    plan = make_plan(rhombus).summary()
+    found = _Page(html.render({**_result(rhombus, None), "plan": plan}, {})).tables
+    assert [row[:2] for row in found["impaction"][1:]] == [
+        [name, row["mode"]] for name, row in plan["fractions"].items()
+    ]
+    wheat = plan["fractions"]["wheat"]["deflection"]
+    assert found["impaction"][-1][4:] == [f"{wheat[key]:.3g}" for key in ("efficiency", "missed", "shift")]
+    loading = {row[0]: row for row in found["validity"]}
+    assert set(loading) == {"number", *(row["name"] for row in plan["validity"])}
+    [mass] = [row for row in plan["validity"] if row["name"] == "mass-loading"]
+    assert loading["mass-loading"][1:4] == [f"{mass['value']:.2g}", "0.1", f"{mass['feed_rate']:.3g}"]
+
+
 def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
     text = write_report(tmp_path, _outcome(rhombus)).read_text()
     page = _Page(text)

@@ -1,8 +1,8 @@
 """What the falling stream does to the first body: mass flow, forces and power on each slope, by first impacts.
 
 Computed from the scene and the plan by the laws that injection uses, at points spread evenly over the curtain, the
-sizes and the vibration's period; no granule is tracked. Later bounces on the same body are not counted, nor how the air
-turns light granules aside before it.
+sizes and the vibration's period; no granule is tracked. Granules that the air carries round the body (``deflection``)
+are left out. Later bounces on the same body are not counted, nor how the air bends the way of those that do meet it.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .deflection import axis
 from .geometry import edges, normals
-from .injection import contact_points, first_contact, resting_granules
+from .injection import contact_points, first_contact, granules_of
 from .laws.layer import Load, load
 from .planning import FractionPlan, Plan
 from .scales import fall_speeds
@@ -82,15 +83,17 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
     release, (amplitude, omega) = scene.level + scene.release[0], scene.motion
     fraction, middles, parts = scene.fraction[name], _middles(SIZES), []
     settling = fraction.settling(np.roll(middles, 3))
-    grains = resting_granules(fraction, how, fraction.diameters(middles), settling)
+    grains = granules_of(fraction, how, fraction.diameters(middles), settling)
     lates = np.roll(middles[::-1], 3)
     for shift, late, diameter, factor in zip(middles, lates, grains.diameter, grains.drag_scale, strict=True):
         half = (np.arange(PLACES) + shift) / PLACES
         at = (np.arange(PHASES) + late) / PHASES
         place, phase = (each.ravel() for each in np.meshgrid(0.5 + 0.5 * np.append(-half, half), at))
-        x = scene.feed.position + scene.feed.width * (place - 0.5)
+        x = scene.feed.places(place)
         height, normal = contact_points(outline, x, np.full(len(x), diameter / 2))
         met = np.isfinite(height)
+        if how.deflection is not None:
+            met &= how.deflection.meets(np.full(len(x), diameter), x - axis(scene))
         fall, wall = np.full(len(x), np.nan), np.zeros((len(x), 2))
         if met.any():
             drop = np.maximum(release - height[met], 0.0)

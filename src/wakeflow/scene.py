@@ -31,6 +31,7 @@ from .tables import (
     Fraction,
     Inlet,
     Numerics,
+    Profile,
     Rebound,
     SceneTables,
     Size,
@@ -173,6 +174,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Scene
     if where[:2] == ["channel", "inlet"]:
         return Inlet if len(where) > 2 else None
+    if where[:2] == ["feed", "profile"]:
+        return Profile
     if where[0] not in keyed:
         return plain.get(where[0])
     parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
