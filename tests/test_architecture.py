@@ -13,7 +13,8 @@ SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
     "tables", "checks", "scene", "bounds", "scales", "deflection", "loading", "gate", "rungs", "locking", "planning",
-    "meshing", "reconstruction", "foam", "field", "duct", "tracking", "injection", "separation", "flight", "flows",
+    "meshing", "reconstruction", "foam", "field", "duct", "tracking", "injection", "loads", "separation", "flight",
+    "flows",
     "pipeline",
     "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
 ]  # fmt: skip
