@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .cascade import chain
     from .errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
     from .laws.collision import impact
@@ -33,6 +34,7 @@ _HOME = {
     "SceneError": "errors",
     "Tracks": "tracking",
     "WakeflowError": "errors",
+    "chain": "cascade",
     "impact": "laws.collision",
     "plan": "planning:make_plan",
     "run": "runs",
@@ -41,7 +43,7 @@ _HOME = {
 
 __all__ = [
     "Body", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan", "ProgramError", "Result",
-    "Scene", "SceneError", "Tracks", "WakeflowError", "impact", "plan", "run", "track",
+    "Scene", "SceneError", "Tracks", "WakeflowError", "chain", "impact", "plan", "run", "track",
 ]  # fmt: skip
 
 

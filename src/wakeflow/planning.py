@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .bounds import moved_by_air
 from .errors import SceneError
 from .gate import VIBRATION, Gate, LeftOut, check_switches, open_gate
 from .laws.drag import (
@@ -32,6 +33,7 @@ __all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan
 INJECTED_ABOVE = (
     10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
 )
+MATTERS = 0.1  # body widths that the air moves a fraction by when it is left out: beyond, a warning
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
@@ -70,6 +72,7 @@ class Plan:
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+    flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
 
     @property
     def rung(self) -> str:
@@ -111,12 +114,16 @@ def make_plan(
     if airflow.stepping == "time-resolved":
         motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
+    asked, scene = scene, scene.flown(airflow.rung)
     check_switches(scene, switches, airflow.turbulence)
-    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={})
+    flown_by = "tracker" if asked is scene else "chain"
+    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, flown_by=flown_by)
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name)) is not None}
     plan.warnings.extend(_missing(gates))
     plan.estimate.update(_estimate(scene, plan))
-    if scene.air is None:
+    if asked is not scene:
+        _leave_air_out(asked, plan)
+    elif scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
     plan.used.extend(_used(scene, plan, motion))
     plan.warnings.extend(_warnings(scene, plan))
@@ -139,6 +146,25 @@ def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
     plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
     plan.left_out.extend(gate.left_out)
     return gate
+
+
+def _leave_air_out(scene: Scene, plan: Plan) -> None:
+    """For each fraction of a scene with air that is flown without: what the air could move it by, and a warning."""
+    assert scene.air is not None
+    air, widest = scene.air, scene.channel.width / scene.width
+    for name in scene.fraction:
+        how = _fraction_plan(scene, name)
+        found = flights(scene, name, how.drag, how.drag_scale, injected=False, turbulent=True)
+        shift = min(widest, max(moved_by_air(flight) for flight in found))
+        carried = air.direction == "up" and (how.terminal_velocity or 0.0) < air.speed
+        fate = "the air would carry it up" if carried else f"Stokes number of its fall {how.stokes:.2g}"
+        why = f"drag on the way at the largest slip, {found[0].slip:.2g} m/s; {fate}"
+        plan.left_out.append(LeftOut("air", shift, why, name))
+        if carried or shift > MATTERS:
+            plan.warnings.append(
+                f"{name}: rung none leaves the air out, which could move it by {shift:.2g} body widths (terminal "
+                f"velocity {how.terminal_velocity:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
+            )
 
 
 def _missing(gates: Mapping[str, Gate]) -> Iterator[str]:
@@ -196,6 +222,8 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
 
 def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     lines = list(_airflow_lines(plan.airflow, len(scene.body)))
+    if plan.flown_by == "chain":
+        lines.append("no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM")
     if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
