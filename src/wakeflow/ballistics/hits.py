@@ -13,7 +13,7 @@ from .surfaces import Array, Index, Surfaces
 __all__ = ["CORNER", "FACE", "LINE", "NONE", "Falling", "Hit", "first_hits"]
 
 NONE, FACE, CORNER, LINE = range(4)
-TURN = 0.3  # rad of a body's vibration looked at in one piece
+TURN = 0.4  # rad of a body's vibration looked at in one piece
 PIECES = 8  # of a passage by a corner at rest
 STILL = 1e-12  # m/s: approaches slower than this are round-off
 CHUNK = 2**18  # pairs of granules and features looked at in one table
@@ -211,29 +211,34 @@ def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], s
     pairs = _Pairs(*(column[keep] for column in pairs))
     if not len(pairs.granule):
         return
-    one, is_face = fall.part(pairs.granule), pairs.kind == FACE
+    is_face = pairs.kind == FACE
     face, corner = np.where(is_face, pairs.feature, 0), np.where(is_face, 0, pairs.feature)
     body = np.where(is_face, surfaces.face_body[face], surfaces.corner_body[corner])
     origin = np.where(is_face[:, None], surfaces.start[face], surfaces.corner[corner])
     normal = surfaces.normal[face]
+    who = pairs.granule
+    x, y = (fall.position[who] - origin).T
+    columns = (x, y, *fall.velocity[who].T, fall.radius[who], fall.clock[who], *surfaces.swings(body), *normal.T)
+    table, g = np.ascontiguousarray(columns), float(fall.gravity[1])
 
-    def relative(k: Index, t: Array) -> tuple[Array, Array]:
-        some = one.part(k)
-        place, velocity = some.at(t)
-        moved, speed, _ = surfaces.moved(body[k], some.clock + t)
-        return place - moved - origin[k], velocity - speed
+    def relative(k: Index, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Place and velocity in the body's frame, from the face's start or the corner."""
+        x, y, vx, vy, _, clock, ax, ay, omega, phase = table[:10, k]
+        angle = omega * (clock + t) + phase
+        sine, cosine = np.sin(angle), omega * np.cos(angle)
+        return x + t * vx - ax * sine, y + t * (vy + 0.5 * g * t) - ay * sine, vx - ax * cosine, vy + g * t - ay * cosine
 
     def gap(k: Index, t: Array) -> tuple[Array, Array]:
-        q, v = relative(k, t)
-        distance = np.hypot(q[:, 0], q[:, 1])
-        n = np.where(is_face[k, None], normal[k], q / np.maximum(distance, 1e-300)[:, None])
-        return (q * n).sum(axis=1) - one.radius[k], (v * n).sum(axis=1)
+        x, y, vx, vy = relative(k, t)
+        distance = np.maximum(np.sqrt(x * x + y * y), 1e-300)
+        nx, ny = np.where(is_face[k], table[10:, k], (x / distance, y / distance))
+        return x * nx + y * ny - table[4, k], vx * nx + vy * ny
 
-    times = first_roots(gap, pairs.low, np.minimum(pairs.high, best.time[pairs.granule]), pairs.step, skin, STILL)
+    times = first_roots(gap, who, pairs.low, np.minimum(pairs.high, best.time[who]), pairs.step, skin, STILL)
     met = np.flatnonzero(np.isfinite(times))
-    q, v = relative(met, times[met])
-    along = np.stack([-normal[met, 1], normal[met, 0]], axis=1)
-    foot, onward, size = (q * along).sum(axis=1), (v * along).sum(axis=1), surfaces.size[face[met]]
+    x, y, vx, vy = relative(met, times[met])
+    nx, ny = normal[met].T
+    foot, onward, size = nx * y - ny * x, nx * vy - ny * vx, surfaces.size[face[met]]
     on_face = (foot >= np.where(onward >= 0.0, 0.0, skin)) & (foot <= np.where(onward <= 0.0, size, size - skin))
     met = met[~is_face[met] | on_face]
     met = met[times[met] < best.time[pairs.granule[met]]]

@@ -31,7 +31,7 @@ SLIPS, ROLLS, HELD = 0, 1, 2  # how it moves there
 SWING = 0.2  # rad of a vibration in one step
 ROUND = 0.05  # of a corner's radius, or of the time of a pendulum as long as it, in one step
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
-HALVINGS = 60
+HALVINGS = 40  # of a step, to find when its way ends
 PATIENCE = 1.05  # vibrations: what is held that long stays
 
 Mask = NDArray[np.bool_]
@@ -181,6 +181,7 @@ class _Way:
 
     def __post_init__(self) -> None:
         d = self.d
+        self.swings = self.surfaces.swings(self.piece.body)
         self.free, self.press = self.forces(d.s, d.u, d.clock)
         still = 1e-13 * (1.0 + np.abs(self.free))
         slips, rolls = np.abs(d.slip) > still, d.mobility > 0.0
@@ -190,6 +191,9 @@ class _Way:
         lies = (np.abs(d.u) <= still) & (np.abs(self.free) <= STATIC * self.press)
         self.mode = np.where(slips | ~grip, SLIPS, np.where(rolls & ~lies, ROLLS, HELD))
         self.sign = np.where(slips, np.sign(d.slip), np.sign(self.free))
+        self.slips, self.goes = (self.mode == SLIPS) * 1.0, (self.mode != HELD) * 1.0
+        self.yields = np.where(self.mode == ROLLS, 1.0 - self.share(d), self.slips)
+        self.rub, self.grinds = self.slips * self.sign * d.friction, 1.0 + d.mobility
         self.exact = (self.surfaces.omega[self.piece.body] == 0.0) & (d.where == FACE)
 
     @staticmethod
@@ -204,17 +208,18 @@ class _Way:
 
     def forces(self, s: Array, u: Array, t: Array) -> tuple[Array, Array]:
         """Free tangential acceleration and what presses the granule on (n,), m/s2."""
-        normal, tangent = _directions(self.d, self.piece, s)
-        pull = self.gravity - self.surfaces.moved(self.piece.body, t)[2]
-        return (tangent * pull).sum(axis=1), -(normal * pull).sum(axis=1) - self.piece.bend * u**2
+        angle = self.piece.angle + self.piece.bend * s
+        nx, ny = np.cos(angle), np.sin(angle)
+        ax, ay, omega, phase = self.swings
+        shaken = omega * omega * np.sin(omega * t + phase)
+        px, py = self.gravity[0] + ax * shaken, self.gravity[1] + ay * shaken
+        return nx * py - ny * px, -nx * px - ny * py - self.piece.bend * u * u
 
     def rates(self, s: Array, u: Array, t: Array) -> tuple[Array, Array, Array]:
         """Rates of s, u and slip."""
         free, press = self.forces(s, u, t)
-        rub = self.sign * self.d.friction * np.maximum(press, 0.0)
-        slips, rolls = self.mode == SLIPS, self.mode == ROLLS
-        du = np.where(slips, free - rub, np.where(rolls, free * (1.0 - self.share(self.d)), 0.0))
-        return np.where(self.mode == HELD, 0.0, u), du, np.where(slips, free - rub * (1.0 + self.d.mobility), 0.0)
+        rub = self.rub * np.maximum(press, 0.0)
+        return self.goes * u, self.yields * free - rub, self.slips * free - self.grinds * rub
 
     def after(self, h: Array) -> Contact:
         """All of them a step h (n,) s later (Runge & Kutta, fourth order)."""

@@ -78,6 +78,10 @@ class Surfaces:
         sine = np.sin(angle)[:, None] * swing
         return sine, (omega * np.cos(angle))[:, None] * swing, -((omega**2)[:, None]) * sine
 
+    def swings(self, body: Index) -> tuple[Array, Array, Array, Array]:
+        """Amplitudes across and up (m), angular frequency and phase (n,) of bodies (n,), for inner loops."""
+        return self.swing[body, 0], self.swing[body, 1], self.omega[body], self.phase[body]
+
 
 def _harmonic(motion: Motion | None) -> Motion:
     if motion is None or motion.frequency == 0.0:
