@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from .flight import Flight, columns
+from .flight import Flight, landed
 from .injection import feedstock
 from .planning import Plan, make_plan
 from .scene import Scene
@@ -44,7 +44,7 @@ def chain(scene: Scene, *, count: int | None = None) -> Chained:
     landings = {}
     for name in flown.fraction:
         feed = feedstock(flown, plan, name, None)
-        parts = columns(feed, flight.fly(name, feed.granules), len(flown.bin))
+        parts = landed(feed, flight.fly(name, feed.granules), len(flown.bin))
         parts.pop("injected")
         landings[name] = Landings(**parts)
     return Chained(plan, landings, separate(flown, landings))

@@ -22,12 +22,13 @@ from .scene import GRAVITY, Scene
 from .separation import Landings
 from .tracking import Body, Fate, Granules, Motion, Tracks
 
-__all__ = ["Flight", "Tracked", "columns", "compile_tracker", "ends", "load", "solids"]
+__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "landed", "load", "solids"]
 
 Array = NDArray[np.float64]
 DRAWN = 48  # tracks kept for pictures, a fraction
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
+HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
 KEPT = 2**20  # granules of a fraction whose landings stay in memory
 
 
@@ -76,7 +77,7 @@ class Flight:
             shown += [tracks.path(i) for i in range(len(here))]
             told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
             tracks = told._fly_ensemble(name, feed, first)
-            parts.append(columns(feed, tracks, len(self.scene.bin)))
+            parts.append(landed(feed, tracks, len(self.scene.bin)))
         if drawn:
             _save_drawn(folder / f"{name}.drawn.npz", shown)
         columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
@@ -105,7 +106,8 @@ class Flight:
         scene = self.scene
         height = scene.channel.top - scene.channel.bottom
         speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
-        until = float(np.max(grains.time, initial=0.0)) + max(5.0, PATIENCE * height / speed)
+        patience = PATIENCE if scene.body else HOVERING
+        until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
         if self.plan.flown_by == "chain":
             return follow(
                 grains, until=until, tolerance=self.tolerance, length=scene.width, bodies=solids(scene),
@@ -192,7 +194,7 @@ def ends(scene: Scene) -> list[Array]:
     return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
 
 
-def columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
+def landed(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
     """What is kept of each landing, 33 bytes a granule."""
     binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
     return {

@@ -129,10 +129,10 @@ class _Chain:
         )
         captured = surfaces.captures[body]
         tracks.fate[who[captured]] = Fate.CAPTURED
+        (vx, vy), (nx, ny), (wx, wy) = tracks.velocity[who].T, normal.T, wall.T
         vx, vy, spin, impulse, _ = collide(
-            *tracks.velocity[who].T, tracks.spin[who], *normal.T, *wall.T, restitution, friction, self.mobility[who],
-            self.radius[who],
-        )  # fmt: skip
+            vx, vy, tracks.spin[who], nx, ny, wx, wy, restitution, friction, self.mobility[who], self.radius[who]
+        )
         go = ~captured
         tracks.velocity[who[go]], tracks.spin[who[go]] = np.stack([vx, vy], axis=1)[go], spin[go]
         tracks.impacts[who[go]] += (impulse > 0.0)[go]

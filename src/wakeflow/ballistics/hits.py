@@ -138,6 +138,13 @@ class _Pairs(NamedTuple):
     high: Array
     step: Array
 
+    def part(self, chosen: Any) -> _Pairs:
+        """The chosen pairs."""
+        return _Pairs(
+            self.granule[chosen], self.feature[chosen], self.kind[chosen], self.low[chosen], self.high[chosen],
+            self.step[chosen],
+        )  # fmt: skip
+
 
 def _moving_faces(fall: Falling, surfaces: Surfaces, best: Hit, faces: Index, skin: float) -> _Pairs:
     """Faces that vibrate: the gap differs by at most their amplitude from that to the face at rest, so a hit lies in
@@ -208,7 +215,7 @@ def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], s
     """The first roots of all pairs that may come before what is known."""
     pairs = _Pairs(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     keep = pairs.low < best.time[pairs.granule]
-    pairs = _Pairs(*(column[keep] for column in pairs))
+    pairs = pairs.part(keep)
     if not len(pairs.granule):
         return
     is_face = pairs.kind == FACE
@@ -226,7 +233,12 @@ def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], s
         x, y, vx, vy, _, clock, ax, ay, omega, phase = table[:10, k]
         angle = omega * (clock + t) + phase
         sine, cosine = np.sin(angle), omega * np.cos(angle)
-        return x + t * vx - ax * sine, y + t * (vy + 0.5 * g * t) - ay * sine, vx - ax * cosine, vy + g * t - ay * cosine
+        return (
+            x + t * vx - ax * sine,
+            y + t * (vy + 0.5 * g * t) - ay * sine,
+            vx - ax * cosine,
+            vy + g * t - ay * cosine,
+        )
 
     def gap(k: Index, t: Array) -> tuple[Array, Array]:
         x, y, vx, vy = relative(k, t)

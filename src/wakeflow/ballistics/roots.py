@@ -39,9 +39,7 @@ def rises_above(g0: Any, g1: Any, g2: Any) -> Any:
     return falls_below(-g0, -g1, -g2)
 
 
-def first_roots(
-    gap: Gap, owner: Index, low: Array, high: Array, step: Array, skin: float, still: float
-) -> Array:
+def first_roots(gap: Gap, owner: Index, low: Array, high: Array, step: Array, skin: float, still: float) -> Array:
     """First time (n,) in [low, high] at which each gap falls below zero by more than ``skin``; inf where none does, or
     another of the same ``owner`` (n,) does before.
 

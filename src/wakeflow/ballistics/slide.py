@@ -28,8 +28,8 @@ __all__ = ["FLIES", "RESTS", "Contact", "arc_length", "place", "slide"]
 
 STAYS, FLIES, RESTS = 0, 1, 2  # what becomes of it
 SLIPS, ROLLS, HELD = 0, 1, 2  # how it moves there
-SWING = 0.2  # rad of a vibration in one step
-ROUND = 0.05  # of a corner's radius, or of the time of a pendulum as long as it, in one step
+SWING = 0.4  # rad of a vibration in one step
+ROUND = 0.1  # of a corner's radius, or of the time of a pendulum as long as it, in one step
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 HALVINGS = 40  # of a step, to find when its way ends
 PATIENCE = 1.05  # vibrations: what is held that long stays
@@ -131,7 +131,9 @@ def slide(c: Contact, surfaces: Surfaces, gravity: Array, until: float, eps: flo
     omega = surfaces.omega[way.piece.body]
     held = way.mode == HELD
     way.d.state = np.where(
-        way.press <= 0.0, FLIES, np.where(held & ((omega == 0.0) | (d.held * omega > PATIENCE * 2 * np.pi)), RESTS, STAYS)
+        way.press <= 0.0,
+        FLIES,
+        np.where(held & ((omega == 0.0) | (d.held * omega > PATIENCE * 2 * np.pi)), RESTS, STAYS),
     )
     step = np.where(d.state == STAYS, way.step(), 0.0)
     after = way.after(step)
@@ -203,8 +205,8 @@ class _Way:
 
     def part(self, chosen: Index) -> _Way:
         """The same for the chosen granules."""
-        piece = _Piece(*(column[chosen] for column in self.piece))
-        return _Way(self.surfaces, self.gravity, self.until, self.eps, self.d.part(chosen), piece)
+        d = self.d.part(chosen)
+        return _Way(self.surfaces, self.gravity, self.until, self.eps, d, _pieces(d, self.surfaces))
 
     def forces(self, s: Array, u: Array, t: Array) -> tuple[Array, Array]:
         """Free tangential acceleration and what presses the granule on (n,), m/s2."""
