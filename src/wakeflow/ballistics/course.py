@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import SceneError
+from ..geometry import contains
 from ..laws.collision import collide
 from ..tracking import Body, Fate, Granules, Tracks
 from .hits import CORNER, FACE, LINE, NONE, Falling, Hit, first_hits
@@ -46,6 +47,7 @@ def follow(
         length = float(np.ptp(bodies[0].outline[:, 0])) if bodies else 1.0
     chain = _Chain(grains, Surfaces.of(bodies, lines), np.asarray(gravity, dtype=float), until, length, record)
     chain.tiny = 0.01 * tolerance * length
+    chain.stop_inside(bodies)
     while chain.advance():
         pass
     return chain.tracks
@@ -70,6 +72,20 @@ class _Chain:
         self.who = np.zeros(0, dtype=np.int64)  # and which granules they are
         self.falling = np.arange(count)
         self.path: list[list[Array]] = [[] for _ in range(count)] if record else []
+
+    def stop_inside(self, bodies: Sequence[Body]) -> None:
+        """Granules born with their centre inside a body go nowhere."""
+        within = np.zeros(len(self.grains), dtype=bool)
+        for number, body in enumerate(bodies):
+            if not body.open:
+                moved = self.surfaces.moved(np.full(len(self.grains), number), self.grains.time)[0]
+                within |= contains(body.outline, self.grains.position - moved)
+        self.tracks.fate[within] = Fate.STOPPED
+        self.falling = np.flatnonzero(~within)
+        if self.path:
+            rows = np.column_stack([self.grains.time, self.grains.position, self.grains.velocity])
+            for i, row in enumerate(rows):
+                self.path[i].append(row[None])
 
     def advance(self) -> bool:
         """One flight of all that fly, one step of all that slide; False when all have ended."""

@@ -22,7 +22,8 @@ HALVINGS = 26  # of a piece: a turning point need not be known better
 
 
 def falls_below(g0: Any, g1: Any, g2: Any) -> Any:
-    """Time (s) at which g0 + g1 t + g2 t^2 / 2 passes zero downward; negative where it is below, inf where it stays above.
+    """Time (s) at which g0 + g1 t + g2 t^2 / 2 passes zero downward; negative where it is below,
+    inf where it stays above.
 
     The rate there is -s, s^2 = g1^2 - 2 g0 g2; of the two forms of the root the one without cancellation.
     """

@@ -8,8 +8,8 @@ corner; in the body's frame, with the tangent t and the normal n (turning by s /
     rolls:  u' = free / (1 + k), k = I / (m r^2), as long as friction can give the rest (Routh 1897, ch. 4)
     held:   while abs(free) <= f press
 
-Steps are classical Runge-Kutta: exact on a face at rest, where all is constant; else short against vibration and corner.
-A step that would pass the end of its face, a halt, or the loss of pressure ends there.
+Steps are classical Runge-Kutta: exact on a face at rest, where all is constant; else short against vibration and
+corner. A step that would pass the end of its face, a halt, or the loss of pressure ends there.
 """
 
 from __future__ import annotations

@@ -30,9 +30,9 @@ class Surfaces:
 
     ``start`` (m, 2), ``normal`` (m, 2) outward, ``size`` (m,) of the faces; ``face_body`` (m,) whose they are;
     ``face_ends`` (m, 2) the corner at their start and end, -1 where it turns inwards; ``corner`` (c, 2),
-    ``corner_body`` (c,), ``corner_faces`` (c, 2) the faces before and after; of bodies ``swing`` (b, 2) amplitude (m), ``omega`` (b,)
-    rad/s, ``phase`` (b,) rad, ``restitution`` and ``friction`` (b,), NaN where the granule's own count, ``captures``.
-    ``line`` (k, 4) segments with ``line_of`` (k,).
+    ``corner_body`` (c,), ``corner_faces`` (c, 2) the faces before and after; of bodies ``swing`` (b, 2) amplitude (m),
+    ``omega`` (b,) rad/s, ``phase`` (b,) rad, ``restitution`` and ``friction`` (b,), NaN where the granule's own count,
+    ``captures``. ``line`` (k, 4) segments with ``line_of`` (k,).
     """
 
     start: Array
