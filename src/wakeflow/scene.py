@@ -31,6 +31,7 @@ from .tables import (
     Fraction,
     Inlet,
     Numerics,
+    Profile,
     SceneTables,
     Size,
     Speeds,
@@ -176,6 +177,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Scene
     if where[:2] == ["channel", "inlet"]:
         return Inlet if len(where) > 2 else None
+    if where[:2] == ["feed", "profile"]:
+        return Profile
     if where[0] not in keyed:
         return plain.get(where[0])
     if where[2:3] in (["size"], ["terminal_velocity"]):
