@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .cascade import chain
     from .errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
     from .laws.collision import impact
@@ -36,6 +37,7 @@ _HOME = {
     "SceneError": "errors",
     "Tracks": "tracking",
     "WakeflowError": "errors",
+    "chain": "cascade",
     "impact": "laws.collision",
     "layer": "laws.layer",
     "layers": "laws.layer",
@@ -46,8 +48,8 @@ _HOME = {
 
 __all__ = [
     "Body", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan", "ProgramError",
-    "Restitution", "Result", "Scene", "SceneError", "Tracks", "WakeflowError", "impact", "layer", "layers", "plan",
-    "run", "track",
+    "Restitution", "Result", "Scene", "SceneError", "Tracks", "WakeflowError", "chain", "impact", "layer", "layers",
+    "plan", "run", "track",
 ]  # fmt: skip
 
 

@@ -38,7 +38,10 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
         reach = max(-left, right)
         if reach >= 0.49 * channel.width:
-            yield f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m"
+            yield (
+                f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m; leave "
+                f"a gap to the wall (allowed: x below {0.49 * channel.width:g} m)"
+            )
         elif low <= channel.bottom or high >= channel.top:
             yield f"body.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
         elif swing_x > 0.5 * (channel.width / 2 - reach) or swing_y > 0.5 * min(

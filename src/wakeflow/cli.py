@@ -174,7 +174,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, aspirator, vacuum.
+        One of: rhombus, prism, labyrinth, aspirator, vacuum.
     path
         Where to write it; default KIND.toml here.
     overwrite

@@ -15,10 +15,12 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import tracking
 from .deflection import axis
 from .field import FlowField
 from .geometry import edges, normals
@@ -27,7 +29,7 @@ from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from .laws.restitution import restitution_at
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
-from .tracking import Granules, track
+from .tracking import Granules
 
 __all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "first_contact", "granules_of"]
 
@@ -53,14 +55,17 @@ def _samples(
 
     The stream depends on the fraction's own name and on the replicate, not on the other fractions.
     """
+    size = replicate_size(count)
+    parts = [_replicate(name, size, seed, replicate, dimensions) for replicate in replicates]
+    return np.concatenate(parts), np.repeat(np.asarray(replicates), size)
+
+
+@lru_cache(maxsize=64)  # a search flies the same granules through many scenes
+def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
     from scipy.stats import qmc
 
-    size, parts = replicate_size(count), []
-    for replicate in replicates:
-        source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-        parts.append(qmc.Sobol(dimensions, scramble=True, rng=source).random(size))
-    points = np.clip(np.concatenate(parts), 1e-12, 1 - 1e-12)
-    return points, np.repeat(np.asarray(replicates), size)
+    source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
+    return np.clip(qmc.Sobol(dimensions, scramble=True, rng=source).random(size), 1e-12, 1 - 1e-12)
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -93,33 +98,32 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     """Downward speed (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
-    uniform flow.
+    uniform flow; in a vacuum in closed form.
     """
+    if scene.air is None:
+        return np.sqrt(speed**2 + 2 * GRAVITY * np.maximum(drop, 0.0))
     outline = scene.first_outline
     reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
     )  # the same for any part of the granules
-    if scene.air is None:
-        column = None
-    else:
-        flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
-        corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
-        column = FlowField.from_arrays(
-            corners,
-            np.array([(0, 1, 2), (0, 2, 3)]),
-            np.tile([0.0, flow], (4, 1)),
-            pressure=np.zeros(4),
-            density=scene.air.density,
-            viscosity=scene.air.viscosity,
-        )
+    flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
+    corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
+    column = FlowField.from_arrays(
+        corners,
+        np.array([(0, 1, 2), (0, 2, 3)]),
+        np.tile([0.0, flow], (4, 1)),
+        pressure=np.zeros(4),
+        density=scene.air.density,
+        viscosity=scene.air.viscosity,
+    )
     still = grains.replace(
         position=np.stack([np.full(drop.shape, 0.3), drop], axis=1),  # off the column's diagonal and its nodes
         velocity=np.stack([np.zeros(drop.shape), -speed], axis=1),
         time=np.zeros(len(drop)),
     )
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
-    tracks = track(
+    tracks = tracking.track(
         column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=how.drag, lines=(level,),
         forces=[force for force in how.forces if force in CALM], gravity=(0.0, -GRAVITY),
     )  # fmt: skip

@@ -231,20 +231,13 @@ class Chain:
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         code = _sources(
-            "laws",
-            "tracking",
-            "field",
-            "scales.py",
-            "deflection.py",
-            "injection.py",
-            "flight.py",
-            "geometry.py",
-            "tables",
-        )
+            "laws", "tracking", "ballistics", "field", "scales.py", "deflection.py", "injection.py", "flight.py",
+            "geometry.py", "tables",
+        )  # fmt: skip
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         symmetric = self.plan.airflow.symmetric
-        return content_key("tracks", tables, order, symmetric, repr(how), upstream, code, versions)
+        return content_key("tracks", tables, order, self.plan.flown_by, symmetric, repr(how), upstream, code, versions)
 
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
@@ -259,7 +252,7 @@ class Chain:
             flow = flow.blended(change.blend)
         tell = partial(self._tell, change.name)
         flights = flight.Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
-        if "compile" not in self.seconds and not self.store.holds(change.name, key):
+        if self.plan.flown_by == "tracker" and "compile" not in self.seconds and not self.store.holds(change.name, key):
             self._warm_up()
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
         return flight.load(folder, self.scene)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .bounds import Flight
+from .bounds import Flight, moved_by_air
 from .deflection import Deflection, deflection
 from .errors import SceneError
 from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
@@ -33,6 +33,7 @@ from .scene import GRAVITY, STANDARD_AIR, Scene
 __all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
 
 TURNING = "turning-before-the-impact"  # the term that injection leaves out
+MATTERS = 0.1  # body widths that the air moves a fraction by when it is left out: beyond, a warning
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 LAMINAR_CHANNEL = (
     1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
@@ -80,6 +81,7 @@ class Plan:
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+    flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
     validity: list[Limit] = field(default_factory=list)  # what the feed rate strains, and from which rate on
     unit: str = "body widths"  # of lengths: of the channel where nothing stands
 
@@ -123,15 +125,21 @@ def make_plan(
     if airflow.stepping == "time-resolved":
         motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
+    asked, scene = scene, scene.flown(airflow.rung)
     check_switches(scene, switches, airflow.turbulence)
-    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, unit=scene.unit)
+    flown_by = "tracker" if asked is scene else "chain"
+    plan = Plan(
+        airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, flown_by=flown_by, unit=scene.unit
+    )
     found: dict[str, list[Flight]] = {}
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name, found)) is not None}
     arrivals = {name: how.arrival_speed for name, how in plan.fractions.items()}
     plan.validity.extend(limits(scene, arrivals, found, limit_of(scene, target)))
     plan.warnings.extend(_missing(gates, scene.unit))
     plan.estimate.update(_estimate(scene, plan))
-    if scene.air is None:
+    if asked is not scene:
+        _leave_air_out(asked, plan)
+    elif scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
     plan.used.extend(_used(scene, plan, motion))
     plan.warnings.extend(_warnings(scene, plan))
@@ -161,6 +169,25 @@ def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Fl
         why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
         plan.left_out.append(LeftOut(TURNING, how.deflection.shift, why, name))
     return gate
+
+
+def _leave_air_out(scene: Scene, plan: Plan) -> None:
+    """For each fraction of a scene with air that is flown without: what the air could move it by, and a warning."""
+    assert scene.air is not None
+    air, widest = scene.air, scene.channel.width / scene.width
+    for name in scene.fraction:
+        how = _fraction_plan(scene, name, plan.target_error)
+        found = flights(scene, name, how.drag, how.drag_scale, straight=False, turbulent=True)
+        shift = min(widest, max(moved_by_air(flight) for flight in found))
+        carried = air.direction == "up" and (how.terminal_velocity or 0.0) < air.speed
+        fate = "the air would carry it up" if carried else f"Stokes number of its fall {how.stokes:.2g}"
+        why = f"drag on the way at the largest slip, {found[0].slip:.2g} m/s; {fate}"
+        plan.left_out.append(LeftOut("air", shift, why, name))
+        if carried or shift > MATTERS:
+            plan.warnings.append(
+                f"{name}: rung none leaves the air out, which could move it by {shift:.2g} body widths (terminal "
+                f"velocity {how.terminal_velocity:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
+            )
 
 
 def _missing(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
@@ -220,6 +247,8 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
 
 def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     lines = list(_airflow_lines(plan.airflow, len(scene.body)))
+    if plan.flown_by == "chain":
+        lines.append("no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM")
     if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)

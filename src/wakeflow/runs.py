@@ -94,7 +94,7 @@ def run(
     try:
         with FileLock(folder / ".lock", timeout=0):
             options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
-            return _run(scene, plan, folder, options, Chain(scene, plan, listener, workers), redraw)
+            return _run(scene, plan, folder, options, Chain(scene.flown(plan.rung), plan, listener, workers), redraw)
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
@@ -104,10 +104,11 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     from . import report
 
     target, until = folder / "result.json", options["until"]
+    asked, scene = scene, chain.scene  # flown without its air at rung none
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
     table: dict[str, Any] = {
         "schema": SCHEMA,
-        "scene": scene.tables(),
+        "scene": asked.tables(),
         "options": options,
         "plan": plan.summary(),
         "airflow": None,
@@ -139,8 +140,8 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     table["seconds"] = chain.seconds
     table["versions"] = _versions()
     code = digest_files([Path(__file__).parent])
-    asked = (scene.tables(), order, plan.summary(), options)
-    table["key"] = content_key(*asked, chain.tracks_key if tracked else None, _versions(), code)
+    made_for = (asked.tables(), order, plan.summary(), options)
+    table["key"] = content_key(*made_for, chain.tracks_key if tracked else None, _versions(), code)
     stands = _key_of(target) == table["key"]
     if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
         target.unlink(missing_ok=True)

@@ -83,6 +83,10 @@ class Scene(SceneTables):
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
         return self.parse(_changed(self.tables(), changes))
 
+    def flown(self, rung: str) -> Scene:
+        """The scene that granules are flown through at a rung: without its air at ``none``, else itself."""
+        return self.model_copy(update={"air": None}) if rung == "none" and self.air is not None else self
+
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
         return json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))
