@@ -12,8 +12,8 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
-    "tables", "checks", "scene", "bounds", "scales", "gate", "rungs", "locking", "planning", "meshing",
-    "reconstruction", "foam", "field", "tracking", "injection", "separation", "flight", "flows", "pipeline",
+    "recording", "tables", "checks", "scene", "bounds", "scales", "gate", "rungs", "locking", "planning", "meshing",
+    "reconstruction", "foam", "field", "tracking", "meeting", "injection", "separation", "flight", "flows", "pipeline",
     "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from .field import FlowField
 from .files import atomic_write
 from .injection import Feedstock, feedstock
+from .meeting import motion_of
 from .planning import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import GRAVITY, Scene
 from .separation import Landings
-from .tracking import Body, Fate, Granules, Motion, Tracks, track
+from .tracking import Body, Fate, Granules, Tracks, track
 
 __all__ = ["Flight", "Tracked", "compile_tracker", "ends", "load", "solids"]
 
@@ -150,8 +151,7 @@ def solids(scene: Scene) -> list[Body]:
     """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
     stream enters.
     """
-    amplitude, omega = scene.motion
-    motion = Motion(tuple(amplitude), omega / (2 * np.pi)) if omega > 0 else None
+    motion = motion_of(scene)
     found = [Body(body.outline(), motion=motion) for body in scene.body.values()]
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):

@@ -207,10 +207,13 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
         drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
         lines.append(f"{name}: {impact}{stokes}{drag}; forces {', '.join(how.forces)}")
     if scene.vibration is not None:
-        peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
+        peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
         seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
         why = "" if motion is None else f" ({motion.why})"
-        lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; {seen}{why}")
+        lines.append(
+            f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
+            f"impacts; {seen}{why}"
+        )
     return lines
 
 

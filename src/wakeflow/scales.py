@@ -35,7 +35,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, injected: bool, 
     air, fraction = scene.air, scene.fraction[name]
     assert air is not None
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
-    amplitude, omega = scene.motion
+    _, omega = scene.motion
     upward = air.direction == "up"
     found = []
     for diameter in dict.fromkeys(fraction.diameters(np.array(SIZES)).tolist()):
@@ -53,7 +53,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, injected: bool, 
             beside=injected and not upward,
             sideways_bins=any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values()),
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
-            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(amplitude)) * omega,
+            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
             omega=omega, meetings=meetings(scene, diameter, density),
         ))  # fmt: skip
     return found

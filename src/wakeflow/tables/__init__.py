@@ -2,7 +2,7 @@
 
 from .common import GRAVITY, STANDARD_AIR, Table
 from .granules import Feed, Fraction, Size
-from .surroundings import Air, Body, Channel, Inlet, Vibration
+from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Bin, Numerics, SceneTables
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Fraction",
     "Inlet",
     "Numerics",
+    "Samples",
     "SceneTables",
     "Size",
     "Table",

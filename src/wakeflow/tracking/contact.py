@@ -11,6 +11,7 @@ from ..laws.collision import collide
 from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
 from .exponential import along
 from .jit import compiled, inlined
+from .rest import SLOW, STATIC, held, hold_still, unwedge, wedge
 from .seen import mirror
 from .state import (
     ARM,
@@ -35,17 +36,14 @@ from .state import (
     ON_VERTEX,
     OX,
     OY,
+    PAIR,
     RADIUS,
-    RESTING,
     RESTITUTION,
     ROLL,
     SIGN,
-    T_END,
-    T_NOISE,
     TURN,
     VX,
     VY,
-    WW,
     T,
     X,
     Y,
@@ -56,8 +54,6 @@ from .walls import constrain, grasp, inside
 __all__ = ["ends_of_slide", "friction_turn", "grip", "lets_go", "rescue", "settle", "strike", "takes_hold"]
 
 _collide = compiled(collide)
-SLOW = 1e-6  # m/s, rebounds slower than this are sliding
-STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 
 
 @compiled
@@ -82,7 +78,8 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     nx, ny = hold[NX], hold[NY]
     state[X] -= off * nx
     state[Y] -= off * ny
-    ints[CONTACT] = FREE
+    before, other = ints[CONTACT], ints[FEATURE]
+    ints[CONTACT] = ints[PAIR] = FREE
     if walls.members[body, 5] == 1:
         ints[FATE] = CAPTURED
         hold[KIND] = FREE
@@ -111,61 +108,10 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         state[VX] -= rebound * nx
         state[VY] -= rebound * ny
         state[H_ERROR] = math.inf
+        if before != FREE:
+            wedge(state, ints, hold, walls, rules, fx, fy, before, other, e)
     else:
         hold[KIND] = FREE
-
-
-@compiled
-def _held(hold, grain, press, free):
-    """Whether friction holds a granule at rest against the free tangential acceleration; what can roll, does."""
-    friction = 0.0 if grain[MOBILITY] > 0.0 else hold[MU]
-    return press > 0.0 and abs(free) <= (friction + STATIC) * press
-
-
-@compiled
-def _carried(state, ints, hold, affine, grain, table, walls, dt):
-    """Whether friction still holds after riding with the wall for dt, and where and how fast the granule is then."""
-    t = state[T]
-    x0, y0, _, _, _, _ = displacement(walls.bodies, ints[BODY], t)
-    x1, y1, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], t + dt)
-    x, y = state[X] + x1 - x0, state[Y] + y1 - y0
-    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt, 0.0)
-    _, _, press, free, _ = constrain(hold, fx, fy, x, y, wx, wy, t + dt)
-    return _held(hold, grain, press, free), x, y, wx, wy
-
-
-@compiled
-def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
-    """A granule at rest on a wall that friction holds: it rests for good, or rides on with the wall while it does."""
-    moving = hold[WW] != 0.0
-    if not moving and not timed and grain[NOISE] == 0.0:
-        ints[FATE] = RESTING
-        return
-    dt = min(rules.until - state[T], 0.1 * rules.coarse)
-    if moving:
-        dt = min(dt, 0.05 / hold[WW])
-    if timed:
-        dt = min(dt, 0.25 / affine[15] if affine[15] != 0.0 else dt, state[T_END] - state[T])
-    if grain[NOISE] != 0.0:
-        dt = min(dt, state[T_NOISE] - state[T])
-    end = state[T] + dt
-    held, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, dt)
-    if not held:  # let go within: find out when
-        low, high = 0.0, dt
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            held, _, _, _, _ = _carried(state, ints, hold, affine, grain, table, walls, middle)
-            if held:
-                low = middle
-            else:
-                high = middle
-        _, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, high)
-        dt, end = high, state[T] + high
-    state[HELD] += dt
-    if state[HELD] > rules.rest:
-        ints[FATE] = RESTING
-        return
-    state[X], state[Y], state[VX], state[VY], state[T] = x, y, vx, vy, end
 
 
 @compiled
@@ -177,6 +123,9 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     contact point slips.
     """
     hold[SIGN] = hold[ROLL] = 0.0
+    if ints[PAIR] != FREE and unwedge(state, ints, hold, grain, walls, fx, fy):
+        hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
+        return True
     _, _, press, free, slide = constrain(hold, fx, fy, state[X], state[Y], state[VX], state[VY], state[T])
     if press <= 0.0:
         state[HELD] = 0.0
@@ -186,9 +135,9 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     mobility, around = grain[MOBILITY], grain[RADIUS] * state[TURN]
     slip = slide - around if mobility > 0.0 else slide
     still = 1e-13 * (rules.length + abs(free))
-    if abs(slide) <= still and abs(slip) <= still and _held(hold, grain, press, free):
+    if abs(slide) <= still and abs(slip) <= still and held(hold, grain, press, free):
         state[TURN] = 0.0 if mobility > 0.0 else state[TURN]
-        _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
+        hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
         return True
     state[HELD] = 0.0
     if abs(slip) <= still + (1e-12 * (abs(slide) + abs(around)) if mobility > 0.0 else 0.0):
