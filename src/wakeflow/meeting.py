@@ -21,7 +21,7 @@ __all__ = ["first_contact", "motion_of"]
 Array = NDArray[np.float64]
 Index = NDArray[Any]
 PIECE = 0.4  # rad of the vibration looked at in one piece, as the tracker does
-HALVINGS = 60
+HALVINGS, ROUGHLY = 60, 12  # of a bracket: for a contact; for a dip, whose depth is missed by their square only
 
 
 def motion_of(scene: Scene) -> Motion | None:
@@ -77,15 +77,14 @@ def first_contact(
         return passing.copy(), np.zeros((len(passing), 2))
     gap = _Gap(fall_speed, np.broadcast_to(np.asarray(pull, dtype=float), passing.shape), normal, passing, motion)
     low, last = gap.window()
-    time, left = last.copy(), np.arange(len(passing))
+    left, begin, end = np.arange(len(passing)), low.copy(), last.copy()
     while len(left):
         high = np.minimum(low + PIECE / motion.pace, last[left])
         to = _lowest(gap, left, low, high)
-        met = (gap.at(low, left) <= 0) | (gap.at(to, left) <= 0) | (high >= last[left])
-        i = left[met]
-        begun = gap.at(low[met], i) <= 0  # released where the slope already stands
-        time[i] = np.where(begun, low[met], _end_of(gap.at, i, low[met], to[met], above=True))
+        met = (gap.at(to, left) <= 0) | (high >= last[left])
+        begin[left[met]], end[left[met]] = low[met], to[met]
         left, low = left[~met], high[~met]
+    time = _end_of(gap.at, np.arange(len(passing)), begin, end, above=True)
     return time, motion.at(time)[1]
 
 
@@ -96,13 +95,15 @@ def _lowest(gap: _Gap, i: Index, low: Array, high: Array) -> Array:
     to = high.copy()
     dips = (gap.at(high, i) > 0) & (gap.rate(low, i) < 0) & (gap.rate(high, i) > 0)
     if dips.any():
-        to[dips] = _end_of(gap.rate, i[dips], low[dips], high[dips], above=False)
+        to[dips] = _end_of(gap.rate, i[dips], low[dips], high[dips], above=False, halvings=ROUGHLY)
     return to
 
 
-def _end_of(value: Callable[[Array, Index], Array], i: Index, low: Array, high: Array, *, above: bool) -> Array:
+def _end_of(
+    value: Callable[[Array, Index], Array], i: Index, low: Array, high: Array, *, above: bool, halvings: int = HALVINGS
+) -> Array:
     """The time within (low, high) up to which a value is above zero, or not above; (n,), by bisection."""
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         middle = 0.5 * (low + high)
         holds = (value(middle, i) > 0) == above
         low, high = np.where(holds, middle, low), np.where(holds, high, middle)
