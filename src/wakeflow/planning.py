@@ -14,6 +14,7 @@ import numpy as np
 
 from .errors import SceneError
 from .gate import VIBRATION, Gate, LeftOut, check_switches, open_gate
+from .geometry import normals
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -33,6 +34,7 @@ INJECTED_ABOVE = (
     10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
 )
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
+SEAM = 0.1  # of its peak: a larger jump from the end of a record of vibration to its beginning is warned of
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 
@@ -278,7 +280,29 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
         if how.mode == "injected" and how.stokes < INJECTED_ABOVE:
             lines.append(f"{name}: injected at an approach Stokes number of {how.stokes:.2g}; the air turns many aside")
-    return lines + list(_airflow_warnings(scene, plan.airflow))
+    return lines + list(_resting(scene)) + list(_airflow_warnings(scene, plan.airflow))
+
+
+def _resting(scene: Scene) -> Iterator[str]:
+    """Upward faces on which granules may stay, and a record of vibration that does not close."""
+    for name, body in scene.body.items():
+        across, up = normals(body.outline()).T
+        slopes = np.unique(np.round(np.abs(across[up > 0]) / up[up > 0], 9))  # tangents
+        if slopes[0] == 0.0:
+            yield f"body.{name} has a level face: granules come to rest on it unless the vibration throws them off"
+        for kind, fraction in scene.fraction.items():
+            held = slopes[(slopes > 0.0) & (slopes <= fraction.properties.friction)]
+            if len(held) and fraction.inertia is None:
+                angle = math.degrees(math.atan(float(held[-1])))
+                yield (
+                    f"body.{name}: friction {fraction.properties.friction:g} holds {kind} on its faces of up to "
+                    f"{angle:.3g} deg unless the vibration shakes it off"
+                )
+    if scene.vibration is not None and scene.vibration.samples is not None and scene.vibration.record.seam > SEAM:
+        yield (
+            f"vibration.samples: from the record's end to its beginning the acceleration jumps by "
+            f"{scene.vibration.record.seam:.0%} of its peak; give a whole number of periods"
+        )
 
 
 def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:

@@ -21,6 +21,7 @@ __all__ = [
 
 PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED, SLIPS, GRIPS = range(9)  # what ends a step
+SOON = 1e-3  # of a step: then a function that stands still at its beginning shows where it goes
 SAME = 1e-9  # of a period: times nearer to a crest or sample are on it
 
 
@@ -144,7 +145,7 @@ def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, 
     both ends.
 
     At most one turning point inside is looked for, so steps must be short enough to be nearly straight. Within ``skin``
-    of zero at ``a`` it falls at once when it goes down, and may rise and fall again when it goes up.
+    of zero at ``a`` it falls at once when it goes down or is about to, and may rise and fall again when it goes up.
     """
     close = 1e-3 * skin
     if fa > skin:
@@ -156,6 +157,8 @@ def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, 
                 return _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, m, fm, close)
         return -1.0
     if ra < 0.0:
+        return a
+    if ra == 0.0 and level(path, a + SOON * (b - a), t0, bodies, body, kind, ox, oy, q0, q1, q2)[0] < fa:
         return a
     if fb < 0.0 and fb < fa:
         if rb >= 0.0:

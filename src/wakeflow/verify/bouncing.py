@@ -78,17 +78,19 @@ def _flown(
 def period_doubling(tolerance: float) -> Array:
     """Where a small deviation from the orbit only changes its sign: between what is found just below and just above.
 
-    Deviations after bounces obey x'' = trace x' - determinant x, whose two numbers four of them in turn give; a
-    multiplier is -1 where 1 + trace + determinant passes zero.
+    Deviations after bounces obey x'' = trace x' - determinant x, whose two numbers four of them in turn give (without
+    restitution nothing is left of x, and two do); a multiplier is -1 where 1 + trace + determinant passes zero, which
+    is linear in Gamma sin(phase).
     """
     found = []
     for e, threshold in zip(RESTITUTIONS, doubling(RESTITUTIONS), strict=True):
         strengths, margin = ABOUT * threshold, []
         for strength in strengths:
             w, x, y, z = (_bounced(e, strength, k, 1e-6, tolerance) for k in range(1, 5))
-            trace, determinant = np.linalg.lstsq(np.array([[x, -w], [y, -x]]) / w, np.array([y, z]) / w, 1e-6)[0]
-            margin.append(1 + trace + determinant)
-        found.append(strengths[0] - margin[0] * (strengths[1] - strengths[0]) / (margin[1] - margin[0]))
+            margin.append(1 + x / w if e == 0 else 1 + np.linalg.solve([[x, -w], [y, -x]], [y, z]).sum())
+        low, high = np.sqrt(strengths**2 - first(e) ** 2)
+        between = low - margin[0] * (high - low) / (margin[1] - margin[0])
+        found.append(math.hypot(between, float(first(e))))
     return np.array(found)
 
 
