@@ -11,7 +11,7 @@ from ..laws.collision import collide
 from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
 from .exponential import along
 from .jit import compiled, inlined
-from .rest import SLOW, STATIC, held, hold_still, unwedge, wedge
+from .rest import SLOW, STATIC, caught, held, hold_still, unwedge, wedge
 from .seen import mirror
 from .state import (
     ARM,
@@ -95,6 +95,8 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         mirror(state, ints, nx, ny)
     if normal > 0.0:
         ints[IMPACTS] += 1
+    if before != FREE and caught(state, hold, walls, before, other, body, ints[BODY], vx - wx, vy - wy, e):
+        vx, vy = wx, wy
     state[VX], state[VY], state[TURN] = vx, vy, spin
     fx, fy, _, _, _ = free_force(affine, grain, table, state[X], state[Y], vx, vy, state[T], spin)
     rebound = (vx - wx) * nx + (vy - wy) * ny
@@ -110,6 +112,9 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         state[H_ERROR] = math.inf
         if before != FREE:
             wedge(state, ints, hold, walls, rules, fx, fy, before, other, e)
+    elif before != FREE and normal == 0.0:  # it only touches: it stays on the wall that it is on
+        grasp(hold, walls, before, other, grain[RADIUS], state[X], state[Y], state[T])
+        ints[CONTACT] = before
     else:
         hold[KIND] = FREE
 
@@ -199,6 +204,14 @@ def takes_hold(path, s, state, ints, hold, grain, walls, turn):
 
 
 @compiled
+def _beside(path, s, t0, hold, bodies, body):
+    """Position from the constraint's origin and velocity, both seen from the wall, at time s of the step."""
+    x, y, vx, vy = along(path, s)
+    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
+    return x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
+
+
+@compiled
 def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
     """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
     feature). What can turn does not stop when it stops sliding.
@@ -206,12 +219,8 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
     stops = grain[MOBILITY] == 0.0
     bodies, body, skin = walls.bodies, ints[BODY], 1e-3 * rules.skin
     event, kind, which = NOTHING, FREE, NOBODY
-    x, y, vx, vy = along(path, 0.0)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0)
-    qx, qy, rx, ry = x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
-    x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
-    ex, ey, ux, uy = x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
+    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
+    ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
     sign, feature = hold[SIGN], ints[FEATURE]
     if hold[KIND] == ON_EDGE:
         tx, ty, size = -hold[NY], hold[NX], walls.edges[feature, 6]
@@ -222,6 +231,7 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
             )
             event = HALTED
         for end in range(2):
+            ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
             q0 = 0.0 if end == 0 else size
             dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
             fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
@@ -244,6 +254,7 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
         e = walls.vertex_links[feature, 1 + end]
         if e < 0:
             continue
+        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
         tx, ty = -walls.edges[e, 5], walls.edges[e, 4]
         dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
         fa, fb = dx * qx + dy * qy, dx * ex + dy * ey

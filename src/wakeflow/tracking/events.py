@@ -158,7 +158,7 @@ def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, 
         return -1.0
     if ra < 0.0:
         return a
-    if ra == 0.0 and level(path, a + SOON * (b - a), t0, bodies, body, kind, ox, oy, q0, q1, q2)[0] < fa:
+    if ra == 0.0 and level(path, a + SOON * (b - a), t0, bodies, body, kind, ox, oy, q0, q1, q2)[0] < fa - 0.1 * close:
         return a
     if fb < 0.0 and fb < fa:
         if rb >= 0.0:

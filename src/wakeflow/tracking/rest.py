@@ -42,9 +42,9 @@ from .state import (
     Y,
 )
 from .step import free_force
-from .walls import carry, constrain, facing, grasp, ride
+from .walls import STILL, carry, constrain, facing, grasp, ride
 
-__all__ = ["SLOW", "STATIC", "held", "hold_still", "unwedge", "wedge"]
+__all__ = ["SLOW", "STATIC", "caught", "held", "hold_still", "unwedge", "wedge"]
 
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
@@ -80,13 +80,22 @@ def _together(bodies, one, other):
 
 
 @compiled
+def caught(state, hold, walls, kind, which, body, other, rx, ry, e):
+    """Whether a granule that leaves the wall in ``hold``, of ``body``, with the relative velocity (rx, ry) runs into
+    the one it lay on, of body ``other``, and either wall's rebound (restitution ``e``) is too slow to follow: it stops.
+    Each wall would take the speed along its normal, in turn, without end and in no time.
+    """
+    if rx * hold[NX] + ry * hold[NY] > SLOW or not _together(walls.bodies, body, other):
+        return False
+    _, mx, my, _ = facing(walls, kind, which, state[X], state[Y], state[T])
+    into = rx * mx + ry * my
+    return into < -STILL and -e * into <= SLOW and abs(hold[NX] * my - hold[NY] * mx) > PARALLEL
+
+
+@compiled
 def wedge(state, ints, hold, walls, rules, fx, fy, kind, which, e):
     """For a granule that has just come to slide on the wall in ``hold`` while it lay on another one: wedged between
-    them, at rest, if both press and no bounce between them is worth following. Returns whether it is.
-
-    Thrown at both walls at once with rebounds too slow to follow (restitution ``e``), it stops: each would take
-    the speed along its normal, in turn, without end.
-    """
+    them, at rest, if both press and no bounce between them is worth following. Returns whether it is."""
     body, mx, my, _ = facing(walls, kind, which, state[X], state[Y], state[T])
     turn = abs(hold[NX] * my - hold[NY] * mx)
     if turn < PARALLEL or not _together(walls.bodies, body, ints[BODY]):
@@ -162,6 +171,7 @@ def hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
                 low = middle
             else:
                 high = middle
+        high = max(high, STATIC * (abs(state[T]) + 1.0))  # the clock has to move, or it is held again
         _, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, high)
         dt, end = high, state[T] + high
     state[HELD] += dt
