@@ -11,7 +11,7 @@ from ..laws.collision import collide
 from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
 from .exponential import along
 from .jit import compiled, inlined
-from .rest import SLOW, STATIC, caught, held, hold_still, unwedge, wedge
+from .rest import SLOW, STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .seen import mirror
 from .state import (
     ARM,
@@ -76,9 +76,12 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     """The granule touches a feature: collision, and sliding from then on where no bounce worth following is left."""
     body, off = grasp(hold, walls, kind, which, grain[RADIUS], state[X], state[Y], state[T])
     nx, ny = hold[NX], hold[NY]
-    state[X] -= off * nx
-    state[Y] -= off * ny
     before, other = ints[CONTACT], ints[FEATURE]
+    mx, my = nx, ny
+    if before != FREE:  # put right along the wall that it is on, so as not to enter that one
+        mx, my = tangent(walls, before, other, nx, ny, state)
+    state[X] -= off * mx
+    state[Y] -= off * my
     ints[CONTACT] = ints[PAIR] = FREE
     if walls.members[body, 5] == 1:
         ints[FATE] = CAPTURED

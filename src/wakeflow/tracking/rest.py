@@ -44,10 +44,11 @@ from .state import (
 from .step import free_force
 from .walls import STILL, carry, constrain, facing, grasp, ride
 
-__all__ = ["SLOW", "STATIC", "caught", "held", "hold_still", "unwedge", "wedge"]
+__all__ = ["SLOW", "STATIC", "caught", "held", "hold_still", "tangent", "unwedge", "wedge"]
 
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
+STEEP = 0.05  # the same, of two walls along one of which a granule is put onto the other
 PARALLEL = 1e-6  # sine of the angle between two walls that make no wedge
 
 
@@ -77,6 +78,16 @@ def _together(bodies, one, other):
         bodies[one, 4] == bodies[other, 4] and bodies[one, 5] == bodies[other, 5] and bodies[one, 7] == bodies[other, 7]
         and bodies[one, 10] == bodies[other, 10] and bodies[one, 11] == bodies[other, 11]
     ))  # fmt: skip
+
+
+@compiled
+def tangent(walls, kind, which, nx, ny, state):
+    """The way along a wall that leads a unit distance off another one of normal n; n itself where they are too nearly
+    parallel.
+    """
+    _, mx, my, _ = facing(walls, kind, which, state[X], state[Y], state[T])
+    rise = ny * mx - nx * my
+    return (nx, ny) if abs(rise) < STEEP else (-my / rise, mx / rise)
 
 
 @compiled
