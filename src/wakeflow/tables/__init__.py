@@ -1,7 +1,7 @@
 """The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
 from .common import GRAVITY, STANDARD_AIR, Table
-from .granules import Feed, Fraction, Size
+from .granules import Feed, Fraction, Size, Speeds
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Bin, Numerics, SceneTables
 
@@ -19,6 +19,7 @@ __all__ = [
     "Samples",
     "SceneTables",
     "Size",
+    "Speeds",
     "Table",
     "Vibration",
 ]

@@ -48,7 +48,7 @@ def _bounced(e: float, gamma: float, periods: int, nudge: float, tolerance: floa
     ``nudge`` off, as a share. Half way between the orbit's bounces.
     """
     a = gamma * G / OMEGA**2
-    phase = math.acos(min(1.0, float(first(np.float64(e))) / gamma))
+    phase = math.acos(min(1.0, float(first(np.array(e))) / gamma))
     height, speed, born = a * math.sin(phase) + RADIUS, 0.5 * G * PERIOD, phase / OMEGA
     tracks = _flown(e, gamma, [height], [speed * (1 + nudge)], born + 1e-12, born + (periods + 0.5) * PERIOD, tolerance)
     return float(tracks.position[0, 1] - height - 0.125 * G * PERIOD**2) / a
