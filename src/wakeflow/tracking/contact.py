@@ -37,10 +37,12 @@ from .state import (
     OX,
     OY,
     PAIR,
+    PAIRED,
     RADIUS,
     RESTITUTION,
     ROLL,
     SIGN,
+    STUCK,
     TURN,
     VX,
     VY,
@@ -82,6 +84,7 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         mx, my = tangent(walls, before, other, nx, ny, state)
     state[X] -= off * mx
     state[Y] -= off * my
+    last, one = (ints[PAIR], ints[PAIRED]) if before == FREE and ints[STUCK] > 1 else (before, other)
     ints[CONTACT] = ints[PAIR] = FREE
     if walls.members[body, 5] == 1:
         ints[FATE] = CAPTURED
@@ -98,7 +101,7 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         mirror(state, ints, nx, ny)
     if normal > 0.0:
         ints[IMPACTS] += 1
-    if before != FREE and caught(state, hold, walls, before, other, body, ints[BODY], vx - wx, vy - wy, e):
+    if last != FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[STUCK]):
         vx, vy = wx, wy
     state[VX], state[VY], state[TURN] = vx, vy, spin
     fx, fy, _, _, _ = free_force(affine, grain, table, state[X], state[Y], vx, vy, state[T], spin)
@@ -120,6 +123,7 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         ints[CONTACT] = before
     else:
         hold[KIND] = FREE
+        ints[PAIR], ints[PAIRED] = kind, which
 
 
 @compiled

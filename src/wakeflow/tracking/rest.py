@@ -49,6 +49,7 @@ __all__ = ["SLOW", "STATIC", "caught", "held", "hold_still", "tangent", "unwedge
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 STEEP = 0.05  # the same, of two walls along one of which a granule is put onto the other
+FOR_EVER = 40  # strikes in no time; an elastic granule leaves a corner of 4.5 degrees within as many
 PARALLEL = 1e-6  # sine of the angle between two walls that make no wedge
 
 
@@ -91,16 +92,21 @@ def tangent(walls, kind, which, nx, ny, state):
 
 
 @compiled
-def caught(state, hold, walls, kind, which, body, other, rx, ry, e):
+def caught(state, hold, walls, kind, which, body, rx, ry, e, stuck):
     """Whether a granule that leaves the wall in ``hold``, of ``body``, with the relative velocity (rx, ry) runs into
-    the one it lay on, of body ``other``, and either wall's rebound (restitution ``e``) is too slow to follow: it stops.
-    Each wall would take the speed along its normal, in turn, without end and in no time.
+    the one it lay on or struck just now, and so for ever: it stops. Each wall takes part of the speed along its normal,
+    in turn, without end and in no time.
+
+    For ever, if both rebounds (restitution ``e``) are too slow to follow, or after so many strikes in no time.
     """
-    if rx * hold[NX] + ry * hold[NY] > SLOW or not _together(walls.bodies, body, other):
-        return False
-    _, mx, my, _ = facing(walls, kind, which, state[X], state[Y], state[T])
+    other, mx, my, _ = facing(walls, kind, which, state[X], state[Y], state[T])
     into = rx * mx + ry * my
-    return into < -STILL and -e * into <= SLOW and abs(hold[NX] * my - hold[NY] * mx) > PARALLEL
+    if into >= -STILL or not _together(walls.bodies, body, other):
+        return False
+    if abs(hold[NX] * my - hold[NY] * mx) < PARALLEL:
+        return False
+    slow = rx * hold[NX] + ry * hold[NY] <= SLOW and -e * into <= SLOW
+    return slow or (stuck >= FOR_EVER and e < 1.0)
 
 
 @compiled
