@@ -122,7 +122,7 @@ FLOATS = 18
     EVALUATIONS,
     DRAWS,
     STREAM,
-    PAIR,  # in contact: kind of the second wall that a wedged granule touches, FREE: not wedged; else of the last struck
+    PAIR,  # kind of the other wall of a wedged granule, FREE: not wedged; in flight that of the wall last struck
     PAIRED,  # which one
 ) = range(26)
 INTS = 26
