@@ -24,7 +24,7 @@ __all__ = ["Bound", "Flight", "bounds", "history_kernel", "history_time"]
 
 NEAR = 3.0  # body widths along which the body's own pressure and velocity field acts
 SHEAR = 20.0  # U / D: vorticity of a wake's shear layer
-TURNED_BESIDE = 2.0  # integral of |curl u| over time for a granule thrown out of the wake, or past its edge
+TURNED_BESIDE = 3.0  # integral of |curl u| over time for a granule that is thrown out of the wake, or past its edge
 TURNED_WITHIN = 30.0  # the same for one that the air turns aside, or that falls through the wake
 WAKE_INTENSITY = 0.3  # u' / U behind a bluff body
 EDDY = 0.2  # integral length of the turbulence in the wake, in body widths

@@ -22,7 +22,7 @@ from .laws.forces import forces
 from .registry import nearest
 from .scene import Fraction, Scene
 
-__all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "open_gate"]
+__all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "limit_of", "open_gate"]
 
 Array = NDArray[np.float64]
 ALWAYS = ("drag", "gravity")
@@ -113,7 +113,7 @@ def open_gate(
         widest = max(widest, (channel.top - channel.bottom) / scene.width)
     sizes = {term: min(widest, max(bounds[term].shift(f) for f in found)) for term in bounds}
     blocked = {term: _blocked(scene.fraction[name], term, turbulence) for term in bounds}
-    gate = Gate(ALWAYS, sizes, target * _sides(scene) / TYPICAL)
+    gate = Gate(ALWAYS, sizes, limit_of(scene, target))
     small = _small(sizes, blocked, gate.limit)
     used = []
     for term, size in sizes.items():
@@ -133,6 +133,11 @@ def open_gate(
             gate.missing[term] = blocked[term] or ""
     order = [term for term in forces if term in used]
     return Gate((*ALWAYS, *order), sizes, gate.limit, gate.left_out, gate.missing)
+
+
+def limit_of(scene: Scene, target: float) -> float:
+    """The landing shift (body widths) below which a term is left out for an accuracy of ``target`` (a share)."""
+    return target * _sides(scene) / TYPICAL
 
 
 def _small(sizes: Mapping[str, float], blocked: Mapping[str, str | None], limit: float) -> set[str]:

@@ -2,9 +2,10 @@
 
 Injected (the paper's model): a granule falls straight down onto the slope under it, arrives with its own speed (drag
 included), meets the body at the phase of the vibration that a uniform stream meets, and leaves by eq. (1)-(2) with the
-velocity in the lab frame. Its first contact lies on the outline offset by its radius: a slope or a corner.
+velocity in the lab frame. Its first contact lies on the outline offset by its radius: a slope or a corner. Those that
+the air would carry round the body (``deflection``) are released above it and tracked from there.
 
-Resolved: it is released above the body and the tracker does the impact; for granules that the air turns aside.
+Resolved: all are released above the body and the tracker does the impact; for fractions that the air turns aside.
 
 Without a body the curtain enters the channel at the feed's level.
 """
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .deflection import axis
 from .field import FlowField
 from .geometry import edges, normals
 from .laws.collision import collide
@@ -27,7 +29,7 @@ from .planning import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
 from .tracking import Granules, track
 
-__all__ = ["Feedstock", "arrival", "feedstock"]
+__all__ = ["Feedstock", "arrival", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
@@ -141,8 +143,10 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
 
 
-def _granules(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None) -> Granules:
-    """At rest in the origin; ``settling`` (n,) m/s: each granule's own terminal velocity where it was measured."""
+def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
+    """Granules of ``diameter`` (n,) m with the fraction's properties and drag, at rest at the origin; ``settling`` (n,)
+    m/s: each granule's own terminal velocity where it was measured.
+    """
     origin = np.zeros((len(diameter), 2))
     properties = fraction.properties
     if settling is None:
@@ -173,9 +177,9 @@ def feedstock(
     fraction, how = scene.fraction[name], plan.fractions[name]
     spreads = fraction.settling(np.zeros(0)) is not None
     points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates, 5 if spreads else 4)
-    x = scene.feed.position + scene.feed.width * (points[:, 0] - 0.5)
+    x = scene.feed.places(points[:, 0])
     diameter = fraction.diameters(points[:, 1])
-    grains = _granules(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
+    grains = granules_of(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
     if not scene.body:
         return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
     level, speed = _start(scene, scene.level, 0.5 * diameter)
@@ -186,6 +190,8 @@ def feedstock(
         assert scene.first_outline is not None
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
+        if how.deflection is not None:
+            meets &= how.deflection.meets(diameter, x - axis(scene))
         fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
         i = np.flatnonzero(injected)

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from .bounds import Flight
+from .deflection import Deflection, deflection
 from .errors import SceneError
-from .gate import VIBRATION, Gate, LeftOut, check_switches, open_gate
-from .geometry import normals
+from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -22,19 +23,18 @@ from .laws.drag import (
     slip_correction,
     terminal_velocity,
 )
+from .loading import Limit, limits, strained
 from .locking import AirMotion, vibration_of_scene
 from .process import cores
+from .resting import standing
 from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, ranks_for, typical_cells, typical_seconds
-from .scales import flights
+from .scales import arrival_speed, flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
 
 __all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
 
-INJECTED_ABOVE = (
-    10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
-)
+TURNING = "turning-before-the-impact"  # the term that injection leaves out
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
-SEAM = 0.1  # of its peak: a larger jump from the end of a record of vibration to its beginning is warned of
 LAMINAR_CHANNEL = (
     1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
 )
@@ -54,6 +54,8 @@ class FractionPlan:
     terminal_velocity: float | None  # m/s in the scene's air, of the median; None in a vacuum
     relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
     stokes: float  # approach Stokes number: relaxation time x arrival speed / half width; inf without a body or air
+    arrival_speed: float  # m/s at the top of the body, drag included; negative where the air carries it up
+    deflection: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
     forces: tuple[str, ...] = ()  # the terms it is flown with
     bounds: dict[str, float] = field(default_factory=dict)  # body widths each term could move it by
     limit: float | None = None  # body widths: what a term must be able to move to be used
@@ -61,7 +63,10 @@ class FractionPlan:
     @property
     def tracked(self) -> dict[str, Any]:
         """What its tracks depend on: everything but the bounds that chose the forces."""
-        return {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit")}
+        table = {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit", "deflection")}
+        if self.mode == "injected" and self.deflection is not None:
+            table["reach"] = self.deflection.diameters, self.deflection.reach
+        return table
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,7 @@ class Plan:
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+    validity: list[Limit] = field(default_factory=list)  # what the feed rate strains, and from which rate on
     unit: str = "body widths"  # of lengths: of the channel where nothing stands
 
     @property
@@ -92,7 +98,7 @@ class Plan:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
         table = asdict(self)
         table = {**table.pop("airflow"), **table}
-        for row in table["fractions"].values():
+        for row in [*table["fractions"].values(), *table["validity"]]:
             row.update({key: None for key, value in row.items() if isinstance(value, float) and math.isinf(value)})
         return table
 
@@ -120,7 +126,10 @@ def make_plan(
         airflow = replace(airflow, moving=motion is not None and motion.used)
     check_switches(scene, switches, airflow.turbulence)
     plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, unit=scene.unit)
-    gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name)) is not None}
+    found: dict[str, list[Flight]] = {}
+    gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name, found)) is not None}
+    arrivals = {name: how.arrival_speed for name, how in plan.fractions.items()}
+    plan.validity.extend(limits(scene, arrivals, found, limit_of(scene, target)))
     plan.warnings.extend(_missing(gates, scene.unit))
     plan.estimate.update(_estimate(scene, plan))
     if scene.air is None:
@@ -130,21 +139,28 @@ def make_plan(
     return plan
 
 
-def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
-    """Decide how fraction ``name`` is computed, and with which forces; None in a vacuum, where there is no choice."""
-    how = _fraction_plan(scene, name)
+def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Flight]]) -> Gate | None:
+    """Decide how fraction ``name`` is computed, and with which forces; None in a vacuum, where there is no choice. The
+    scales of its flight are added to ``scales``.
+    """
+    how = _fraction_plan(scene, name, plan.target_error)
     if scene.air is None:
         plan.fractions[name] = replace(how, forces=("gravity",))
         return None
+    straight = how.deflection is not None and how.deflection.straight and not scene.obstacles
     found = flights(
-        scene, name, how.drag, how.drag_scale, injected=how.mode == "injected",
+        scene, name, how.drag, how.drag_scale, straight=straight,
         turbulent=plan.airflow.turbulence in ("kOmegaSST", "given"),
     )  # fmt: skip
+    scales[name] = found
     gate = open_gate(
         scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence, moving=plan.airflow.moving
     )
     plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
     plan.left_out.extend(gate.left_out)
+    if how.mode == "injected" and how.deflection is not None:
+        why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
+        plan.left_out.append(LeftOut(TURNING, how.deflection.shift, why, name))
     return gate
 
 
@@ -171,7 +187,7 @@ def _calibration(name: str, law: str, diameter: float, density: float, speed: fl
     return scale
 
 
-def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
+def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
     fraction = scene.fraction[name]
     granule, law = fraction.properties, fraction.drag_law
     entry, phi = drag_laws[law], fraction.sphericity or 1.0
@@ -184,7 +200,7 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     if scene.air is None:
         clear = "injected" if scene.body and not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted
-        return FractionPlan(mode, law, scale, None, math.inf, math.inf)
+        return FractionPlan(mode, law, scale, None, math.inf, math.inf, scene.feed.fall_speed)
     air, own = scene.air, scale / float(slip_correction(granule.diameter))
     settling = float(
         terminal_velocity(
@@ -192,15 +208,15 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
         )
     )
     along = air.speed if air.direction == "down" else -air.speed
-    fall = scene.feed.fall_speed
+    fall = arrival_speed(scene, name, law, scale)
     reynolds = air.density * abs(fall - along) * granule.diameter / air.viscosity
     factor = own * float(entry.factor(np.array([reynolds]), phi)[0])
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
-    stokes = tau * fall / (0.5 * scene.width) if scene.body else math.inf
-    falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
-    heavy = scene.body and stokes > INJECTED_ABOVE and falls_into_calm and not scene.obstacles
-    mode = wanted if wanted != "auto" else ("injected" if heavy else "resolved")
-    return FractionPlan(mode, law, scale, settling, tau, stokes)
+    stokes = tau * max(fall, 0.0) / (0.5 * scene.width) if scene.body else math.inf
+    turned = deflection(scene, name, law, scale)
+    small = turned is not None and turned.missed <= target and turned.shift <= limit_of(scene, target)
+    mode = wanted if wanted != "auto" else ("injected" if small and not scene.obstacles else "resolved")
+    return FractionPlan(mode, law, scale, settling, tau, stokes, fall, turned)
 
 
 def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
@@ -212,9 +228,12 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     for name, how in plan.fractions.items():
         resolved = "released above the body, impacts resolved" if scene.body else f"enters at y = {scene.level:.3g} m"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
-        stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g})"
+        stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g}{_turned(how)})"
         drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
-        lines.append(f"{name}: {impact}{stokes}{drag}{_spread(scene, name)}; forces {', '.join(how.forces)}")
+        fall = f", arrives at {how.arrival_speed:.3g} m/s"
+        lines.append(f"{name}: {impact}{stokes}{fall}{drag}{_spread(scene, name)}; forces {', '.join(how.forces)}")
+    rows = ", ".join(f"{row.name} {row.value:.2g}" for row in plan.validity if row.limit is not None)
+    lines.append(f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {rows}")
     if scene.vibration is not None:
         peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
         seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
@@ -224,6 +243,17 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
             f"impacts; {seen}{why}"
         )
     return lines
+
+
+def _turned(how: FractionPlan) -> str:
+    """What the air does to the fraction before the body."""
+    turned = how.deflection
+    if turned is None:
+        return ", the slopes lie in the wake"
+    return (
+        f", impaction efficiency {turned.efficiency:.2g}: {turned.missed:.2g} carried round the body, the landing of "
+        f"the rest moved by up to {turned.shift:.2g} body widths"
+    )
 
 
 def _spread(scene: Scene, name: str) -> str:
@@ -298,30 +328,21 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
         how = plan.fractions[name]
         if how.drag_scale < 0.9:
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
-        if how.mode == "injected" and how.stokes < INJECTED_ABOVE:
-            lines.append(f"{name}: injected at an approach Stokes number of {how.stokes:.2g}; the air turns many aside")
-    return lines + list(_resting(scene)) + list(_airflow_warnings(scene, plan.airflow))
+        lines.extend(_injected_beyond(name, how, plan.target_error))
+    return [*lines, *standing(scene), *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
 
 
-def _resting(scene: Scene) -> Iterator[str]:
-    """Upward faces on which granules may stay, and a record of vibration that does not close."""
-    for name, body in scene.body.items():
-        across, up = normals(body.outline()).T
-        slopes = np.unique(np.round(np.abs(across[up > 0]) / up[up > 0], 9))  # tangents
-        if slopes[0] == 0.0:
-            yield f"body.{name} has a level face: granules come to rest on it unless the vibration throws them off"
-        for kind, fraction in scene.fraction.items():
-            held = slopes[(slopes > 0.0) & (slopes <= fraction.properties.friction)]
-            if len(held) and fraction.inertia is None:
-                angle = math.degrees(math.atan(float(held[-1])))
-                yield (
-                    f"body.{name}: friction {fraction.properties.friction:g} holds {kind} on its faces of up to "
-                    f"{angle:.3g} deg unless the vibration shakes it off"
-                )
-    if scene.vibration is not None and scene.vibration.samples is not None and scene.vibration.record.seam > SEAM:
+def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[str]:
+    """A line where injection was asked for and does not hold."""
+    if how.mode != "injected":
+        return
+    turned = how.deflection
+    if turned is None and how.stokes < math.inf:
+        yield f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
+    elif turned is not None and (turned.missed > target or turned.shift > (how.limit or 0.0)):
         yield (
-            f"vibration.samples: from the record's end to its beginning the acceleration jumps by "
-            f"{scene.vibration.record.seam:.0%} of its peak; give a whole number of periods"
+            f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
+            f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"
         )
 
 

@@ -221,8 +221,8 @@ def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked
         count = len(tracked.landings[name].bin) if tracked else 0
         if chain.plan.fractions[name].mode == "injected" and met < count:
             lines.append(
-                f"{name}: {count - met} of {count} granules do not reach the body by falling straight; they are "
-                "released above it, their impacts resolved"
+                f"{name}: {count - met} of {count} granules fall beside the body or the air carries them round it; "
+                "they are released above it, their impacts resolved"
             )
     for name, fates in ({} if tracked is None else tracked.fates).items():
         total = sum(fates.values())

@@ -32,6 +32,7 @@ from .tables import (
     Fraction,
     Inlet,
     Numerics,
+    Profile,
     Samples,
     SceneTables,
     Size,
@@ -188,6 +189,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Inlet if len(where) > 2 else None
     if where[:2] == ["vibration", "samples"]:
         return Samples
+    if where[:2] == ["feed", "profile"]:
+        return Profile
     if where[0] not in keyed:
         return plain.get(where[0])
     if where[2:3] in (["size"], ["terminal_velocity"]):

@@ -1,7 +1,7 @@
 """The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
 from .common import GRAVITY, STANDARD_AIR, Table
-from .granules import Feed, Fraction, Size, Speeds
+from .granules import Feed, Fraction, Profile, Size, Speeds
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Bin, Numerics, SceneTables
 
@@ -16,6 +16,7 @@ __all__ = [
     "Fraction",
     "Inlet",
     "Numerics",
+    "Profile",
     "Samples",
     "SceneTables",
     "Size",

@@ -13,18 +13,44 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from ..errors import SceneError
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
+from ..laws.profile import crowding, profiles
 from ..laws.size import sizes
 from ..quantities import AnyAngle, Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
 from ..registry import Registry
 from .common import GRAVITY, Array, Table, takes
 
-__all__ = ["Feed", "Fraction", "Size", "Speeds"]
+__all__ = ["Feed", "Fraction", "Profile", "Size", "Speeds"]
 
 OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
 spreads: Registry[Callable[..., Array]] = Registry("distribution of terminal velocities")
 for _name in sizes:
     if {p.name for p in signature(sizes[_name]).parameters.values() if p.kind is p.KEYWORD_ONLY} <= OF_SPEEDS:
         spreads.add(_name, sizes[_name])
+
+
+class Profile(Table):
+    """How the curtain's mass is spread over its width: ``distribution`` and its parameters."""
+
+    distribution: str = Field(description="one of: " + ", ".join(profiles))
+    std: Length | None = Field(None, description="normal: standard deviation; default a quarter of the width")
+    positions: list[Coordinate] | None = Field(None, description="table: from the curtain's middle, increasing")
+    weights: list[Annotated[float, Field(ge=0)]] | None = Field(
+        None, description="table: mass per width at each position, in any unit"
+    )
+
+    def quantile(self, p: Array, width: float) -> Array:
+        """Places (m from the curtain's middle) left of which the shares ``p`` of its mass fall."""
+        given = self.model_dump(exclude_none=True, exclude={"distribution"})
+        try:
+            return profiles[self.distribution](p, width, **given)
+        except TypeError:
+            kind = "curtain profile"
+            raise SceneError(takes(kind, self.distribution, profiles[self.distribution], given)) from None
+
+
+def _one_word(value: Any) -> Any:
+    """``profile = "triangular"`` is short for a table with that distribution alone."""
+    return {"distribution": value} if isinstance(value, str) else value
 
 
 class Feed(Table):
@@ -42,22 +68,36 @@ class Feed(Table):
     )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
+    profile: Annotated[Profile, BeforeValidator(_one_word)] = Field(
+        Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
+    )
     rate: Rate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
     depth: Length = Field(1.0, description="of the machine, across the plane")
     count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
     seed: Annotated[int, Field(ge=0)] = 0
     mode: Literal["auto", "injected", "resolved"] = Field(
         "auto",
-        description="injected: eq. (1)-(2) at the slope; resolved: by the tracker; auto: by Stokes number",
+        description="injected: eq. (1)-(2) at the slope, granules that the air carries round the body apart; resolved: "
+        "by the tracker; auto: by what injection would miss",
     )
 
     @model_validator(mode="after")
     def _one_start(self) -> Feed:
         if (self.height is None) == (self.speed is None):
             raise SceneError("give either height or speed")
+        self.profile.quantile(np.array([0.5]), self.width)
         if self.direction is not None and self.speed is None:
             raise SceneError("direction goes with speed; granules that fall from a height come straight down")
         return self
+
+    def places(self, p: Array) -> Array:
+        """x (m) left of which the shares ``p`` of the curtain's mass fall."""
+        return self.position + self.profile.quantile(p, self.width)
+
+    @property
+    def crowding(self) -> float:
+        """How much denser the curtain is about a granule, in the mean, than one that is uniform over its width."""
+        return crowding(lambda p: self.profile.quantile(p, self.width), self.width)
 
     @property
     def fall_speed(self) -> float:
