@@ -33,6 +33,7 @@ __all__ = ["Feedstock", "arrival", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
+LEAST_WAY = 0.01  # body widths over which an acceleration is taken from speeds
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
 CALM = ("drag", "gravity", "buoyancy", "added-mass")  # terms that act in uniform air without turbulence
 
@@ -206,11 +207,11 @@ def feedstock(
 
 def _pull(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, speed: Array, fall: Array) -> Array:
     """Downward acceleration (n,) m/s2 with which granules come to the slope: over the way that a vibration adds."""
-    if scene.vibration is None:
+    if scene.vibration is None or not len(drop):
         return np.zeros(len(drop))
     if scene.air is None:
         return np.full(len(drop), GRAVITY)
-    way = float(np.linalg.norm(scene.vibration.displacement))
+    way = max(float(np.linalg.norm(scene.vibration.displacement)), LEAST_WAY * scene.width)
     later = arrival(scene, how, grains, drop + way, speed)
     return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -119,6 +119,11 @@ class Air(Table):
         return self
 
 
+def _or_a_file(schema: dict[str, Any]) -> None:
+    """The name of a file is read before the tables are validated, and allowed in the schema only."""
+    schema["anyOf"].append({"type": "string"})
+
+
 class Samples(Table):
     """A measured acceleration along the vibration's direction: one period, which repeats."""
 
@@ -136,7 +141,9 @@ class Vibration(Table):
     gamma: Annotated[float, Field(gt=0, le=MOST_GAMMA)] | None = Field(None, description="peak acceleration over g")
     direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
     samples: Samples | None = Field(
-        None, description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists"
+        None,
+        description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists",
+        json_schema_extra=_or_a_file,
     )
 
     @model_validator(mode="after")
