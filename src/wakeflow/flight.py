@@ -17,10 +17,11 @@ from .ballistics import follow
 from .field import FlowField
 from .files import atomic_write
 from .injection import Feedstock, feedstock
+from .meeting import motion_of
 from .planning import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import GRAVITY, Scene
 from .separation import Landings
-from .tracking import Body, Fate, Granules, Motion, Tracks
+from .tracking import Body, Fate, Granules, Tracks
 
 __all__ = ["Flight", "Tracked", "compile_tracker", "ends", "landed", "load", "solids"]
 
@@ -160,8 +161,7 @@ def solids(scene: Scene) -> list[Body]:
     """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
     stream enters.
     """
-    amplitude, omega = scene.motion
-    motion = Motion(tuple(amplitude), omega / (2 * np.pi)) if omega > 0 else None
+    motion = motion_of(scene)
     found = [Body(body.outline(), motion=motion) for body in scene.body.values()]
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):

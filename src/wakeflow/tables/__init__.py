@@ -2,7 +2,7 @@
 
 from .common import GRAVITY, STANDARD_AIR, Table
 from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
-from .surroundings import Air, Body, Channel, Inlet, Vibration
+from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Bin, Numerics, SceneTables
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "Numerics",
     "Profile",
     "Rebound",
+    "Samples",
     "SceneTables",
     "Size",
     "Speeds",

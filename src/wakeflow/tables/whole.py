@@ -115,8 +115,15 @@ class SceneTables(Table):
 
     @property
     def motion(self) -> tuple[Array, float]:
-        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest."""
+        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest. Of samples the
+        largest displacement, and the frequency of their period.
+        """
         return (np.zeros(2), 0.0) if self.vibration is None else (self.vibration.displacement, self.vibration.omega)
+
+    @property
+    def shaking(self) -> Array:
+        """Peak velocity vector (2,) m/s of the bodies; zeros when at rest."""
+        return np.zeros(2) if self.vibration is None else self.vibration.speed
 
     @property
     def symmetric(self) -> bool:
