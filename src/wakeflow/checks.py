@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from .geometry import contains, distance, edges, segments_cross
 from .registry import nearest
 from .tables import SceneTables
+from .tables.pictures import Curves, Streamlines
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
 
 APART = 0.02  # widths of the first body: bodies nearer to each other, or to an opening, are not meshed
 RESERVED_BIN = "elsewhere"  # where everything counts that reaches no bin
+RESERVED_PICTURES = ("pressure", "tracks", "landing")
 Array = NDArray[np.float64]
 
 
@@ -60,6 +62,9 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
         names = ", ".join(f"body.{name}" for name in scene.obstacles)
         yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
     x, y = next(iter(scene.body.values())).outline().T
+    left, right = feed.position - feed.width / 2, feed.position + feed.width / 2
+    if feed.start == "resting" and (left < x.min() or right > x.max()):
+        yield f"feed: granules lie from x = {left:g} to {right:g} m, the body reaches from {x.min():g} to {x.max():g} m"
     level = min(float(y.max()) + scene.release[0], scene.channel.top)
     curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
     for name, body in list(scene.body.items())[1:]:
@@ -140,6 +145,24 @@ def _inlets_fit(scene: SceneTables) -> Iterator[str]:
                     yield f"bin.{bin_name} overlaps channel.inlet.{name}"
 
 
+def _pictures_fit(scene: SceneTables) -> Iterator[str]:
+    known = list(scene.fraction)
+    for name, picture in scene.picture.items():
+        key = f"picture.{name}"
+        if name in RESERVED_PICTURES:
+            yield f"{key}: every run draws one of this name; choose another"
+        for one in picture.fractions or []:
+            if one not in known:
+                yield f"{key}.fractions: no fraction {one!r}{nearest(one, known)} (known: {', '.join(known)})"
+        if isinstance(picture, Streamlines) and scene.air is None:
+            yield f"{key}: streamlines need an [air] table"
+        if isinstance(picture, Curves) and picture.body_speed is not None:
+            amplitude, omega = scene.motion
+            if picture.body_speed > omega * abs(amplitude[1]):
+                peak = f"the body rises by at most {omega * abs(amplitude[1]):.3g} m/s"
+                yield f"{key}.body_speed = {picture.body_speed:g} m/s: {peak}; change [vibration]"
+
+
 def _rung_fits(scene: SceneTables) -> Iterator[str]:
     if scene.air is None and scene.numerics.rung not in ("auto", "none"):
         yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
@@ -153,5 +176,6 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bins_exist,
     _bins_apart,
     _inlets_fit,
+    _pictures_fit,
     _rung_fits,
 )

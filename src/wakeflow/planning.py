@@ -171,7 +171,7 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     scale = 1.0
     if fraction.measured_settling is not None:
         scale = _calibration(name, law, *fraction.measured_settling)
-    wanted = scene.feed.mode
+    wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
     if scene.air is None:
         clear = "injected" if not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted

@@ -2,6 +2,7 @@
 
 from .common import GRAVITY, STANDARD_AIR, Table
 from .granules import Feed, Fraction, Size
+from .pictures import Picture, picture_tables
 from .surroundings import Air, Body, Channel, Inlet, Vibration
 from .whole import Bin, Numerics, SceneTables
 
@@ -16,8 +17,10 @@ __all__ = [
     "Fraction",
     "Inlet",
     "Numerics",
+    "Picture",
     "SceneTables",
     "Size",
     "Table",
     "Vibration",
+    "picture_tables",
 ]

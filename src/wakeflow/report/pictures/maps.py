@@ -1,0 +1,173 @@
+"""Maps: kind = "streamlines" (the paper's Fig. 7) and kind = "density", the fractional flows and the suction zone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import SceneError
+from ...tables.pictures import Density
+from ..canvas import (
+    INK,
+    MM,
+    Grid,
+    Window,
+    air_arrow,
+    fraction_colours,
+    frame,
+    new_figure,
+    save,
+    solids,
+    streams,
+    triangulation,
+)
+from ..figures import SUCTION_LEVEL, draw_pressure, pressure_coefficient
+from .paths import Path2D
+from .view import Drawn, View
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["draw_density", "draw_streamlines", "mass_flux"]
+
+Array = NDArray[np.float64]
+ACROSS = 60  # cells of a map over the channel's width
+DECADES = 3.0  # of mass flux below its highest that are shaded
+GRID = 120  # points along the longer side of the airflow's data
+
+
+def draw_streamlines(view: View) -> Drawn:
+    """Pressure coefficient and streamlines, zones numbered as in the paper's Fig. 7; data on a regular grid."""
+    outcome, scene = view.outcome, view.scene
+    if outcome.field is None or outcome.field.pressure is None or outcome.airflow is None:
+        raise SceneError(f"picture.{view.name}: streamlines need an airflow with pressure")
+    draw_pressure(view.file(".png"), outcome.field, scene, outcome.airflow, numbered=True)
+    mean = outcome.field.mean()
+    cp = pressure_coefficient(mean, scene, outcome.airflow)
+    grid = Grid.sample(triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
+    columns = ("x (m)", "y (m)", "air vx (m/s)", "air vy (m/s)", "Cp")
+    data = view.write_csv(columns, _grid_rows(grid))
+    suction = outcome.airflow["suction"]
+    text = (
+        "1 direction of the air, 2 pressing zone, 3 body, 4 suction zone "
+        f"(Cp < {SUCTION_LEVEL:g}: lowest {suction['cp_min']:.2f}, {MM * suction['length']:.0f} mm long, "
+        f"{MM * suction['width']:.0f} mm wide)."
+    )
+    return Drawn([view.file(".png"), data], text, {"suction": dict(suction)})
+
+
+def _grid_rows(grid: Grid) -> Iterator[tuple[float, ...]]:
+    """Points inside the air only."""
+    for i, y in enumerate(grid.y):
+        for j, x in enumerate(grid.x):
+            values = [value[i, j] for value in grid.values]
+            if not any(np.ma.is_masked(value) for value in values):
+                yield float(x), float(y), *map(float, values)
+
+
+def _channel(view: View) -> Window:
+    channel = view.scene.channel
+    return (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
+
+
+def mass_flux(paths: list[Path2D], rate: float, depth: float, x: Array, y: Array) -> Array:
+    """Mass flux (ny, nx) kg/(m2 s) of a stream of ``rate`` (kg/s) over ``depth`` (m) in cells with edges x, y (m).
+
+    Every granule stands for the same mass flow; what a cell sees is the length of its tracks in it over the cell's
+    volume: the track-length estimate of the flux through it, direction left aside (Spanier & Gelbard 1969, Monte
+    Carlo Principles and Neutron Transport Problems, ch. 2).
+    """
+    total = np.zeros((len(y) - 1, len(x) - 1))
+    step = 0.25 * min(float(np.diff(x).min()), float(np.diff(y).min()))
+    for path in paths:
+        pieces = np.ceil(np.linalg.norm(np.diff(path.position, axis=0), axis=1) / step).astype(int)
+        times = [
+            np.linspace(a, b, n, endpoint=False)
+            for a, b, n in zip(path.time[:-1], path.time[1:], np.maximum(pieces, 1), strict=True)
+        ]
+        if not times:
+            continue
+        points, _ = path.at(np.append(np.concatenate(times), path.time[-1]))
+        middle, length = 0.5 * (points[1:] + points[:-1]), np.linalg.norm(np.diff(points, axis=0), axis=1)
+        total += np.histogram2d(middle[:, 1], middle[:, 0], bins=(y, x), weights=length)[0]
+    volume = np.diff(y)[:, None] * np.diff(x) * depth
+    return rate / max(len(paths), 1) * total / volume
+
+
+def draw_density(view: View) -> Drawn:
+    """A panel a fraction: its mass flux in the channel, bodies, bins, and the outline of the suction zone."""
+    picture, scene = view.picture, view.scene
+    assert isinstance(picture, Density)
+    window, shares = _channel(view), scene.mass_shares()
+    cell = picture.cell or scene.channel.width / ACROSS
+    x, y = (np.linspace(a, b, max(2, round((b - a) / cell)) + 1) for a, b in (window[:2], window[2:]))
+    flux = {
+        name: mass_flux(paths, scene.feed.mass_flow * shares[name], scene.feed.depth, x, y)
+        for name, paths in view.paths.items()
+    }
+    tall = 4.6
+    wide = max(1.6, tall * (window[1] - window[0]) / (window[3] - window[2]))
+    figure = new_figure((wide + 1.3) * len(flux), tall + 0.9)
+    panels = figure.subplots(1, len(flux), squeeze=False, sharey=True)[0]
+    colours = fraction_colours(list(scene.fraction))
+    for axes, (name, values) in zip(panels, flux.items(), strict=True):
+        _panel(axes, view, x, y, values, colours[name], name)
+        frame(axes, window)
+        solids(axes, scene)
+        air_arrow(axes, scene, window)
+        streams(axes, scene)
+    figure.suptitle("Mass flux of each fraction; dashed: suction zone", fontsize=9)
+    save(figure, view.file(".png"))
+    columns = ("x (m)", "y (m)", *(f"{name} (kg/(m^2 s))" for name in flux))
+    data = view.write_csv(columns, _flux_rows(x, y, list(flux.values())))
+    numbers = {name: _through_suction(view, paths) for name, paths in view.paths.items()}
+    told = [f"{name} {100 * share:.0f} %" for name, share in numbers.items() if share is not None]
+    text = f"Granules that cross the suction zone of the mean air: {', '.join(told)}." if told else ""
+    return Drawn([view.file(".png"), data], text, {"through_suction": numbers})
+
+
+def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str, name: str) -> None:
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
+
+    scale = LinearSegmentedColormap.from_list("flux", ["#ffffff", colour, INK])
+    top = float(flux.max()) or 1.0
+    shown = np.ma.masked_less(flux, top * 10**-DECADES)
+    drawn = axes.pcolormesh(MM * x, MM * y, shown, cmap=scale, norm=LogNorm(top * 10**-DECADES, top), rasterized=True)
+    bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.6, pad=0.02)
+    bar.set_label(f"{name}: kg/(m² s)", fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    axes.set_title(name, fontsize=9, loc="left")
+    axes.set_aspect("equal")
+    field, airflow = view.outcome.field, view.outcome.airflow
+    if field is not None and field.pressure is not None and airflow is not None:
+        mean = field.mean()
+        cp = pressure_coefficient(mean, view.scene, airflow)
+        axes.tricontour(
+            triangulation(mean), cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5
+        )
+
+
+def _flux_rows(x: Array, y: Array, values: list[Array]) -> Iterator[tuple[Any, ...]]:
+    for i, up in enumerate(0.5 * (y[1:] + y[:-1])):
+        for j, along in enumerate(0.5 * (x[1:] + x[:-1])):
+            yield float(along), float(up), *(float(value[i, j]) for value in values)
+
+
+def _through_suction(view: View, paths: list[Path2D]) -> float | None:
+    """Share of the granules whose recorded track has a point where Cp of the mean air is below the suction level."""
+    field, airflow = view.outcome.field, view.outcome.airflow
+    if field is None or field.pressure is None or airflow is None or not paths:
+        return None
+    from matplotlib.tri import LinearTriInterpolator
+
+    mean = field.mean()
+    cp = LinearTriInterpolator(triangulation(mean), pressure_coefficient(mean, view.scene, airflow))
+    crossed = 0
+    for path in paths:
+        points, _ = path.at(np.linspace(path.time[0], path.time[-1], 400))
+        found = np.ma.filled(cp(*(MM * points.T)), np.inf)
+        crossed += bool((found < SUCTION_LEVEL).any())
+    return crossed / len(paths)
