@@ -172,8 +172,8 @@ def _zones(axes: Axes, grid: Grid, scene: Scene, window: Window, numbers: Mappin
     cp = np.ma.filled(grid.values[2], np.nan)
     x, y = np.meshgrid(grid.x - outline[:, 0].mean(), upstream * grid.y)
     if "body" in numbers:
-        x, y = MM * outline.mean(axis=0)
-        axes.text(x, y, numbers["body"], ha="center", va="center", fontweight="bold", color="white", zorder=10)
+        across, up = MM * outline.mean(axis=0)
+        axes.text(across, up, numbers["body"], ha="center", va="center", fontweight="bold", color="white", zorder=10)
     ahead = y > np.mean(upstream * outline[:, 1])
     shade = (y < np.min(upstream * outline[:, 1])) & (np.abs(x) < width / 2)  # right behind the body
     pressed = np.where(ahead & (np.abs(x) < width) & (cp > PRESSING_LEVEL), cp, -np.inf)

@@ -263,6 +263,6 @@ def _text(numbers: dict[str, Any]) -> str:
     for name, row in numbers.items():
         hop = f"hops up to {MM * max(row['hop']):.2g} mm off the body" if max(row["hop"]) > 1e-6 else "never lifts off"
         left = [time for time in row["leaves"] if time is not None]
-        gone = f"leaves it after {min(left):.3g} s" if left else "stays on it"
+        gone = f"leaves it after {min(left):.3g} s" if left else "is still on it at the end"
         parts.append(f"{name} {hop} and {gone}")
     return "; ".join(parts) + "."

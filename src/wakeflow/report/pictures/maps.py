@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -81,20 +82,36 @@ def mass_flux(paths: list[Path2D], rate: float, depth: float, x: Array, y: Array
     Carlo Principles and Neutron Transport Problems, ch. 2).
     """
     total = np.zeros((len(y) - 1, len(x) - 1))
-    step = 0.25 * min(float(np.diff(x).min()), float(np.diff(y).min()))
+    step = 0.5 * min(float(np.diff(x).min()), float(np.diff(y).min()))
     for path in paths:
-        pieces = np.ceil(np.linalg.norm(np.diff(path.position, axis=0), axis=1) / step).astype(int)
-        times = [
-            np.linspace(a, b, n, endpoint=False)
-            for a, b, n in zip(path.time[:-1], path.time[1:], np.maximum(pieces, 1), strict=True)
-        ]
-        if not times:
+        if len(path.time) < 2:
             continue
+        pieces = np.maximum(1, np.ceil(np.linalg.norm(np.diff(path.position, axis=0), axis=1) / step)).astype(int)
+        spans = zip(path.time[:-1], path.time[1:], pieces, strict=True)
+        times = [np.linspace(a, b, n, endpoint=False) for a, b, n in spans]
         points, _ = path.at(np.append(np.concatenate(times), path.time[-1]))
-        middle, length = 0.5 * (points[1:] + points[:-1]), np.linalg.norm(np.diff(points, axis=0), axis=1)
+        middle, length = _cut(points, x, y)
         total += np.histogram2d(middle[:, 1], middle[:, 0], bins=(y, x), weights=length)[0]
     volume = np.diff(y)[:, None] * np.diff(x) * depth
     return rate / max(len(paths), 1) * total / volume
+
+
+def _cut(points: Array, x: Array, y: Array) -> tuple[Array, Array]:
+    """The segments of a polyline (n, 2), shorter than a cell, cut where they cross a line of the grid: middles (m, 2)
+    and lengths (m,) of the parts.
+    """
+    start, along = points[:-1], np.diff(points, axis=0)
+    cuts = []
+    for axis, lines in enumerate((x, y)):
+        before, after = (np.searchsorted(lines, part[:, axis]) for part in (start, points[1:]))
+        line = lines[np.clip(np.maximum(before, after) - 1, 0, len(lines) - 1)]
+        whole = np.ones(len(start))
+        cuts.append(np.divide(line - start[:, axis], along[:, axis], out=whole, where=before != after))
+    first, second = np.minimum(*cuts), np.maximum(*cuts)
+    bounds = (np.zeros_like(first), first, second, np.ones_like(first))
+    middles = [start + 0.5 * (a + b)[:, None] * along for a, b in itertools.pairwise(bounds)]
+    size = np.linalg.norm(along, axis=1)
+    return np.concatenate(middles), np.concatenate([(b - a) * size for a, b in itertools.pairwise(bounds)])
 
 
 def draw_density(view: View) -> Drawn:
@@ -119,14 +136,14 @@ def draw_density(view: View) -> Drawn:
         solids(axes, scene)
         air_arrow(axes, scene, window)
         streams(axes, scene)
-    figure.suptitle("Mass flux of each fraction; dashed: suction zone", fontsize=9)
+    figure.suptitle("Mass flux of each fraction; dashed: suction zone, dotted: reversed flow", fontsize=9)
     save(figure, view.file(".png"))
     columns = ("x (m)", "y (m)", *(f"{name} (kg/(m^2 s))" for name in flux))
     data = view.write_csv(columns, _flux_rows(x, y, list(flux.values())))
-    numbers = {name: _through_suction(view, paths) for name, paths in view.paths.items()}
-    told = [f"{name} {100 * share:.0f} %" for name, share in numbers.items() if share is not None]
-    text = f"Granules that cross the suction zone of the mean air: {', '.join(told)}." if told else ""
-    return Drawn([view.file(".png"), data], text, {"through_suction": numbers})
+    numbers = _through(view)
+    told = [f"{name} {100 * row['suction']:.0f} and {100 * row['reversal']:.0f} %" for name, row in numbers.items()]
+    text = f"Of each fraction enter the suction zone and the reversed flow of the mean air: {', '.join(told)}."
+    return Drawn([view.file(".png"), data], text if told else "", {"through": numbers})
 
 
 def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str, name: str) -> None:
@@ -143,11 +160,10 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
     axes.set_aspect("equal")
     field, airflow = view.outcome.field, view.outcome.airflow
     if field is not None and field.pressure is not None and airflow is not None:
-        mean = field.mean()
+        mean, mesh = field.mean(), triangulation(field)
         cp = pressure_coefficient(mean, view.scene, airflow)
-        axes.tricontour(
-            triangulation(mean), cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5
-        )
+        axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5)
+        axes.tricontour(mesh, mean.velocity[:, 1], levels=[0.0], colors=INK, linewidths=0.9, linestyles=":", zorder=5)
 
 
 def _flux_rows(x: Array, y: Array, values: list[Array]) -> Iterator[tuple[Any, ...]]:
@@ -156,18 +172,29 @@ def _flux_rows(x: Array, y: Array, values: list[Array]) -> Iterator[tuple[Any, .
             yield float(along), float(up), *(float(value[i, j]) for value in values)
 
 
-def _through_suction(view: View, paths: list[Path2D]) -> float | None:
-    """Share of the granules whose recorded track has a point where Cp of the mean air is below the suction level."""
-    field, airflow = view.outcome.field, view.outcome.airflow
-    if field is None or field.pressure is None or airflow is None or not paths:
-        return None
+def _through(view: View) -> dict[str, dict[str, float]]:
+    """By fraction the share of granules whose track enters the suction zone, and the reversed flow, of the mean air."""
     from matplotlib.tri import LinearTriInterpolator
 
-    mean = field.mean()
-    cp = LinearTriInterpolator(triangulation(mean), pressure_coefficient(mean, view.scene, airflow))
-    crossed = 0
-    for path in paths:
-        points, _ = path.at(np.linspace(path.time[0], path.time[-1], 400))
-        found = np.ma.filled(cp(*(MM * points.T)), np.inf)
-        crossed += bool((found < SUCTION_LEVEL).any())
-    return crossed / len(paths)
+    field, airflow = view.outcome.field, view.outcome.airflow
+    if field is None or field.pressure is None or airflow is None:
+        return {}
+    mean, mesh = field.mean(), triangulation(field)
+    zones = {
+        "suction": pressure_coefficient(mean, view.scene, airflow) - SUCTION_LEVEL,
+        "reversal": _downstream(view) * mean.velocity[:, 1],
+    }
+    inside = {zone: LinearTriInterpolator(mesh, values) for zone, values in zones.items()}
+    found: dict[str, dict[str, float]] = {}
+    for name, paths in view.paths.items():
+        points = [path.at(np.linspace(path.time[0], path.time[-1], 400))[0] for path in paths]
+        found[name] = {
+            zone: float(np.mean([np.any(np.ma.filled(level(*(MM * p.T)), np.inf) < 0.0) for p in points]))
+            for zone, level in inside.items()
+        }
+    return found
+
+
+def _downstream(view: View) -> float:
+    """+1 where the air rises, -1 where it goes down."""
+    return 1.0 if view.scene.air is not None and view.scene.air.direction == "up" else -1.0

@@ -62,8 +62,8 @@ class View:
 
 
 def _cell(value: Any) -> Any:
-    """Seven digits; what is below 1e-12 of a unit is round-off."""
-    return f"{round(value, 12):.7g}" if isinstance(value, float) else value
+    """Nine digits; what is below 1e-12 of a unit is round-off."""
+    return f"{round(value, 12):.9g}" if isinstance(value, float) else value
 
 
 pictures = Registry[Callable[[View], Drawn]]("kind of picture")
