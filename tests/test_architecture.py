@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
     "tables", "checks", "scene", "bounds", "scales", "gate", "rungs", "locking", "planning", "meshing",
-    "reconstruction", "foam", "field", "tracking", "injection", "separation", "flight", "flows", "pipeline",
+    "reconstruction", "foam", "field", "duct", "tracking", "injection", "separation", "flight", "flows", "pipeline",
     "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {

@@ -174,7 +174,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, vacuum.
+        One of: rhombus, prism, aspirator, vacuum.
     path
         Where to write it; default KIND.toml here.
     overwrite
@@ -249,8 +249,8 @@ def verify(
     Parameters
     ----------
     what
-        tracker, problems, airflow or meshes; or a scene file: its airflow beside published values, or on three grids.
-        Default: all four. Reports go to runs/verify.
+        tracker, problems, airflow, meshes or shares; or a scene file: its airflow beside published values, or on three
+        grids. Default: all five. Reports go to runs/verify.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
         an hour or two of one core.

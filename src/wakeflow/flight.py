@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 DETAIL, COARSE = 8192, 1024  # points kept of a track for pictures; where there are many of them
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
+HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
 KEPT = 2**20  # granules of a fraction whose landings stay in memory
 
 
@@ -133,10 +134,11 @@ class Flight:
         scene = self.scene
         height = scene.channel.top - scene.channel.bottom
         speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
+        patience = PATIENCE if scene.body else HOVERING
         return track(
             self.field,
             grains,
-            until=float(np.max(grains.time, initial=0.0)) + max(5.0, PATIENCE * height / speed),
+            until=float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed),
             tolerance=self.tolerance,
             length=scene.width,
             forces=self.plan.fractions[name].forces,

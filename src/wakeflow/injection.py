@@ -5,6 +5,8 @@ included), meets the body at the phase of the vibration that a uniform stream me
 velocity in the lab frame. Its first contact lies on the outline offset by its radius: a slope or a corner.
 
 Resolved: it is released above the body and the tracker does the impact; for granules that the air turns aside.
+
+Without a body the curtain enters the channel at the feed's level.
 """
 
 from __future__ import annotations
@@ -19,9 +21,9 @@ from numpy.typing import NDArray
 from .field import FlowField
 from .geometry import edges, normals
 from .laws.collision import collide
-from .laws.drag import slip_correction
+from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
-from .scene import GRAVITY, Fraction, Scene
+from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
 from .tracking import Granules, track
 
 __all__ = ["Feedstock", "arrival", "feedstock", "first_contact"]
@@ -42,9 +44,9 @@ class Feedstock:
 
 
 def _samples(
-    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES)
+    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES), dimensions: int = 4
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Scrambled Sobol points (n, 4) in the unit cube of some ``replicates``, and the one each belongs to.
+    """Scrambled Sobol points (n, dimensions) in the unit cube of some ``replicates``, and the one each belongs to.
 
     The stream depends on the fraction's own name and on the replicate, not on the other fractions.
     """
@@ -53,7 +55,7 @@ def _samples(
     size, parts = replicate_size(count), []
     for replicate in replicates:
         source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-        parts.append(qmc.Sobol(4, scramble=True, rng=source).random(size))
+        parts.append(qmc.Sobol(dimensions, scramble=True, rng=source).random(size))
     points = np.clip(np.concatenate(parts), 1e-12, 1 - 1e-12)
     return points, np.repeat(np.asarray(replicates), size)
 
@@ -90,7 +92,8 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
     uniform flow.
     """
-    reach = max(float(np.ptp(next(iter(scene.body.values())).outline()[:, 1])) + scene.release[0], scene.width) + 1.0
+    outline = scene.first_outline
+    reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
     )  # the same for any part of the granules
@@ -193,10 +196,15 @@ def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
     return np.stack([x, height], axis=1) - scene.motion[0]
 
 
-def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granules:
+def _granules(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None) -> Granules:
+    """At rest in the origin; ``settling`` (n,) m/s: each granule's own terminal velocity where it was measured."""
     origin = np.zeros((len(diameter), 2))
     properties = fraction.properties
-    correction = slip_correction(diameter)
+    if settling is None:
+        scale = how.drag_scale / slip_correction(diameter)
+    else:
+        law, air = how.drag, (*STANDARD_AIR, GRAVITY)
+        scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law)
     return Granules(
         position=origin,
         velocity=origin,
@@ -205,7 +213,7 @@ def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granule
         sphericity=fraction.sphericity or 1.0,
         restitution=properties.restitution,
         friction=properties.friction,
-        drag_scale=how.drag_scale / correction,
+        drag_scale=scale,
         inertia=fraction.inertia,
     )
 
@@ -218,20 +226,23 @@ def feedstock(
     ``replicates``: only those, the same granules as among all.
     """
     fraction, how = scene.fraction[name], plan.fractions[name]
-    outline = next(iter(scene.body.values())).outline()
-    points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates)
+    spreads = fraction.settling(np.zeros(0)) is not None
+    points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates, 5 if spreads else 4)
     x = scene.feed.position + scene.feed.width * (points[:, 0] - 0.5)
     diameter = fraction.diameters(points[:, 1])
-    grains = _granules(fraction, how, diameter)
-    level, speed = _start(scene, float(outline[:, 1].max()), 0.5 * diameter)
+    grains = _granules(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
+    if not scene.body:
+        return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+    assert scene.first_outline is not None
+    level, speed = _start(scene, scene.level, 0.5 * diameter)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
     if scene.feed.start == "resting":
-        lying = grains.replace(position=_lying(scene, outline, x, diameter / 2), time=time)
+        lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
         return Feedstock(lying, replicate, injected)
     position, velocity = _released(scene, how, grains, x, level, speed)
     if how.mode == "injected":
-        height, normal = contact_points(outline, x, diameter / 2)
+        height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
         fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
@@ -243,6 +254,13 @@ def feedstock(
         velocity[i], spin[i] = _rebound(grains[i], fall[i], normal[i], wall)
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin)
     return Feedstock(entered, replicate, injected)
+
+
+def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:
+    """The curtain where no body stands: at the feed's level, with the velocity it has there."""
+    y = min(scene.level, scene.channel.top - 1e-6 * scene.width)
+    velocity = np.broadcast_to(scene.entry, (len(x), 2))
+    return grains.replace(position=np.stack([x, np.full(len(x), y)], axis=1), velocity=velocity)
 
 
 def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:

@@ -90,7 +90,9 @@ class Chain:
 
     @property
     def mesh_quality(self) -> dict[str, Any]:
-        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees)."""
+        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees); empty without one."""
+        if self.plan.rung == "analytic":
+            return {}
         if self.given is not None:
             return {"cells": self.airflow["cells"]}
         table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
@@ -167,7 +169,11 @@ class Chain:
 
     @property
     def airflow(self) -> dict[str, Any]:
-        """What was measured on the airflow: the ``airflow`` table of result.json."""
+        """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json."""
+        if self.plan.rung == "analytic":
+            from .duct import duct_airflow
+
+            return {"rung": self.plan.rung, "turbulence": self.plan.airflow.turbulence, **duct_airflow(self.scene)}
         table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
         return {"rung": self.plan.rung, **table}
 
@@ -176,6 +182,8 @@ class Chain:
         """Key and field on triangles that the tracker reads, of the whole channel."""
         from .field import FlowField
 
+        if self.plan.rung == "analytic":
+            return self._duct()
         key, folder = self.solution
         code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field")
         key = content_key("field", key, code, _version("foamlib"))
@@ -190,6 +198,15 @@ class Chain:
             (read.compressed() if read.period is not None else read).save(part / "field.npz")
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
+
+    def _duct(self) -> tuple[str, FlowField]:
+        """Key and field of air in which nothing stands; made in no time, so not kept."""
+        from .duct import duct_field
+
+        air, channel = self.scene.air, self.scene.channel
+        asked = (repr(air), channel.width, channel.top, channel.bottom, self.plan.airflow.turbulence)
+        key = content_key("duct", asked, _sources("duct.py", "field"))
+        return key, duct_field(self.scene, turbulent=self.plan.airflow.turbulence == "decaying")
 
     @property
     def truncation(self) -> dict[str, Any] | None:

@@ -33,7 +33,11 @@ INJECTED_ABOVE = (
     10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
 )
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
+LAMINAR_CHANNEL = (
+    1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
+)
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
+RARE = 1e-3  # mass below and above which a measured terminal velocity may be anything
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 
 
@@ -45,9 +49,9 @@ class FractionPlan:
     drag: str  # name of the drag law
     drag_scale: float  # factor on the law that gives the measured terminal velocity; 1 without one. A granule's own
     # slip correction divides it
-    terminal_velocity: float | None  # m/s in the scene's air; None in a vacuum
+    terminal_velocity: float | None  # m/s in the scene's air, of the median; None in a vacuum
     relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
-    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width
+    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width; inf without a body or air
     forces: tuple[str, ...] = ()  # the terms it is flown with
     bounds: dict[str, float] = field(default_factory=dict)  # body widths each term could move it by
     limit: float | None = None  # body widths: what a term must be able to move to be used
@@ -70,10 +74,11 @@ class Plan:
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+    unit: str = "body widths"  # of lengths: of the channel where nothing stands
 
     @property
     def rung(self) -> str:
-        """none | draft | standard | reference | given"""
+        """none | analytic | draft | standard | reference | given"""
         return self.airflow.rung
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
@@ -112,9 +117,9 @@ def make_plan(
         motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
     check_switches(scene, switches, airflow.turbulence)
-    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={})
+    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, unit=scene.unit)
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name)) is not None}
-    plan.warnings.extend(_missing(gates))
+    plan.warnings.extend(_missing(gates, scene.unit))
     plan.estimate.update(_estimate(scene, plan))
     if scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
@@ -131,7 +136,7 @@ def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
         return None
     found = flights(
         scene, name, how.drag, how.drag_scale, injected=how.mode == "injected",
-        turbulent=plan.airflow.turbulence != "laminar",
+        turbulent=plan.airflow.turbulence in ("kOmegaSST", "given"),
     )  # fmt: skip
     gate = open_gate(
         scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence, moving=plan.airflow.moving
@@ -141,12 +146,12 @@ def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
     return gate
 
 
-def _missing(gates: Mapping[str, Gate]) -> Iterator[str]:
+def _missing(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
     """A line for each term that could matter and is not computed, with what it could move."""
     terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
     for term, why in terms:
         moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
-        yield f"{term}, left out, could move {', '.join(moved)} body widths: {why}"
+        yield f"{term}, left out, could move {', '.join(moved)} {unit}: {why}"
 
 
 def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
@@ -171,9 +176,11 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     scale = 1.0
     if fraction.measured_settling is not None:
         scale = _calibration(name, law, *fraction.measured_settling)
+        for speed in () if (spread := fraction.settling(np.array([RARE, 1.0 - RARE]))) is None else spread.tolist():
+            _calibration(name, law, granule.diameter, granule.density, speed)
     wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
     if scene.air is None:
-        clear = "injected" if not scene.obstacles else "resolved"
+        clear = "injected" if scene.body and not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted
         return FractionPlan(mode, law, scale, None, math.inf, math.inf)
     air, own = scene.air, scale / float(slip_correction(granule.diameter))
@@ -187,9 +194,9 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
     reynolds = air.density * abs(fall - along) * granule.diameter / air.viscosity
     factor = own * float(entry.factor(np.array([reynolds]), phi)[0])
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
-    stokes = tau * fall / (0.5 * scene.width)
+    stokes = tau * fall / (0.5 * scene.width) if scene.body else math.inf
     falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
-    heavy = stokes > INJECTED_ABOVE and falls_into_calm and not scene.obstacles
+    heavy = scene.body and stokes > INJECTED_ABOVE and falls_into_calm and not scene.obstacles
     mode = wanted if wanted != "auto" else ("injected" if heavy else "resolved")
     return FractionPlan(mode, law, scale, settling, tau, stokes)
 
@@ -201,11 +208,11 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
         share = brought / (scene.air.speed * scene.channel.width)
         lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
     for name, how in plan.fractions.items():
-        resolved = "released above the body, impacts resolved"
+        resolved = "released above the body, impacts resolved" if scene.body else f"enters at y = {scene.level:.3g} m"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
         stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g})"
         drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
-        lines.append(f"{name}: {impact}{stokes}{drag}; forces {', '.join(how.forces)}")
+        lines.append(f"{name}: {impact}{stokes}{drag}{_spread(scene, name)}; forces {', '.join(how.forces)}")
     if scene.vibration is not None:
         peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
         seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
@@ -214,10 +221,22 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     return lines
 
 
+def _spread(scene: Scene, name: str) -> str:
+    """Between which terminal velocities nine in ten granules of a fraction lie, where a distribution was measured."""
+    ends = scene.fraction[name].settling(np.array([0.05, 0.95]))
+    return (
+        ""
+        if ends is None
+        else f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
+    )
+
+
 def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
     if airflow.rung == "given":
         yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
+    if airflow.rung == "analytic":
+        yield f"airflow: {airflow.why}"
     if airflow.stepping is None:
         return
     part = ", half of the channel mirrored" if airflow.half else ""
@@ -266,7 +285,8 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
         size = float(fraction.diameters(np.array([0.95]))[0])
         if size > 0.1 * scene.width:
             lines.append(
-                f"{name}: {size / scene.width:.0%} of the body's width; granules are treated as points in the air"
+                f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
+                "treated as points in the air"
             )
         if fraction.properties.confidence == "low":
             lines.append(f"{name}: material data of low confidence; measure your own terminal velocity")
@@ -279,6 +299,9 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
 
 
 def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
+    reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
+    if airflow.rung == "analytic" and parabolic and reynolds > LAMINAR_CHANNEL:
+        yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
     if airflow.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
         yield "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
     if airflow.brackets:

@@ -114,13 +114,13 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     }
     tracked: Tracked | None = None
     if scene.air is not None:
-        if until not in ("mesh", "airflow"):
+        if until not in ("mesh", "airflow") and plan.rung != "analytic":
             chain.compile_beside()
         table["mesh"] = chain.mesh_quality
         if until != "mesh":
             table["airflow"] = chain.airflow
             table["airflow"]["grids"] = airflow_on_grids(chain)
-            table["airflow"]["momentum"] = _momentum(scene, table["airflow"])
+            table["airflow"]["momentum"] = _momentum(scene, table["airflow"]) if scene.body else None
     if until not in ("mesh", "airflow"):
         tracked = chain.tracks()
         if table["airflow"] is not None:
@@ -218,7 +218,8 @@ def _momentum(scene: Scene, airflow: dict[str, Any]) -> dict[str, float]:
 
 def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
     """What a user must know of the airflow and of how the tracks ended."""
-    lines = [] if table["airflow"] is None else _airflow_notices(scene, chain, table["airflow"])
+    solved = table["airflow"] is not None and chain.plan.rung != "analytic"
+    lines = _airflow_notices(scene, chain, table["airflow"]) if solved else []
     for name, met in ({} if tracked is None else tracked.injected).items():
         count = len(tracked.landings[name].bin) if tracked else 0
         if chain.plan.fractions[name].mode == "injected" and met < count:

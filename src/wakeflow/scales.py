@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from .bounds import NEAR, Flight
 from .geometry import normals
-from .laws.drag import drag_laws, slip_correction, terminal_velocity
+from .laws.drag import drag_factor_for_terminal_velocity, drag_laws, slip_correction, terminal_velocity
 from .laws.material import Material
-from .scene import GRAVITY, Air, Fraction, Scene
+from .scene import GRAVITY, STANDARD_AIR, Air, Fraction, Scene
 
 __all__ = ["flights", "meetings"]
 
 Array = NDArray[np.float64]
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over
 RECIRCULATION = 0.2  # of U: how fast air that granules fall into leaves the wake
+NEARLY = 1.001  # of the air speed: terminal velocity of a granule that hangs in upward air for long
 MARCH = 0.01  # step of the one-dimensional fall, of the time it takes about
 
 
@@ -37,26 +38,43 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, injected: bool, 
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     amplitude, omega = scene.motion
     upward = air.direction == "up"
+    sideways = not scene.body or any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values())
     found = []
-    for diameter in dict.fromkeys(fraction.diameters(np.array(SIZES)).tolist()):
-        fall = _Fall(scene, air, diameter, density, law, phi, scale / float(slip_correction(diameter)))
+    for diameter, factor in _granules(scene, fraction, law, scale):
+        fall = _Fall(scene, air, diameter, density, law, phi, factor)
         whole, time, near, arrival, landing, tau = fall.times()
         arrival = max(arrival, scene.feed.fall_speed)
         slip = max(abs(arrival - fall.along), air.speed, abs(landing) - abs(fall.along))
-        if upward and fall.settling < air.speed:  # it falls into the wake, and leaves with the air
+        if scene.body and upward and fall.settling < air.speed:  # it falls into the wake, and leaves with the air
             stays = NEAR * scene.width / (RECIRCULATION * air.speed) / (1.0 + tau * air.speed / scene.width)
             whole, time, near = whole + stays, time + stays, near + stays
+        thrown = arrival * _thrown(scene, fraction) if scene.body else abs(float(scene.entry[0]))
         found.append(Flight(
-            diameter=diameter, density=density, tau=tau,
-            arrival=arrival, thrown=arrival * _thrown(scene, fraction), slip=slip, settling=fall.settling,
+            diameter=diameter, density=density, tau=tau, calm=not scene.body,
+            arrival=arrival, thrown=thrown, slip=slip, settling=fall.settling,
             landing=landing, whole=whole, time=time, near=near,
             beside=injected and not upward,
-            sideways_bins=any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values()),
+            sideways_bins=sideways,
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(amplitude)) * omega,
             omega=omega, meetings=meetings(scene, diameter, density),
         ))  # fmt: skip
     return found
+
+
+def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Iterator[tuple[float, float]]:
+    """Diameters (m) and factors on the drag law, slip correction included, of small, median and large granules; where
+    measured terminal velocities spread, of slow and fast ones of each size, and of those that hang in the air longest.
+    """
+    density, speeds = fraction.properties.density, fraction.settling(np.array(SIZES))
+    if speeds is not None and not scene.body and scene.air is not None:
+        speeds = np.append(speeds, np.clip(NEARLY * scene.air.speed, speeds[0], speeds[-1]))
+    for diameter in dict.fromkeys(fraction.diameters(np.array(SIZES)).tolist()):
+        if speeds is None:
+            yield diameter, scale / float(slip_correction(diameter))
+            continue
+        for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *STANDARD_AIR, GRAVITY, law):
+            yield diameter, float(factor)
 
 
 def _thrown(scene: Scene, fraction: Fraction) -> float:
@@ -97,11 +115,16 @@ class _Fall:
 
     def times(self) -> tuple[float, float, float, float, float, float]:
         """Seconds from release to the end, from the body to the end, of that near it; speeds (m/s) of arrival at the
-        body and at the end; the mean relaxation time (s) after the body.
+        body and at the end; the mean relaxation time (s) after the body. Without a body from its entry to the end.
         """
         scene, channel = self.scene, self.scene.channel
-        top = float(next(iter(scene.body.values())).outline()[:, 1].max())
+        top = scene.level
         above, speed = scene.release
+        if not scene.body:
+            down, up = top - channel.bottom, max(channel.top - top, channel.width)
+            rows = list(self._march(speed, down, up))
+            tau = float(np.mean(self.tau(np.abs(self.along - np.array(rows)[:, 2]))))
+            return rows[-1][0], rows[-1][0], rows[-1][0], abs(speed), max(abs(rows[-1][2]), 0.1 * abs(self.along)), tau
         before, _, arrival = _last(self._march(speed, above, max(channel.top - top - above, scene.width)))
         rows = list(self._march(0.0, -channel.bottom, channel.top))
         time, _, landing = rows[-1]

@@ -1,6 +1,7 @@
 """The scene: what is asked. Its tables together, read from TOML, changed, saved.
 
-Origin at the first body's centre, y up. Numbers are SI; a string with a unit ("50 mm", "60 deg", "30 Hz") is converted.
+Origin at the first body's centre (without one on the channel's axis, at any level), y up. Numbers are SI; a string with
+a unit ("50 mm", "60 deg", "30 Hz") is converted.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from .tables import (
     Numerics,
     SceneTables,
     Size,
+    Speeds,
     Vibration,
     picture_tables,
 )  # fmt: skip
@@ -152,7 +154,8 @@ def _allowed(where: list[str]) -> str:
     """The range and unit of a field, from its JSON schema."""
     model = _model_at(where[:-1])
     field = model.model_json_schema(by_alias=True)["properties"].get(where[-1], {}) if model else {}
-    field = {**field.get("anyOf", [{}])[0], **field}
+    for several in ("anyOf", "oneOf"):  # a number or nothing; a number or a table
+        field = {**field.get(several, [{}])[0], **field}
     limits = [
         f"{sign} {field[word]:.6g}"
         for word, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
@@ -179,8 +182,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return picture_tables()[where[2]] if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
-    if where[2:3] == ["size"]:
-        return Size
+    if where[2:3] in (["size"], ["terminal_velocity"]):
+        return Size if where[2] == "size" else Speeds
     return keyed[where[0]] if len(where) > 1 else None
 
 

@@ -55,7 +55,7 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     drawings = folder / "figures"
     scene, field, result = outcome.scene, outcome.field, outcome.result
     positions = {name: [track["position"] for track in part] for name, part in outcome.tracks.items()}
-    if field is not None and field.pressure is not None and outcome.airflow is not None:
+    if scene.body and field is not None and field.pressure is not None and outcome.airflow is not None:
         figures.draw_pressure(drawings / "pressure.png", field, scene, outcome.airflow)
     figures.draw_tracks(drawings / "tracks.png", field, scene, positions)
     figures.draw_landing(drawings / "landing.png", scene, outcome.landings, result.get("separation"))

@@ -1,7 +1,7 @@
 """The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
 from .common import GRAVITY, STANDARD_AIR, Table
-from .granules import Feed, Fraction, Size
+from .granules import Feed, Fraction, Size, Speeds
 from .pictures import Picture, picture_tables
 from .surroundings import Air, Body, Channel, Inlet, Vibration
 from .whole import Bin, Numerics, SceneTables
@@ -20,6 +20,7 @@ __all__ = [
     "Picture",
     "SceneTables",
     "Size",
+    "Speeds",
     "Table",
     "Vibration",
     "picture_tables",

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from inspect import signature
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import SceneError
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
 from ..laws.size import sizes
-from ..quantities import Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
+from ..quantities import AnyAngle, Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
+from ..registry import Registry
 from .common import GRAVITY, Array, Table, takes
 
-__all__ = ["Feed", "Fraction", "Size"]
+__all__ = ["Feed", "Fraction", "Size", "Speeds"]
+
+OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
+spreads: Registry[Callable[..., Array]] = Registry("distribution of terminal velocities")
+for _name in sizes:
+    if {p.name for p in signature(sizes[_name]).parameters.values() if p.kind is p.KEYWORD_ONLY} <= OF_SPEEDS:
+        spreads.add(_name, sizes[_name])
 
 
 class Feed(Table):
@@ -25,8 +33,16 @@ class Feed(Table):
     start: Literal["falling", "resting"] = Field(
         "falling", description="resting: granules lie still on the body when its vibration begins"
     )
-    height: Length | None = Field(None, description="of free fall from rest down to the top of the body")
-    speed: Speed | None = Field(None, description="instead of height: fall speed at the top of the body")
+    height: Length | None = Field(
+        None, description="of free fall from rest down to the top of the body; without a body down to level"
+    )
+    speed: Speed | None = Field(None, description="instead of height: speed at the top of the body, or at level")
+    level: Coordinate | None = Field(
+        None, description="only without a body: y where the curtain enters the air; default the channel's top"
+    )
+    direction: AnyAngle | None = Field(
+        None, description="only without a body: of speed at level, from the x axis; default -90 deg, straight down"
+    )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
     rate: Rate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
@@ -45,11 +61,13 @@ class Feed(Table):
                 raise SceneError("granules that start resting take neither height nor speed, and are not injected")
         elif (self.height is None) == (self.speed is None):
             raise SceneError("give either height or speed")
+        if self.direction is not None and self.speed is None:
+            raise SceneError("direction goes with speed; granules that fall from a height come straight down")
         return self
 
     @property
     def fall_speed(self) -> float:
-        """Fall speed (m/s) at the top of the body, by free fall without air: the paper's V0."""
+        """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
         if self.speed is not None:
             return self.speed
         return math.sqrt(2 * GRAVITY * (self.height or 0.0))
@@ -93,6 +111,37 @@ class Size(Table):
             raise SceneError(takes(kind, self.distribution, sizes[self.distribution], given)) from None
 
 
+class Speeds(Table):
+    """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
+
+    distribution: str = Field(description="one of: " + ", ".join(spreads))
+    low: PositiveSpeed | None = None
+    high: PositiveSpeed | None = None
+    mean: PositiveSpeed | None = None
+    std: PositiveSpeed | None = None
+    median: PositiveSpeed | None = None
+    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
+
+    @model_validator(mode="after")
+    def _has_quantiles(self) -> Speeds:
+        self.quantile(np.array([0.5]))
+        return self
+
+    def quantile(self, p: Array) -> Array:
+        """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
+        given = self.model_dump(exclude_none=True, exclude={"distribution"})
+        law = spreads[self.distribution]
+        try:
+            return law(p, **given)
+        except TypeError:
+            raise SceneError(takes(spreads.kind, self.distribution, law, given)) from None
+
+
+def _number_or_table(value: Any) -> str:
+    """The tag of a terminal velocity; brackets keep it out of the places that messages name."""
+    return "[table]" if isinstance(value, Mapping | Speeds) else "[number]"
+
+
 def _one_diameter(value: Any) -> Any:
     """``size = "4 mm"`` is short for a distribution of one diameter."""
     return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
@@ -109,8 +158,16 @@ class Fraction(Table):
     sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
         None, description="surface of the equal sphere over surface"
     )
-    terminal_velocity: PositiveSpeed | None = Field(
-        None, description="measured in air at 20 C, of the median size; drag is calibrated to it"
+    terminal_velocity: (
+        Annotated[
+            Annotated[PositiveSpeed, Tag("[number]")] | Annotated[Speeds, Tag("[table]")],
+            Discriminator(_number_or_table),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="measured in air at 20 C, drag is calibrated to it: a number is that of the median size, a table "
+        "spreads it over the granules whatever their sizes",
     )
     drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -148,7 +205,8 @@ class Fraction(Table):
     @property
     def properties(self) -> Material:
         """The fraction's own values where given, its material's elsewhere; diameter is the mass median."""
-        terminal = self.terminal_velocity
+        own = self.terminal_velocity
+        terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
         if terminal is None and self.sphericity is None and self.material is not None:
             terminal = materials[self.material].terminal_velocity
         return Material(
@@ -187,6 +245,10 @@ class Fraction(Table):
             source = materials[self.material]
             return source.diameter, source.density, own.terminal_velocity
         return own.diameter, own.density, own.terminal_velocity
+
+    def settling(self, p: Array) -> Array | None:
+        """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where they spread not."""
+        return self.terminal_velocity.quantile(p) if isinstance(self.terminal_velocity, Speeds) else None
 
     def diameters(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""

@@ -48,11 +48,18 @@ def _meshes(slow: bool, tell: Tell) -> dict[str, Any]:
     return run_meshes(FOLDER, tell=tell, scales=SCALES[:2], finest=SCALES[2:], flows=FLOWS[:1])
 
 
+def _shares(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .shares import run_shares
+
+    return run_shares(FOLDER, slow=slow, tell=tell)
+
+
 PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "tracker": _tracker,
     "problems": _problems,
     "airflow": _airflow,
     "meshes": _meshes,
+    "shares": _shares,
 }
 
 
@@ -77,7 +84,7 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
     """Print the tables of every report, and where it lies."""
     from rich.console import Console
 
-    from .show import airflow_tables, goal_table, mesh_tables, problem_table, row_tables
+    from .show import airflow_tables, goal_table, mesh_tables, problem_table, row_tables, share_table
 
     console = Console()
     console.width = max(console.width, WIDE) if not console.is_terminal else console.width
@@ -86,6 +93,8 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
             tables = [*row_tables(report), goal_table(report)]
         elif name == "meshes":
             tables = mesh_tables(report)
+        elif name == "shares":
+            tables = [share_table(report)]
         else:
             tables = [problem_table(report)] if name == "problems" else airflow_tables(report)
         for table in tables:

@@ -153,7 +153,7 @@ class _Stage:
         for patch, outline in zip(self.bodies, self.outlines, strict=True):
             patch.set_xy(MM * (outline + shift))
         ends = [outline[np.argmax(side * outline[:, 0])] for outline in self.outlines for side in (-1, 1)]
-        self.edges.set_data(*(MM * (np.array(ends) + shift)).T)
+        self.edges.set_data(*(MM * (np.reshape(ends, (-1, 2)) + shift)).T)
         for actor, disc, trail in zip(self.actors, self.discs, self.trails, strict=True):
             moments = np.linspace(self.start, max(time, self.start), TRAIL)
             where, _ = actor.at(self.scene, moments)

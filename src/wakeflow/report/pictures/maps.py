@@ -159,7 +159,7 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
     axes.set_title(name, fontsize=9, loc="left")
     axes.set_aspect("equal")
     field, airflow = view.outcome.field, view.outcome.airflow
-    if field is not None and field.pressure is not None and airflow is not None:
+    if view.scene.body and field is not None and field.pressure is not None and airflow is not None:
         mean, mesh = field.mean(), triangulation(field)
         cp = pressure_coefficient(mean, view.scene, airflow)
         axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5)
@@ -177,7 +177,7 @@ def _through(view: View) -> dict[str, dict[str, float]]:
     from matplotlib.tri import LinearTriInterpolator
 
     field, airflow = view.outcome.field, view.outcome.airflow
-    if field is None or field.pressure is None or airflow is None:
+    if not view.scene.body or field is None or field.pressure is None or airflow is None:
         return {}
     mean, mesh = field.mean(), triangulation(field)
     zones = {
