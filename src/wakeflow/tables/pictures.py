@@ -85,7 +85,7 @@ class Density(Picture):
 
     kind: Literal["density"]
     granules: Annotated[int, Field(ge=1, le=4096)] = Field(512, description="tracks that are added up")
-    cell: Length | None = Field(None, description="edge of a cell of the map; default: a 60th of the channel's width")
+    cell: Length | None = Field(None, description="edge of a cell of the map; default: an eighth of the body's width")
 
 
 AnyPicture = Annotated[Curves | Animation | Streamlines | Density, Field(discriminator="kind")]

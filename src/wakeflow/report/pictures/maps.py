@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 __all__ = ["draw_density", "draw_streamlines", "mass_flux"]
 
 Array = NDArray[np.float64]
-ACROSS = 60  # cells of a map over the channel's width
+CELL, ACROSS = 0.125, 60  # cells of a map: at most so many widths of the first body, and so many over the channel
+ROOM = 0.06  # of the channel's height: beside what flows
 DECADES = 3.0  # of mass flux below its highest that are shaded
 GRID = 120  # points along the longer side of the airflow's data
 
@@ -72,6 +73,15 @@ def _grid_rows(grid: Grid) -> Iterator[tuple[float, ...]]:
 def _channel(view: View) -> Window:
     channel = view.scene.channel
     return (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
+
+
+def _flowing(view: View) -> Window:
+    """The channel's whole height, as wide as what flows and stands in it."""
+    left, right, low, high = _channel(view)
+    parts = [path.position for paths in view.paths.values() for path in paths]
+    x = np.concatenate([*parts, *(body.outline() for body in view.scene.body.values())])[:, 0]
+    room = ROOM * (high - low)
+    return max(left, float(x.min()) - room), min(right, float(x.max()) + room), low, high
 
 
 def mass_flux(paths: list[Path2D], rate: float, depth: float, x: Array, y: Array) -> Array:
@@ -118,8 +128,8 @@ def draw_density(view: View) -> Drawn:
     """A panel a fraction: its mass flux in the channel, bodies, bins, and the outline of the suction zone."""
     picture, scene = view.picture, view.scene
     assert isinstance(picture, Density)
-    window, shares = _channel(view), scene.mass_shares()
-    cell = picture.cell or scene.channel.width / ACROSS
+    window, shares = _flowing(view), scene.mass_shares()
+    cell = picture.cell or min(CELL * scene.width, scene.channel.width / ACROSS)
     x, y = (np.linspace(a, b, max(2, round((b - a) / cell)) + 1) for a, b in (window[:2], window[2:]))
     flux = {
         name: mass_flux(paths, scene.feed.mass_flow * shares[name], scene.feed.depth, x, y)
