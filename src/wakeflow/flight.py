@@ -25,7 +25,7 @@ from .tracking import Body, Fate, Granules, Motion, Tracks, track
 __all__ = ["Flight", "Tracked", "compile_tracker", "ends", "load", "load_drawn", "solids"]
 
 Array = NDArray[np.float64]
-DETAIL, COARSE = 8192, 1024  # points kept of a track for pictures; where there are many of them
+COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
 HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
@@ -73,7 +73,7 @@ class Flight:
             self.tell(f"{name}: injecting {first * size} of {count}")
             feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, self.replicates)))
             here = chosen[(chosen >= first * size) & (chosen < first * size + len(feed.replicate))] - first * size
-            tracks = self.fly(name, feed.granules[here], record=DETAIL, stream=REPLICATES + first)
+            tracks = self.fly(name, feed.granules[here], record=COARSE, stream=REPLICATES + first)
             shown += _paths(tracks, feed.granules[here])
             told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
             tracks = told._fly_ensemble(name, feed, first)

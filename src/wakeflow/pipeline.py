@@ -255,13 +255,13 @@ class Chain:
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
         return flight.load(folder, self.scene)
 
-    def shown(self, picture: Picture, tracked: Tracked) -> dict[str, list[dict[str, Any]]]:
-        """The tracks that a picture draws, by fraction: those every run keeps, or its own where it wants others."""
+    def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
+        """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
         from . import flight
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
         if flown is None:
-            return {name: tracked.drawn[name] for name in names}
+            return {}
         key = content_key(self.tracks_key, self.scene.numerics.tolerance, names, flown)
         flow = None if self.scene.air is None else self.field[1]
         tell = partial(self._tell, "shown")

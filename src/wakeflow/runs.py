@@ -168,7 +168,7 @@ def _report(scene: Scene, chain: Chain, tracked: Tracked, table: dict[str, Any],
         for name, landing in tracked.landings.items()
     }
     flow = None if scene.air is None else chain.field[1]
-    shown = {name: chain.shown(picture, tracked) for name, picture in scene.picture.items()}
+    shown = {name: chain.shown(picture) for name, picture in scene.picture.items()}
     write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table, shown))
     chain.listener("report", "done")
 

@@ -15,7 +15,7 @@ from .common import Table
 
 __all__ = ["DRAWN", "Animation", "AnyPicture", "Curves", "Density", "Picture", "Streamlines", "picture_tables"]
 
-DRAWN = 48  # tracks that every run keeps of each fraction for its pictures
+DRAWN = 48  # tracks of each fraction that are drawn one by one
 Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]
 
 
@@ -25,12 +25,13 @@ class Picture(Table):
     kind: str
     caption: str | None = Field(None, description="written under the picture in the report")
     fractions: list[str] | None = Field(None, description="those that are drawn; default: all")
-    granules: Annotated[int, Field(ge=1, le=4096)] = Field(DRAWN, description="tracks drawn of each fraction")
 
     @property
     def flown(self) -> tuple[int, float | None] | None:
-        """Granules a fraction, and the body's speed that one of them meets, when its tracks are flown for itself."""
-        return None if self.granules <= DRAWN else (self.granules, None)
+        """How many granules of each fraction are flown for it, in full detail where they are few, and the upward speed
+        (m/s) of the body that one more of them meets; None: it draws no tracks.
+        """
+        return None
 
     def chosen(self, names: list[str]) -> list[str]:
         """Which of the fractions are drawn."""
@@ -41,6 +42,7 @@ class Curves(Picture):
     """kind = "curves": one quantity of each granule over another."""
 
     kind: Literal["curves"]
+    granules: Annotated[int, Field(ge=1, le=4096)] = Field(DRAWN, description="of each fraction")
     x: Quantity = Field("time", description="of the horizontal axis")
     y: Quantity = Field("x", description="of the vertical axis")
     origin: Literal["separation", "scene"] = Field(
@@ -60,8 +62,8 @@ class Curves(Picture):
         return self
 
     @property
-    def flown(self) -> tuple[int, float | None] | None:
-        return super().flown if self.body_speed is None else (self.granules, self.body_speed)
+    def flown(self) -> tuple[int, float | None]:
+        return self.granules, self.body_speed
 
 
 class Animation(Picture):
@@ -72,6 +74,10 @@ class Animation(Picture):
     duration: Duration | None = Field(None, description="of the motion shown; default: until all have landed")
     frames: Annotated[int, Field(ge=2, le=240)] = Field(80, description="of the GIF")
     stills: Annotated[int, Field(ge=1, le=12)] = Field(6, description="of the strip, evenly in time; 1: the start")
+
+    @property
+    def flown(self) -> tuple[int, float | None]:
+        return DRAWN, None
 
 
 class Streamlines(Picture):
@@ -86,6 +92,10 @@ class Density(Picture):
     kind: Literal["density"]
     granules: Annotated[int, Field(ge=1, le=4096)] = Field(512, description="tracks that are added up")
     cell: Length | None = Field(None, description="edge of a cell of the map; default: an eighth of the body's width")
+
+    @property
+    def flown(self) -> tuple[int, float | None]:
+        return self.granules, None
 
 
 AnyPicture = Annotated[Curves | Animation | Streamlines | Density, Field(discriminator="kind")]

@@ -220,6 +220,8 @@ def _gif(path: Path, view: View, actors: list[_Actor], window: Window, frames: A
     figure = new_figure(wide, TALL + 1.1)
     figure.set_dpi(SCREEN)
     stage = _Stage(figure.add_subplot(), view, actors, window, start)
+    named = dict(zip((actor.fraction for actor in actors), stage.trails, strict=True))
+    stage.axes.legend(named.values(), named.keys(), fontsize=7, frameon=False, loc="upper right")
     slower = len(frames) / PLAYED / float(frames[-1] - frames[0])
     figure.supxlabel(f"x, y (mm); slowed {slower:.2g} times", fontsize=7)
     images: list[Image.Image] = []
