@@ -145,8 +145,16 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     if scene.vibration is None:
         return points[:, 0] * (field_period or 0.0)
     period = scene.vibration.period
+    if scene.feed.start == "resting":  # from the lower dead point: displacement -amplitude, no velocity
+        points = np.stack([np.full(len(points), 0.75), points[:, 1]], axis=1)
     whole = int(np.ceil(MIXING * field_period / period)) if field_period else 1
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
+
+
+def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
+    """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
+    height, _ = contact_points(outline, x, radius)
+    return np.stack([x, height], axis=1) - scene.motion[0]
 
 
 def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
@@ -188,12 +196,15 @@ def feedstock(
     grains = granules_of(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
     if not scene.body:
         return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+    assert scene.first_outline is not None
     level, speed = _start(scene, scene.level, 0.5 * diameter)
-    position, velocity = _released(scene, how, grains, x, level, speed)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
+    if scene.feed.start == "resting":
+        lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
+        return Feedstock(lying, replicate, injected)
+    position, velocity = _released(scene, how, grains, x, level, speed)
     if how.mode == "injected":
-        assert scene.first_outline is not None
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
         if how.deflection is not None:

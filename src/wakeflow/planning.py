@@ -223,7 +223,7 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
         scale = _calibration(name, law, *fraction.measured_settling)
         for speed in () if (spread := fraction.settling(np.array([RARE, 1.0 - RARE]))) is None else spread.tolist():
             _calibration(name, law, granule.diameter, granule.density, speed)
-    wanted = scene.feed.mode
+    wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
     if scene.air is None:
         clear = "injected" if scene.body and not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted

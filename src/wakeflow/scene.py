@@ -39,6 +39,7 @@ from .tables import (
     Size,
     Speeds,
     Vibration,
+    picture_tables,
 )  # fmt: skip
 
 __all__ = ["GRAVITY", "RESERVED_BIN", "STANDARD_AIR", "Air", "Body", "Channel", "Fraction", "Scene"]
@@ -152,8 +153,13 @@ def _explain(problem: ValidationError) -> Iterator[str]:
     for error in problem.errors():
         where = [str(part) for part in error["loc"] if "[" not in str(part)]  # drop pydantic's words for itself
         value, text = error["input"], error["msg"].removeprefix("Value error, ")
-        key = ".".join(where)
-        if error["type"] == "extra_forbidden":
+        key = ".".join(part for place, part in enumerate(where) if (where[0], place) != ("picture", 2))  # its kind
+        if error["type"].startswith("union_tag"):
+            kinds = list(picture_tables())
+            given = error.get("ctx", {}).get("tag")
+            hint = "missing" if given is None else f"{given!r} is unknown{nearest(given, kinds)}"
+            yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
+        elif error["type"] == "extra_forbidden":
             known = _known_keys(where[:-1])
             yield f"{key}: unknown key{nearest(where[-1], known)} (known: {', '.join(known)})"
         elif error["type"] == "missing":
@@ -196,6 +202,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Samples
     if where[:2] == ["feed", "profile"]:
         return Profile
+    if where[0] == "picture":  # its kind stands after its name
+        return picture_tables()[where[2]] if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
     parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}

@@ -2,6 +2,7 @@
 
 from .common import GRAVITY, STANDARD_AIR, Table
 from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
+from .pictures import Picture, picture_tables
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Bin, Numerics, SceneTables
 
@@ -16,6 +17,7 @@ __all__ = [
     "Fraction",
     "Inlet",
     "Numerics",
+    "Picture",
     "Profile",
     "Rebound",
     "Samples",
@@ -24,4 +26,5 @@ __all__ = [
     "Speeds",
     "Table",
     "Vibration",
+    "picture_tables",
 ]
