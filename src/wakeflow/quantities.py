@@ -14,6 +14,8 @@ __all__ = [
     "Diameter",
     "Frequency",
     "Length",
+    "Mass",
+    "Modulus",
     "Name",
     "Point",
     "PositiveSpeed",
@@ -65,4 +67,6 @@ Density = Annotated[float, Field(gt=0, le=3e4, json_schema_extra=_unit("kg/m^3")
 Viscosity = Annotated[float, Field(ge=1e-7, le=1, json_schema_extra=_unit("Pa*s")), _in("Pa*s", "1.8e-5 Pa*s")]
 Frequency = Annotated[float, Field(gt=0, le=1e4, json_schema_extra=_unit("Hz")), _in("Hz", "30 Hz")]
 Rate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
+Mass = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("kg")), _in("kg", "35 g")]
+Modulus = Annotated[float, Field(ge=5e6, le=1e9, json_schema_extra=_unit("Pa")), _in("Pa", "5 MPa")]
 Share = Annotated[float, Field(gt=0, le=1)]

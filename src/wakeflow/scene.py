@@ -28,6 +28,7 @@ from .tables import (
     Channel,
     Feed,
     Fraction,
+    Funnel,
     Inlet,
     Numerics,
     SceneTables,
@@ -163,7 +164,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
     """The table that a dotted place belongs to; None inside keyed tables before their name."""
     keyed: dict[str, type[BaseModel]] = {"body": Body, "fraction": Fraction, "bin": Bin}
     plain: dict[str, type[BaseModel]] = {
-        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "numerics": Numerics,
+        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "funnel": Funnel,
+        "numerics": Numerics,
     }  # fmt: skip
     if not where:
         return Scene

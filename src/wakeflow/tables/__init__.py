@@ -1,6 +1,7 @@
 """The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
 from .common import GRAVITY, STANDARD_AIR, Table
+from .funnel import Funnel
 from .granules import Feed, Fraction, Size
 from .surroundings import Air, Body, Channel, Inlet, Vibration
 from .whole import Bin, Numerics, SceneTables
@@ -14,6 +15,7 @@ __all__ = [
     "Channel",
     "Feed",
     "Fraction",
+    "Funnel",
     "Inlet",
     "Numerics",
     "SceneTables",
