@@ -12,7 +12,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
-    "tables", "checks", "scene", "bounds", "scales", "gate", "rungs", "locking", "planning", "meshing",
+    "tables", "checks", "scene", "bounds", "scales", "gate", "rungs", "locking", "funnel", "planning", "meshing",
     "reconstruction", "foam", "field", "tracking", "injection", "separation", "flight", "flows", "pipeline",
     "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
 ]  # fmt: skip

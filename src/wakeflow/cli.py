@@ -26,7 +26,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-Stage = Literal["mesh", "airflow", "tracks"]
+Stage = Literal["funnel", "mesh", "airflow", "tracks"]
 Rung = Literal["auto", "none", "draft", "standard", "reference"]
 Settings = Annotated[
     list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from .budget import fly_companions, make_budget, together
 from .companions import airflow_on_grids
 from .errors import SceneError
 from .files import atomic_write, content_key, digest_files, write_json
+from .funnel import notices
 from .laws.momentum import momentum_pressure
 from .pipeline import Chain, Listener, silent
 from .planning import Plan, make_plan
@@ -74,45 +76,69 @@ def run(
 ) -> Result:
     """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
 
-    ``until`` stops after "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and ``target_error``
-    override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)`` hears of progress;
-    ``redraw`` draws a finished report anew.
+    ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
+    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)`` hears
+    of progress; ``redraw`` draws a finished report anew.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
 
-    if until not in (None, "mesh", "airflow", "tracks"):
-        raise SceneError(f"until = {until!r}: choose mesh, airflow or tracks")
+    if until not in (None, "funnel", "mesh", "airflow", "tracks"):
+        raise SceneError(f"until = {until!r}: choose funnel, mesh, airflow or tracks")
+    if until == "funnel" and scene.funnel is None:
+        raise SceneError("until = 'funnel': the scene has no [funnel] table")
     if workers is not None and workers < 1:
         raise SceneError(f"workers = {workers}: at least 1")
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise SceneError(f"--out {folder}: is a file; name a folder")
-    plan = make_plan(scene, rung=rung, force=force, target_error=target_error)
+    make = partial(make_plan, rung=rung, force=force, target_error=target_error)
+    plan = make(scene)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
             options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
-            return _run(scene, plan, folder, options, Chain(scene, plan, listener, workers), redraw)
+            chain = Chain(scene, plan, listener, workers)
+            poured = chain.funnel
+            chain = chain if poured is None or until == "funnel" else _fed(chain, poured, make)
+            return _run(scene, chain, poured, folder, options, redraw)
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
 
-def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain: Chain, redraw: bool) -> Result:
+def _fed(chain: Chain, poured: dict[str, Any], make: Callable[[Scene], Plan]) -> Chain:
+    """The same stages with the funnel's rate as the feed's, where that has none of its own, and bounds that follow it."""
+    scene = chain.scene
+    if scene.feed.rate is not None:
+        return chain
+    if poured["rate"] is None:
+        raise SceneError(
+            f"funnel: the flow stops with {poured['left']} of {poured['beads']} beads inside; widen "
+            "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
+        )
+    scene = scene.fed(poured["rate"]["value"])
+    return replace(chain, scene=scene, plan=make(scene))
+
+
+def _run(
+    scene: Scene, chain: Chain, poured: dict[str, Any] | None, folder: Path, options: dict[str, Any], redraw: bool
+) -> Result:
     """Make the stages that ``options`` ask for, then the report where it is not the one that stands there."""
     from . import report
 
-    target, until = folder / "result.json", options["until"]
+    plan, target, until = chain.plan, folder / "result.json", options["until"]
+    airless = scene.air is None or until == "funnel"
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
     table: dict[str, Any] = {
         "schema": SCHEMA,
         "scene": scene.tables(),
         "options": options,
         "plan": plan.summary(),
+        "funnel": poured,
         "airflow": None,
     }
     tracked: Tracked | None = None
-    if scene.air is not None:
+    if not airless:
         if until not in ("mesh", "airflow"):
             chain.compile_beside()
         table["mesh"] = chain.mesh_quality
@@ -120,7 +146,7 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
             table["airflow"] = chain.airflow
             table["airflow"]["grids"] = airflow_on_grids(chain)
             table["airflow"]["momentum"] = _momentum(scene, table["airflow"])
-    if until not in ("mesh", "airflow"):
+    if until not in ("funnel", "mesh", "airflow"):
         tracked = chain.tracks()
         if table["airflow"] is not None:
             table["airflow"]["divergence"] = chain.divergence
@@ -128,7 +154,7 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
         table["fates"] = tracked.fates
         table["met_by_law"] = tracked.injected
     if tracked is not None and until is None:
-        table["separation"] = separate(scene, tracked.landings)
+        table["separation"] = separate(chain.scene, tracked.landings)
         others = fly_companions(chain, tracked)
         table["bracket"] = None if others.airflows is None else others.airflows.table(list(scene.bin))
         table["budget"] = make_budget(chain, tracked, table["separation"], others)
@@ -148,6 +174,8 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
         _save_granules(folder / "granules.npz", scene, tracked)
         if until is None and (redraw or not stands or not report.is_whole(folder)):
             _report(scene, chain, tracked, table, folder)
+    elif until == "funnel" and poured is not None:
+        report.draw_discharge(folder / "figures" / "discharge.png", poured)
     write_json(target, table)
     return Result(folder, table)
 
@@ -216,6 +244,7 @@ def _momentum(scene: Scene, airflow: dict[str, Any]) -> dict[str, float]:
 def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
     """What a user must know of the airflow and of how the tracks ended."""
     lines = [] if table["airflow"] is None else _airflow_notices(scene, chain, table["airflow"])
+    lines += [] if table["funnel"] is None else notices(table["funnel"])
     for name, met in ({} if tracked is None else tracked.injected).items():
         count = len(tracked.landings[name].bin) if tracked else 0
         if chain.plan.fractions[name].mode == "injected" and met < count:

@@ -80,6 +80,15 @@ class Scene(SceneTables):
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
         return self.parse(_changed(self.tables(), changes))
 
+    def fed(self, rate: float | None = None) -> Scene:
+        """The scene with the funnel's ``rate`` (kg/s) as its feed's, Beverloo's estimate without one; unchanged where the
+        feed has its own or there is no funnel.
+        """
+        if self.funnel is None or self.feed.rate is not None:
+            return self
+        found = self.funnel.expected_rate if rate is None else rate
+        return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": found})})
+
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
         return json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))

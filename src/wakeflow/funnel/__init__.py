@@ -13,18 +13,19 @@ from typing import Any
 from ..files import content_key, digest_files
 from ..tables import Funnel
 
-__all__ = ["compute", "estimated_seconds"]
+__all__ = ["compute", "estimated_seconds", "notices", "summary"]
 
 CODE = Path(__file__).parent
-SPEED = 1.0e6  # beads times steps a second of one core
+SPEED = 4e6  # beads times steps a second of one core
+DEEP = 0.05  # diameters: softened beads should overlap less
 Make = Callable[[str, str, Callable[[Path], None]], Path]
 
 
 def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str, Any]:
     """Pour and discharge: the ``funnel`` table of result.json.
 
-    ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by ``work(folder)``. The bed is a stage of its
-    own, since every vibration begins with the same. Raises ProgramError when LIGGGHTS is missing or fails.
+    ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by ``work(folder)``. The bed is a
+    stage of its own, since every vibration begins with the same. Raises ProgramError when LIGGGHTS is missing or fails.
     """
     from .engine import version
     from .flow import discharge
@@ -50,3 +51,26 @@ def estimated_seconds(funnel: Funnel) -> float:
 
     time = 0.3 + (0.6 * funnel.total_mass / funnel.expected_rate if funnel.expected_rate else 1.0)
     return funnel.beads * time / steps_of(funnel).dt / SPEED
+
+
+def summary(funnel: Funnel) -> str:
+    """The plan's line."""
+    how = "at rest" if not funnel.amplitude else f"at {funnel.frequency:g} Hz, Gamma {funnel.gamma:g}"
+    return (
+        f"feed funnel: {funnel.beads} beads through {1e3 * funnel.orifice:.3g} mm {how} with LIGGGHTS, about "
+        f"{estimated_seconds(funnel):.0f} s; Beverloo's law for one at rest says {1e3 * funnel.expected_rate:.3g} g/s"
+    )
+
+
+def notices(table: dict[str, Any]) -> list[str]:
+    """What a user must know of a finished discharge, the ``funnel`` table of result.json."""
+    lines = []
+    if table["verdict"] != "emptied":
+        lines.append(f"funnel: the flow stopped with {table['left']} of {table['beads']} beads still inside")
+    if table["rate"] is not None and table["rate"]["low"] is None:
+        lines.append("funnel: emptied within a few periods of its vibration: the rate has no interval; use more mass")
+    if table["overlap"] > DEEP:
+        lines.append(
+            f"funnel: beads overlap by up to {table['overlap']:.1%} of their diameter; raise funnel.youngs_modulus"
+        )
+    return lines

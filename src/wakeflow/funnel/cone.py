@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from ..files import atomic_write
 from ..tables import GRAVITY, Funnel
 
-__all__ = ["Cone", "cone_of", "loose_heap", "write_stl"]
+__all__ = ["Cone", "cone_of", "loose_heap", "write_plate", "write_stl"]
 
 Array = NDArray[np.float64]
 SIDES = 36  # of the polygon that stands for the circle, of equal area
@@ -86,11 +87,17 @@ def write_stl(folder: Path, cone: Cone) -> None:
     swell = math.sqrt(2 * math.pi / (SIDES * math.sin(2 * math.pi / SIDES)))  # polygon and circle of equal area
     circle = swell * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     rings = [_ring(circle, float(cone.radius(z)), z) for z in _heights(cone)]
-    wall = [triangle for low, high in zip(rings, rings[1:], strict=False) for triangle in _band(low, high)]
+    wall = [triangle for low, high in pairwise(rings) for triangle in _band(low, high)]
     _write(folder / "cone.stl", "cone", wall)
     edge, middle = rings[0], np.zeros(3)
     lid = [np.stack([middle, edge[i], edge[(i + 1) % SIDES]]) for i in range(SIDES)]
     _write(folder / "lid.stl", "lid", lid)
+
+
+def write_plate(folder: Path, size: float) -> None:
+    """Write ``plate.stl``, a level square at z = 0 with sides of 2 ``size`` (m)."""
+    corners = size * np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
+    _write(folder / "plate.stl", "plate", [corners[[0, 1, 2]], corners[[0, 2, 3]]])
 
 
 def _heights(cone: Cone) -> list[float]:

@@ -84,8 +84,10 @@ def _table(
 ) -> dict[str, Any]:
     rate = rate_of(curve, total, 1 / funnel.frequency if funnel.amplitude and funnel.frequency else None)
     filled = packing(bed, cone)
-    law = None if math.isnan(filled) else beverloo(
-        funnel.orifice, funnel.diameter, filled * funnel.bead_density, gravity=GRAVITY
+    law = (
+        None
+        if math.isnan(filled)
+        else beverloo(funnel.orifice, funnel.diameter, filled * funnel.bead_density, gravity=GRAVITY)
     )
     kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), DRAWN)).astype(int))
     left = int(curve.beads[-1])

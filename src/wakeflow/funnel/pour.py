@@ -86,9 +86,7 @@ def pour(funnel: Funnel, folder: Path, tell: Callable[[str], None]) -> None:
     cone, steps = cone_of(still), steps_of(still)
     centres, diameters, velocities = loose_heap(still)
     write_stl(folder, cone)
-    write_beads(
-        folder, centres, diameters, velocities, still.bead_density, box_of(still, cone, 4 * still.high)
-    )
+    write_beads(folder, centres, diameters, velocities, still.bead_density, box_of(still, cone, 4 * still.high))
     settings = contact_settings(still, steps) | {
         "every": steps.of(CHUNK / 2),
         "chunk": steps.of(CHUNK),

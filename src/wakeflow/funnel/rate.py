@@ -51,8 +51,8 @@ def rate_of(curve: Curve, total: float, period: float | None) -> Rate | None:
     """The rate between :data:`STEADY` shares of the ``total`` mass (kg); None where the flow stopped before.
 
     The stretch is cut to whole periods (s) of the vibration and into up to :data:`BATCHES` parts of whole periods; the
-    interval is Student's from the parts' rates, taken as independent. It is the scatter within one discharge: another pouring may
-    differ by more.
+    interval is Student's from the parts' rates, taken as independent. It is the scatter within one
+    discharge: another pouring may differ by more.
     """
     gone = 1 - curve.mass / total
     if gone.max() < STEADY[1]:

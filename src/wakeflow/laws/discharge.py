@@ -27,14 +27,14 @@ def beverloo(
 ) -> float:
     """Mass flow (kg/s), W = C rho_b sqrt(g) (D - k d)^(5/2); 0 for an orifice narrower than k granules.
 
-    ``orifice`` D and ``diameter`` d in m, ``bulk_density`` rho_b in kg/m3 (of the bed, not of a granule). A round orifice in a
-    flat floor. Source: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260.
+    ``orifice`` D and ``diameter`` d in m, ``bulk_density`` rho_b in kg/m3 (of the bed, not of a granule). A round
+    orifice in a flat floor. Source: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260.
     """
     return c * bulk_density * math.sqrt(gravity) * max(0.0, orifice - k * diameter) ** 2.5
 
 
 def cone_factor(half_angle: float, stagnant: float = STAGNANT_ANGLE) -> float:
-    """Factor (tan(alpha) tan(phi))^-0.35 on Beverloo's rate for a cone of ``half_angle`` alpha (rad, from the vertical).
+    """Factor (tan(alpha) tan(phi))^-0.35 on Beverloo's rate for a cone of ``half_angle`` alpha (rad, to the vertical).
 
     phi is the angle of the stagnant zone's edge to the horizontal, 45 degrees where it is not known. Range: alpha < 90
     deg - phi; wider cones flow as a flat floor, factor 1. Source: Rose & Tanaka (1959), The Engineer 208, 465, as

@@ -1,7 +1,7 @@
 """Hertz' contact of elastic spheres: how long a collision lasts and how deep it goes.
 
-Source: Hertz (1881); Johnson (1985), Contact Mechanics, section 11.4. Range: elastic, no adhesion, depth small against the
-radius.
+Source: Hertz (1881); Johnson (1985), Contact Mechanics, section 11.4. Range: elastic, no adhesion,
+depth small against the radius.
 """
 
 from __future__ import annotations

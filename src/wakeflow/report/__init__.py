@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..scene import Scene
 
-__all__ = ["Outcome", "clear", "is_whole", "write_report"]
+__all__ = ["Outcome", "clear", "draw_discharge", "is_whole", "write_report"]
 
 
 class Outcome(Protocol):
@@ -56,6 +56,8 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
         figures.draw_pressure(drawings / "pressure.png", field, scene, outcome.airflow)
     figures.draw_tracks(drawings / "tracks.png", field, scene, positions)
     figures.draw_landing(drawings / "landing.png", scene, outcome.landings, result.get("separation"))
+    if result.get("funnel") is not None:
+        draw_discharge(drawings / "discharge.png", result["funnel"])
     if field is not None:
         vtk.write_field(folder, field)
     vtk.write_tracks(folder, outcome.tracks)
@@ -64,6 +66,13 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     if "budget" in result:
         tables.write_budget_csv(folder / "budget.csv", result)
     return html.write_html(folder, result)
+
+
+def draw_discharge(path: Path | str, poured: Mapping[str, Any]) -> None:
+    """The mass left in the feed funnel over time; ``poured``: the ``funnel`` table of result.json."""
+    from . import discharge
+
+    discharge.draw_discharge(path, poured)
 
 
 def is_whole(folder: Path) -> bool:
@@ -76,6 +85,6 @@ def clear(folder: Path) -> None:
     """Remove what an earlier report left here, so that nothing of another scene stands beside the new one."""
     for name in ("field.vtu", "field.pvd", "tracks.vtp", "separation.csv", "budget.csv", "report.html"):
         (folder / name).unlink(missing_ok=True)
-    for name in ("pressure", "tracks", "landing"):
+    for name in ("pressure", "tracks", "landing", "discharge"):
         (folder / "figures" / f"{name}.png").unlink(missing_ok=True)
     shutil.rmtree(folder / "field", ignore_errors=True)

@@ -29,14 +29,16 @@ class Funnel(Table):
 
     orifice: Length = Field(0.010, description="inner diameter of the outlet")
     half_angle: SlopeAngle = Field(math.radians(30), description="of the cone, its wall from the vertical")
-    width: Length | None = Field(None, description="inner diameter of the straight part above the cone; default: as needed")
+    width: Length | None = Field(
+        None, description="inner diameter of the straight part above the cone; default: as needed"
+    )
     material: str = Field("glass-beads", description="one of: " + ", ".join(materials))
     low: Diameter = Field(1.1e-3, description="smallest bead; sizes are uniform between low and high")
     high: Diameter = Field(1.3e-3, description="largest bead")
     density: Density | None = Field(None, description="of a bead; default: the material's")
     mass: Mass | None = Field(None, description="of all beads; default 35 g")
     count: Annotated[int, Field(ge=10, le=MOST)] | None = Field(None, description="of beads, instead of mass")
-    restitution: Annotated[float, Field(ge=0.05, le=1)] | None = Field(None, description="default: the material's")
+    restitution: Annotated[float, Field(gt=0.05, le=1)] | None = Field(None, description="default: the material's")
     friction: Annotated[float, Field(ge=0, le=10)] | None = Field(None, description="bead on bead")
     wall_friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="bead on the cone: a matte print")
     rolling_friction: Annotated[float, Field(ge=0, le=1)] = 0.0
