@@ -77,8 +77,8 @@ def run(
     """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
-    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)`` hears
-    of progress; ``redraw`` draws a finished report anew.
+    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)``
+    hears of progress; ``redraw`` draws a finished report anew.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
@@ -107,7 +107,7 @@ def run(
 
 
 def _fed(chain: Chain, poured: dict[str, Any], make: Callable[[Scene], Plan]) -> Chain:
-    """The same stages with the funnel's rate as the feed's, where that has none of its own, and bounds that follow it."""
+    """The same stages with the funnel's rate as the feed's, where that has none of its own, and bounds to match."""
     scene = chain.scene
     if scene.feed.rate is not None:
         return chain

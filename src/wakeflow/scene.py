@@ -81,8 +81,8 @@ class Scene(SceneTables):
         return self.parse(_changed(self.tables(), changes))
 
     def fed(self, rate: float | None = None) -> Scene:
-        """The scene with the funnel's ``rate`` (kg/s) as its feed's, Beverloo's estimate without one; unchanged where the
-        feed has its own or there is no funnel.
+        """The scene with the funnel's ``rate`` (kg/s) as its feed's, Beverloo's estimate without one; unchanged where
+        the feed has its own or there is no funnel.
         """
         if self.funnel is None or self.feed.rate is not None:
             return self

@@ -30,7 +30,7 @@ FORCELESS = 1e-5  # of the weight: less is rounding
 
 @dataclass(frozen=True)
 class Contacts:
-    """Collisions (k,): when each begins, the plate last presses, it ends (s); velocities ``before`` and ``after`` (m/s).
+    """Collisions (k,): when each begins, the plate last presses, it ends (s); ``before`` and ``after``: velocity (m/s).
 
     ``force`` (n,): the contact force over the bead's weight at ``time`` (n,) s. ``omega`` (rad/s) and ``speed`` a omega
     (m/s) of the plate. A contact is where there is a force: the damping pulls a little before it ends.
@@ -78,8 +78,8 @@ def on_plate(
 ) -> Contacts:
     """Follow one bead of size ``funnel.low`` on a plate that moves as the ``funnel`` does, for so many ``periods``.
 
-    It begins ``height`` (m) above the plate's middle position, upwards at ``speed`` (m/s); one step in ``every`` is kept.
-    Raises ProgramError as LIGGGHTS does.
+    It begins ``height`` (m) above the plate's middle position, upwards at ``speed`` (m/s); one step in ``every`` is
+    kept. Raises ProgramError as LIGGGHTS does.
     """
     assert funnel.frequency is not None
     steps, omega = steps_of(funnel), 2 * math.pi * funnel.frequency

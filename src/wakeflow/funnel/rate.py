@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 __all__ = ["EMPTY", "Curve", "Rate", "rate_of", "read_curve", "time_to_empty"]
 
 Array = NDArray[np.float64]
-STEADY = (0.10, 0.60)  # of the mass gone: between them the rate is that of a funnel that neither starts nor ends
+STEADY = (0.10, 0.75)  # of the mass gone: between them the rate is that of a funnel that neither starts nor ends
 BATCHES = 8  # parts of the steady stretch whose rates give the interval
 FEWEST = 4  # parts below which no interval is given
 EMPTY = 0.99  # of the mass gone: the end, since single beads may stay

@@ -23,14 +23,14 @@ def draw_discharge(path: Path | str, poured: Mapping[str, Any]) -> None:
     axes = figure.add_subplot()
     axes.plot(time, 1e3 * mass, color=COLOURS[0], linewidth=1.8, label="computed bead by bead")
     end = poured["time_to_empty"] or float(time[-1])
-    half = float(np.interp(-0.65 * poured["mass"], -mass, time))  # the steady stretch's middle: 35 % is out
+    half = float(np.interp(-0.575 * poured["mass"], -mass, time))  # the steady stretch's middle: 42.5 % is out
     for value, style, name in (
         (poured["rate"] and poured["rate"]["value"], "-", "its rate"),
         (poured["beverloo"], "--", "Beverloo, at rest"),
         (poured["beverloo_cone"], ":", "Beverloo with cone factor, at rest"),
     ):
         if value:
-            line = 1e3 * (0.65 * poured["mass"] - value * (np.array([0.0, 1.2 * end]) - half))
+            line = 1e3 * (0.575 * poured["mass"] - value * (np.array([0.0, 1.2 * end]) - half))
             label = f"{name}: {1e3 * value:.3g} g/s"
             axes.plot([0.0, 1.2 * end], line, style, color=INK, linewidth=0.9, label=label)
     axes.set_xlim(0.0, 1.15 * end)
