@@ -243,7 +243,9 @@ def test_a_bead_bounces_once_a_period_as_it_should(tmp_path: Path) -> None:
     found = on_plate(funnel, tmp_path, 20, height=height, speed=up - GRAVITY * since)
     assert len(found.start) == 20
     assert np.mean(found.phase(found.middle)) == pytest.approx(phase, abs=0.012)
-    assert found.before == pytest.approx(np.full(20, -up), rel=0.01)
+    up -= GRAVITY * np.mean(found.end - found.start) / 2  # the collision takes its time from the flight
+    assert np.mean(found.before) == pytest.approx(-up, rel=2e-3)
+    assert found.before == pytest.approx(np.full(20, -up), rel=0.01)  # a collision begins within a step
     assert found.restitution == pytest.approx(np.full(20, e), abs=0.005)
 
 
@@ -291,7 +293,7 @@ def test_no_bead_passes_the_wall(tmp_path: Path) -> None:
     shots = [np.column_stack([bed.diameters / 2, bed.centres])]
     shots += [rows[:, 1:] for _, rows in read_dump(folders["funnel"] / "beads.dump")]
     for rows in shots:
-        inside = rows[rows[:, 3] > 0]
+        inside = rows[rows[:, 3] > rows[:, 0]]  # those lower lie at the outlet's edge or are out
         room = (cone.radius(inside[:, 3]) - np.hypot(*inside[:, 1:3].T)) * math.cos(funnel.half_angle)
         assert (room > 0.9 * inside[:, 0]).all()
     (folders["funnel"] / "settings.liggghts").write_text("variable dt string 0\n")

@@ -249,11 +249,11 @@ def verify(
     Parameters
     ----------
     what
-        tracker, problems, airflow or meshes; or a scene file: its airflow beside published values, or on three grids.
-        Default: all four. Reports go to runs/verify.
+        tracker, problems, airflow, meshes or funnel; or a scene file: its airflow beside published values, or on three
+        grids. Default: all but funnel, which needs LIGGGHTS. Reports go to runs/verify.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
-        an hour or two of one core.
+        an hour or two of one core. funnel: more beads, and the paper's 35 g.
     as_json
         Print JSON instead of tables.
     """
