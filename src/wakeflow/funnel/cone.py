@@ -37,6 +37,12 @@ class Cone:
         """Inner radius (m) at heights ``z`` (m) above the outlet."""
         return self.outlet + self.slope * np.clip(z, 0.0, self.top)
 
+    def room(self, centres: Array) -> Array:
+        """Distance (n,) m of points (n, 3) m from the wall, positive inside; of points above the outlet."""
+        across, z = np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
+        slanted = (self.outlet + self.slope * z - across) / math.hypot(1.0, self.slope)
+        return np.minimum(slanted, self.widest - across)
+
     @property
     def widest(self) -> float:
         """Inner radius (m) of the straight part."""

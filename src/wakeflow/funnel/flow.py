@@ -47,7 +47,8 @@ def discharge(funnel: Funnel, poured: Path, folder: Path, tell: Callable[[str], 
     def hear(line: str) -> None:
         words = line.split()
         if len(words) == 4 and words[0] == "curve":
-            tell(f"{float(words[1]) - closed * steps.dt:.2f} s, {1 - float(words[2]) / total:.0%} of the mass is out")
+            out = max(0.0, 1 - float(words[2]) / total)
+            tell(f"{float(words[1]) - closed * steps.dt:.2f} s, {out:.0%} of the mass is out")
 
     run_script(folder, "discharge", hear)
     curve = read_curve((folder / "curve.txt").read_text(), closed * steps.dt)

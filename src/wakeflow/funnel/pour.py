@@ -116,7 +116,7 @@ def packing(bed: Bed, cone: Cone) -> float:
     random = np.random.default_rng(0)
     points = random.uniform(-1, 1, (20 * PROBES, 3)) * [cone.widest, cone.widest, 1]
     points[:, 2] = size + (top - size) * 0.5 * (points[:, 2] + 1)
-    points = points[np.hypot(points[:, 0], points[:, 1]) < cone.radius(points[:, 2]) - 1.5 * size][:PROBES]
+    points = points[cone.room(points) > size][:PROBES]
     if len(points) < 100:
         return math.nan
     distance, nearest = cKDTree(bed.centres).query(points, k=8)
