@@ -84,18 +84,25 @@ _FULL: tuple[tuple[str, dict[str, Any]], ...] = (
 
 def _row(name: str, tables: Sequence[Row]) -> Row:
     """Means over pourings, and Student's interval of the rate."""
-    rates = [table["rate"]["value"] for table in tables]
-    mean = statistics.fmean(rates)
-    low, high = tables[0]["rate"]["low"], tables[0]["rate"]["high"]
-    if len(rates) > 1:
+    rates = [table["rate"] for table in tables]
+    mean = _mean([None if rate is None else rate["value"] for rate in rates])
+    low, high = (None, None) if mean is None else (rates[0]["low"], rates[0]["high"])
+    if mean is not None and len(rates) > 1:
         from scipy.stats import t
 
-        half = float(t.ppf(0.975, len(rates) - 1)) * statistics.stdev(rates) / math.sqrt(len(rates))
+        spread = statistics.stdev(rate["value"] for rate in rates)
+        half = float(t.ppf(0.975, len(rates) - 1)) * spread / math.sqrt(len(rates))
         low, high = mean - half, mean + half
     keys = ("beverloo", "beverloo_cone", "time_to_empty", "packing", "time_step")
-    means = {key: statistics.fmean(table[key] for table in tables) for key in keys}
+    means = {key: _mean([table[key] for table in tables]) for key in keys}
     worst = {key: max(table[key] for table in tables) for key in ("left", "overlap")}
     return {"case": name, "beads": tables[0]["beads"], "rate": mean, "low": low, "high": high, **means, **worst}
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    """None where a pouring has no value: a flow that stopped has no rate."""
+    found = [value for value in values if value is not None]
+    return statistics.fmean(found) if len(found) == len(values) else None
 
 
 def _plate(folder: Path, modulus: float, tell: Tell) -> Row:
@@ -159,8 +166,8 @@ def _rate_table(title: str, rows: Sequence[Row]) -> Table:
         column.justify = "right"
     for row in rows:
         grams = ["–" if row[key] is None else f"{1e3 * row[key]:.2f}" for key in ("rate", "low", "high")]
-        ratios = [f"{row['rate'] / row[key]:.3f}" for key in ("beverloo", "beverloo_cone")]
-        made.add_row(
-            row["case"], *grams, *ratios, f"{row['time_to_empty']:.3f}", str(row["left"]), f"{100 * row['overlap']:.1f}"
-        )
+        laws = ("beverloo", "beverloo_cone")
+        ratios = [f"{row['rate'] / row[key]:.3f}" if row["rate"] and row[key] else "–" for key in laws]
+        empty = "–" if row["time_to_empty"] is None else f"{row['time_to_empty']:.3f}"
+        made.add_row(row["case"], *grams, *ratios, empty, str(row["left"]), f"{100 * row['overlap']:.1f}")
     return made
