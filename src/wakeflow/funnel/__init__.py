@@ -15,7 +15,12 @@ from ..tables import Funnel
 
 __all__ = ["compute", "estimated_seconds", "notices", "summary"]
 
-CODE = Path(__file__).parent
+HERE = Path(__file__).parent
+CODE = [
+    *(HERE / f"{name}.liggghts" for name in ("beads", "settle", "discharge")),
+    *(HERE / f"{name}.py" for name in ("cone", "engine", "flow", "pour", "rate")),
+    *(HERE.parent / "laws" / f"{name}.py" for name in ("discharge", "hertz")),
+]
 SPEED = 4e6  # beads times steps a second of one core
 DEEP = 0.05  # diameters: softened beads should overlap less
 Make = Callable[[str, str, Callable[[Path], None]], Path]
@@ -36,7 +41,7 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str
     asked |= {"count": funnel.beads, "mass": None, "material": None}
     if not funnel.amplitude:
         asked["frequency"] = None
-    code = (digest_files([CODE, CODE.parent / "laws" / "hertz.py", CODE.parent / "laws" / "discharge.py"]), version())
+    code = (digest_files(CODE), version())
     still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
     bed_key = content_key("bed", still, code)
     bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))

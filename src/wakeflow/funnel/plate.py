@@ -103,6 +103,7 @@ def _contacts(time: Array, v: Array, omega: float, speed: float) -> Contacts:
     touching = np.abs(force) > FORCELESS
     change = np.diff(touching.astype(int), prepend=0)
     start, end = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
-    start = start[: len(end)]
+    pushes = np.array([(force[i:j] > 0).any() for i, j in zip(start, end, strict=False)], dtype=bool)
+    start, end = start[: len(end)][pushes], end[pushes]  # a graze that only pulls is none
     pressed = np.array([i + int(np.flatnonzero(force[i:j] > 0)[-1]) for i, j in zip(start, end, strict=True)])
     return Contacts(time[start], time[pressed], time[end], v[start], v[end], time[:-1], force, omega, speed)
