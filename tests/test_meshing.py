@@ -335,12 +335,11 @@ def test_slopes_and_blockages_of_the_whole_range_mesh_with_few_sound_cells(
     assert report.smallest_edge > 0.3 * spec.h_corner
 
 
-def test_the_reference_rung_is_the_finest_of_three_similar_grids(tmp_path: Path) -> None:
-    fine = coarse([RHOMBUS], scale=1.0, rung="reference")
-    middle, standard = fine.scaled(1.5), coarse([RHOMBUS], scale=1.0, rung="standard")
+def test_the_three_grids_of_a_study_are_similar(tmp_path: Path) -> None:
+    fine, usual, rough = (coarse([RHOMBUS], scale=scale, rung="standard") for scale in (1 / 1.5, 1.0, 1.5))
     for name in ("h_body", "h_corner", "h_wake", "growth", "of_edge", "of_gap"):
-        assert getattr(middle, name) == pytest.approx(getattr(standard, name))
-    cells = [build_mesh(fine.scaled(factor), tmp_path / str(factor)).cells for factor in (2.25, 1.5)]
+        assert getattr(fine.scaled(1.5), name) == pytest.approx(getattr(usual, name))
+    cells = [build_mesh(spec, tmp_path / str(i)).cells for i, spec in enumerate((rough, usual))]
     assert cells[1] / cells[0] == pytest.approx(2.25, rel=0.1)
 
 

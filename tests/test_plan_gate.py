@@ -143,7 +143,7 @@ def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(rhombus: Sce
 
 def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(rhombus: Scene) -> None:
     assert "magnus" not in make_plan(rhombus).fractions["wheat"].forces
-    sphere = rhombus.replace({"fraction.wheat.inertia": 0.4})
+    sphere = rhombus.replace({"fraction.wheat.inertia": 0.4, "feed.mode": "injected"})
     plan = make_plan(sphere)
     assert "magnus" in plan.fractions["wheat"].forces
     spin = feedstock(sphere, plan, "wheat", None).granules.spin
@@ -436,7 +436,8 @@ def test_the_meetings_of_granules_are_not_underestimated() -> None:
     tried = trial()
     for name, counted in meetings_counted(tried).items():
         how = tried.plan.fractions[name]
-        found = flights(tried.scene, name, how.drag, how.drag_scale, injected=how.mode == "injected", turbulent=True)
+        straight = how.deflection is not None and how.deflection.straight
+        found = flights(tried.scene, name, how.drag, how.drag_scale, straight=straight, turbulent=True)
         assert counted <= max(f.meetings for f in found) <= IDLE * counted
 
 

@@ -19,6 +19,8 @@ import pytest
 
 from wakeflow.field import FlowField
 from wakeflow.geometry import contains
+from wakeflow.loads import impact_loads
+from wakeflow.planning import make_plan
 from wakeflow.report import figures, html, landing, tables, vtk, write_report
 from wakeflow.scene import Scene
 
@@ -550,6 +552,37 @@ def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
     assert found["bracket"] == [["fraction", "bin", "steady", "computed"], ["wheat", "middle", "25.0", "12.5"]]
     rows = {row[0]: row[1] for row in found["airflow"]}
     assert rows["the paper's momentum model: drag coefficient, with the computed base pressure"] == "1.62"
+
+
+def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
+    result = _result(rhombus, None)
+    result["impact"] = impact_loads(rhombus, make_plan(rhombus))
+    shown = _Page(html.render(result, {})).tables["impact"]
+    assert [row[:2] for row in shown[1:]] == [
+        [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")
+    ]
+    tables.write_impact_csv(tmp_path / "i.csv", result)
+    with (tmp_path / "i.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    wheat, last = result["impact"]["fractions"]["wheat"]["slopes"]["right"], rows[-1]
+    assert float(rows[5]["normal force (N)"]) == pytest.approx(wheat["normal"])
+    assert float(rows[5]["mass flow (kg/h)"]) == pytest.approx(3600 * wheat["mass_flow"])
+    assert float(last["power (W)"]) == pytest.approx(result["impact"]["slopes"]["right"]["power"])
+    assert last["fall speed (m/s)"] == ""  # each fraction has its own
+
+
+def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
+    plan = make_plan(rhombus).summary()
+    found = _Page(html.render({**_result(rhombus, None), "plan": plan}, {})).tables
+    assert [row[:2] for row in found["impaction"][1:]] == [
+        [name, row["mode"]] for name, row in plan["fractions"].items()
+    ]
+    wheat = plan["fractions"]["wheat"]["deflection"]
+    assert found["impaction"][-1][4:] == [f"{wheat[key]:.3g}" for key in ("efficiency", "missed", "shift")]
+    loading = {row[0]: row for row in found["validity"]}
+    assert set(loading) == {"number", *(row["name"] for row in plan["validity"])}
+    [mass] = [row for row in plan["validity"] if row["name"] == "mass-loading"]
+    assert loading["mass-loading"][1:4] == [f"{mass['value']:.2g}", "0.1", f"{mass['feed_rate']:.3g}"]
 
 
 def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:

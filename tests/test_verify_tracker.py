@@ -219,7 +219,7 @@ def test_cost_at_an_error_is_read_off_the_best_settings() -> None:
 
 def test_score_counts_what_met_the_walls_otherwise() -> None:
     grains = _grains(4, **GRAIN)
-    case = Subject("grain", "steady", _problem(_air()), grains, np.array([-0.1, 0.0, 0.1]))
+    case = Subject("grain", "steady", _problem(_air()), grains, np.array([-0.1, 0.0, 0.1]), np.zeros(len(grains), int))
     x = np.array([(-0.05, 0.0), (0.05, 0.0), (0.06, 0.0), (0.07, 0.0)])
     all_true = np.ones(4, dtype=bool)
     reference = Reference(x, np.zeros(4), np.array([0, 0, 0, 1]), all_true)

@@ -20,11 +20,11 @@ from .laws.turbulence import brownian_diffusivity, crossing
 from .registry import Registry
 from .scene import GRAVITY
 
-__all__ = ["Bound", "Flight", "bounds", "history_kernel", "history_time"]
+__all__ = ["Bound", "Flight", "bounds", "history_kernel", "history_time", "moved_by_air"]
 
 NEAR = 3.0  # body widths along which the body's own pressure and velocity field acts
 SHEAR = 20.0  # U / D: vorticity of a wake's shear layer
-TURNED_BESIDE = 2.0  # integral of |curl u| over time for a granule thrown out of the wake, or past its edge
+TURNED_BESIDE = 3.0  # integral of |curl u| over time for a granule that is thrown out of the wake, or past its edge
 TURNED_WITHIN = 30.0  # the same for one that the air turns aside, or that falls through the wake
 WAKE_INTENSITY = 0.3  # u' / U behind a bluff body
 EDDY = 0.2  # integral length of the turbulence in the wake, in body widths
@@ -61,11 +61,12 @@ class Flight:
     shaking: float  # peak speed of the body, m/s
     omega: float  # of the vibration, rad/s
     meetings: float  # with other granules, weighted by the share of its momentum that each takes away
+    calm: bool = False  # no body: the air neither turns nor changes its speed
 
     @property
     def flow_acceleration(self) -> float:
         """Largest sustained acceleration of the air near the body, U^2 / D (m/s2)."""
-        return self.air_speed**2 / self.width
+        return 0.0 if self.calm else self.air_speed**2 / self.width
 
     @property
     def ratio(self) -> float:
@@ -85,6 +86,8 @@ class Flight:
     @property
     def gain(self) -> float:
         """How much the wake's strain stretches a shift: 1 for grain, up to 1 + STRETCH for what follows the air."""
+        if self.calm:
+            return 1.0
         stokes = self.tau * max(self.air_speed, self.arrival) / self.width
         return 1.0 + STRETCH / (1.0 + stokes**2)
 
@@ -153,12 +156,12 @@ def _lift(f: Flight) -> float:
 
 
 def _turned(f: Flight) -> float:
-    return TURNED_BESIDE if f.beside else TURNED_WITHIN
+    return 0.0 if f.calm else TURNED_BESIDE if f.beside else TURNED_WITHIN
 
 
 @_bound("magnus", "Loth: spin of a sphere that leaves the slope rolling, and half the air's turning")
 def _magnus(f: Flight) -> float:
-    spin = f.arrival / (0.5 * f.diameter)
+    spin = (f.thrown if f.calm else f.arrival) / (0.5 * f.diameter)  # without a body only walls beside give any
     scale = f.air_density * f.diameter / f.viscosity
     lift = 0.75 * f.ratio * magnus_factor(scale * f.typical_slip, scale * f.diameter * spin)
     lasting = 1.0 / float(spin_rate(f.diameter, f.density, f.viscosity))
@@ -209,7 +212,8 @@ def _basset(f: Flight) -> float:
     slowest = max(SLOWEST * f.typical_slip, min(f.settling, f.typical_slip))
     memory = history_time(f.whole, 0.5 * f.diameter, slowest, f.viscosity / f.air_density)
     last = min(f.time, f.tau)  # after a step of the air's velocity the shift grows as t exp(-t / tau)
-    sideways, along = max(SIDEWAYS * f.air_speed, f.thrown), max(f.air_speed, f.landing)  # the air's or its own change
+    air = 0.0 if f.calm else f.air_speed
+    sideways, along = max(SIDEWAYS * air, f.thrown), max(air, f.landing)  # the air's or its own change
     change = min(math.hypot(sideways, f.slope * along), f.typical_slip)
     return f.widths(memory / stokes * change * last * math.exp(-last / f.tau))
 
@@ -224,3 +228,15 @@ def _vibration(f: Flight) -> float:
 @_bound("collisions-between-granules", "kinetic theory: meetings in the curtain, each taking up to the arrival speed")
 def _collisions(f: Flight) -> float:
     return min(1.0, f.meetings) * f.arrival * f.reach(f.time) / f.width
+
+
+def moved_by_air(flight: Flight) -> float:
+    """Landing shift (body widths) where drag is left out altogether: an estimate for rung none.
+
+    Air that a granule slips through at w moves it by w (T - tau (1 - exp(-T / tau))) in a time T from the feed to
+    the end: sideways at the speed it is thrown at plus what the air turns aside by, along at the largest slip, which
+    counts by the slope of the track where all bins lie on the floor.
+    """
+    left = flight.whole - flight.tau * (1.0 - math.exp(-flight.whole / flight.tau))
+    slope = 1.0 if flight.sideways_bins else min(1.0, flight.thrown / max(flight.landing, 1e-9))
+    return (flight.thrown + SIDEWAYS * flight.air_speed + flight.slip * slope) * left / flight.width

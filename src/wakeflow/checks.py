@@ -38,7 +38,10 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
         reach = max(-left, right)
         if reach >= 0.49 * channel.width:
-            yield f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m"
+            yield (
+                f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m; leave "
+                f"a gap to the wall (allowed: x below {0.49 * channel.width:g} m)"
+            )
         elif low <= channel.bottom or high >= channel.top:
             yield f"body.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
         elif swing_x > 0.5 * (channel.width / 2 - reach) or swing_y > 0.5 * min(
@@ -53,14 +56,17 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
     sizes_of = {name: float(fraction.diameters(np.array([0.99]))[0]) for name, fraction in scene.fraction.items()}
     for name, size in sizes_of.items():
         if size > scene.width:
-            yield f"fraction.{name}: granules of {size:.3g} m are wider than the body ({scene.width:.3g} m)"
+            what = "body" if scene.body else "channel"
+            yield f"fraction.{name}: granules of {size:.3g} m are wider than the {what} ({scene.width:.3g} m)"
     if abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
         yield f"feed.width = {feed.width:g} m at feed.position = {feed.position:g} m touches the channel's walls"
+    if not scene.body:
+        return
     if feed.mode == "injected" and scene.obstacles:
         names = ", ".join(f"body.{name}" for name in scene.obstacles)
         yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
-    x, y = next(iter(scene.body.values())).outline().T
-    level = min(float(y.max()) + scene.release[0], scene.channel.top)
+    x = next(iter(scene.body.values())).outline()[:, 0]
+    level = min(scene.level + scene.release[0], scene.channel.top)
     curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
     for name, body in list(scene.body.items())[1:]:
         if _meets(body.outline(), curtain):
@@ -68,6 +74,34 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
     if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
         reach = f"x from {x.min():g} to {x.max():g} m"
         yield f"feed.position = {feed.position:g} m: the curtain falls past the body ({reach})"
+
+
+def _body_needed(scene: SceneTables) -> Iterator[str]:
+    """What goes only with a body, or only without one."""
+    feed, air, channel = scene.feed, scene.air, scene.channel
+    if scene.body:
+        for key in ("level", "direction"):
+            if getattr(feed, key) is not None:
+                first = next(iter(scene.body))
+                yield f"feed.{key}: for a channel without a body; here the curtain falls onto body.{first}"
+        return
+    if not channel.bottom < channel.top:
+        yield f"channel.bottom = {channel.bottom:g} m must be below channel.top = {channel.top:g} m"
+    if not channel.bottom < scene.level <= channel.top:
+        yield f"feed.level = {scene.level:g} m lies outside channel.bottom .. channel.top"
+    if feed.mode == "injected":
+        yield "feed.mode = 'injected': there is no body to meet; choose auto or resolved"
+    if scene.vibration is not None:
+        yield "vibration: there is no body that could vibrate; add one, or leave the table out"
+    if channel.inlet:
+        yield "channel.inlet: secondary streams are computed only round a body; add one, or leave them out"
+    if air is not None and air.case is not None:
+        yield "air.case: give the bodies of the case; without one the air is known and needs no case"
+    elif air is not None and (air.profile == "parabolic") != (channel.walls == "no-slip"):
+        yield (
+            f"air.profile = {air.profile!r} with channel.walls = {channel.walls!r}: without a body the air is uniform "
+            "between slip walls, or parabolic (laminar) between no-slip walls"
+        )
 
 
 def _shares_add_up(scene: SceneTables) -> Iterator[str]:
@@ -149,6 +183,7 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bodies_apart,
     _body_fits,
     _feed_fits,
+    _body_needed,
     _shares_add_up,
     _bins_exist,
     _bins_apart,

@@ -119,9 +119,9 @@ def mesh_error(comparison: Comparison, name: str, place: int) -> GridEstimate:
 
 def airflow_on_grids(chain: Chain) -> list[dict[str, Any]] | None:
     """Cd, base pressure and reversal length with their mesh error, and what each grid gave; None with one grid."""
-    found = [chain.on_grid(i).airflow for i in range(len(chain.plan.airflow.scales))]
-    if len(found) < 2:
+    if len(chain.plan.airflow.scales) < 2:
         return None
+    found = [chain.on_grid(i).airflow for i in range(len(chain.plan.airflow.scales))]
     sizes = [row["cells"] ** -0.5 for row in found]
     measured = {name: [row[name] for row in found] for name in ("cd", "cp_base")}
     table = {

@@ -12,20 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import tracking
+from .ballistics import follow
 from .field import FlowField
 from .files import atomic_write
 from .injection import Feedstock, feedstock
 from .planning import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import GRAVITY, Scene
 from .separation import Landings
-from .tracking import Body, Fate, Granules, Motion, Tracks, track
+from .tracking import Body, Fate, Granules, Motion, Tracks
 
-__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "load", "solids"]
+__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "landed", "load", "solids"]
 
 Array = NDArray[np.float64]
 DRAWN = 48  # tracks kept for pictures, a fraction
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
+HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
 KEPT = 2**20  # granules of a fraction whose landings stay in memory
 
 
@@ -74,7 +77,7 @@ class Flight:
             shown += [tracks.path(i) for i in range(len(here))]
             told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
             tracks = told._fly_ensemble(name, feed, first)
-            parts.append(_columns(feed, tracks, len(self.scene.bin)))
+            parts.append(landed(feed, tracks, len(self.scene.bin)))
         if drawn:
             _save_drawn(folder / f"{name}.drawn.npz", shown)
         columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
@@ -103,10 +106,17 @@ class Flight:
         scene = self.scene
         height = scene.channel.top - scene.channel.bottom
         speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
-        return track(
+        patience = PATIENCE if scene.body else HOVERING
+        until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
+        if self.plan.flown_by == "chain":
+            return follow(
+                grains, until=until, tolerance=self.tolerance, length=scene.width, bodies=solids(scene),
+                lines=ends(scene), gravity=(0.0, -GRAVITY), record=record,
+            )  # fmt: skip
+        return tracking.track(
             self.field,
             grains,
-            until=float(np.max(grains.time, initial=0.0)) + max(5.0, PATIENCE * height / speed),
+            until=until,
             tolerance=self.tolerance,
             length=scene.width,
             forces=self.plan.fractions[name].forces,
@@ -124,7 +134,7 @@ class Flight:
 def compile_tracker(_: None = None) -> None:
     """Have the tracker compiled, or read from its cache, before time is taken."""
     still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
-    track(None, still, until=1e-3, length=1.0, forces=("gravity",))
+    tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",))
 
 
 def _seed(seed: int, name: str, stream: int) -> int:
@@ -184,7 +194,7 @@ def ends(scene: Scene) -> list[Array]:
     return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
 
 
-def _columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
+def landed(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
     """What is kept of each landing, 33 bytes a granule."""
     binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
     return {

@@ -22,7 +22,7 @@ from .laws.forces import forces
 from .registry import nearest
 from .scene import Fraction, Scene
 
-__all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "open_gate"]
+__all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "limit_of", "open_gate"]
 
 Array = NDArray[np.float64]
 ALWAYS = ("drag", "gravity")
@@ -107,10 +107,13 @@ def open_gate(
 
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
-    widest = scene.channel.width / scene.width  # nothing lands farther off
+    channel = scene.channel
+    widest = channel.width / scene.width  # nothing lands farther off
+    if not scene.body:
+        widest = max(widest, (channel.top - channel.bottom) / scene.width)
     sizes = {term: min(widest, max(bounds[term].shift(f) for f in found)) for term in bounds}
     blocked = {term: _blocked(scene.fraction[name], term, turbulence) for term in bounds}
-    gate = Gate(ALWAYS, sizes, target * _sides(scene) / TYPICAL)
+    gate = Gate(ALWAYS, sizes, limit_of(scene, target))
     small = _small(sizes, blocked, gate.limit)
     used = []
     for term, size in sizes.items():
@@ -126,10 +129,15 @@ def open_gate(
         gate.left_out.append(LeftOut(term, size, f"{bounds[term].why}; {reason}", name))
         if asked is None and term not in small:
             if term in forces and not forces[term].computed:
-                raise SceneError(_refusal(name, term, size, gate.limit, target))
+                raise SceneError(_refusal(name, term, size, gate.limit, target, scene.unit))
             gate.missing[term] = blocked[term] or ""
     order = [term for term in forces if term in used]
     return Gate((*ALWAYS, *order), sizes, gate.limit, gate.left_out, gate.missing)
+
+
+def limit_of(scene: Scene, target: float) -> float:
+    """The landing shift (body widths) below which a term is left out for an accuracy of ``target`` (a share)."""
+    return target * _sides(scene) / TYPICAL
 
 
 def _small(sizes: Mapping[str, float], blocked: Mapping[str, str | None], limit: float) -> set[str]:
@@ -155,14 +163,14 @@ def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | Non
     if forces[term].needs == "turbulence" and turbulence == "laminar":
         return "the airflow is laminar and brings no turbulence"
     if term == "magnus" and fraction.inertia is None:
-        return "a point mass gets no spin at the body; inertia = 0.4 makes it a sphere"
+        return "a point mass gets no spin at the body; impact = 'sphere' gives it one"
     return None
 
 
-def _refusal(name: str, term: str, size: float, limit: float, target: float) -> str:
+def _refusal(name: str, term: str, size: float, limit: float, target: float, unit: str) -> str:
     enough = math.ceil(1000.0 * target * size / limit) / 1000.0
     return (
-        f"{name}: {term} is not computed in this version and could move it by {size:.2g} body widths, more than the "
+        f"{name}: {term} is not computed in this version and could move it by {size:.2g} {unit}, more than the "
         f"{limit:.2g} that an accuracy of {target:.2g} allows; accept it with --force {name}.{term}=off, or ask for "
         f"--target-error {enough:g}"
     )
@@ -170,6 +178,8 @@ def _refusal(name: str, term: str, size: float, limit: float, target: float) -> 
 
 def _sides(scene: Scene) -> int:
     """On how many sides of the body the curtain is thrown: 2 where it falls on both sides of the body's top."""
-    outline = next(iter(scene.body.values())).outline()
+    outline = scene.first_outline
+    if outline is None:
+        return 1
     top = outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=1e-9 * scene.width), 0]
     return 2 if abs(scene.feed.position - top.mean()) < 0.5 * scene.feed.width else 1

@@ -2,9 +2,12 @@
 
 Injected (the paper's model): a granule falls straight down onto the slope under it, arrives with its own speed (drag
 included), meets the body at the phase of the vibration that a uniform stream meets, and leaves by eq. (1)-(2) with the
-velocity in the lab frame. Its first contact lies on the outline offset by its radius: a slope or a corner.
+velocity in the lab frame. Its first contact lies on the outline offset by its radius: a slope or a corner. Those that
+the air would carry round the body (``deflection``) are released above it and tracked from there.
 
-Resolved: it is released above the body and the tracker does the impact; for granules that the air turns aside.
+Resolved: all are released above the body and the tracker does the impact; for fractions that the air turns aside.
+
+Without a body the curtain enters the channel at the feed's level.
 """
 
 from __future__ import annotations
@@ -12,19 +15,23 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import tracking
+from .deflection import axis
 from .field import FlowField
 from .geometry import edges, normals
-from .laws.collision import collide
-from .laws.drag import slip_correction
+from .laws.collision import approach_speed, collide
+from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
+from .laws.restitution import restitution_at
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
-from .scene import GRAVITY, Fraction, Scene
-from .tracking import Granules, track
+from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
+from .tracking import Granules
 
-__all__ = ["Feedstock", "arrival", "feedstock", "first_contact"]
+__all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "first_contact", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
@@ -42,20 +49,23 @@ class Feedstock:
 
 
 def _samples(
-    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES)
+    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES), dimensions: int = 4
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Scrambled Sobol points (n, 4) in the unit cube of some ``replicates``, and the one each belongs to.
+    """Scrambled Sobol points (n, dimensions) in the unit cube of some ``replicates``, and the one each belongs to.
 
     The stream depends on the fraction's own name and on the replicate, not on the other fractions.
     """
+    size = replicate_size(count)
+    parts = [_replicate(name, size, seed, replicate, dimensions) for replicate in replicates]
+    return np.concatenate(parts), np.repeat(np.asarray(replicates), size)
+
+
+@lru_cache(maxsize=64)  # a search flies the same granules through many scenes
+def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
     from scipy.stats import qmc
 
-    size, parts = replicate_size(count), []
-    for replicate in replicates:
-        source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-        parts.append(qmc.Sobol(4, scramble=True, rng=source).random(size))
-    points = np.clip(np.concatenate(parts), 1e-12, 1 - 1e-12)
-    return points, np.repeat(np.asarray(replicates), size)
+    source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
+    return np.clip(qmc.Sobol(dimensions, scramble=True, rng=source).random(size), 1e-12, 1 - 1e-12)
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -88,32 +98,32 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     """Downward speed (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
-    uniform flow.
+    uniform flow; in a vacuum in closed form.
     """
-    reach = max(float(np.ptp(next(iter(scene.body.values())).outline()[:, 1])) + scene.release[0], scene.width) + 1.0
+    if scene.air is None:
+        return np.sqrt(speed**2 + 2 * GRAVITY * np.maximum(drop, 0.0))
+    outline = scene.first_outline
+    reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
     )  # the same for any part of the granules
-    if scene.air is None:
-        column = None
-    else:
-        flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
-        corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
-        column = FlowField.from_arrays(
-            corners,
-            np.array([(0, 1, 2), (0, 2, 3)]),
-            np.tile([0.0, flow], (4, 1)),
-            pressure=np.zeros(4),
-            density=scene.air.density,
-            viscosity=scene.air.viscosity,
-        )
+    flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
+    corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
+    column = FlowField.from_arrays(
+        corners,
+        np.array([(0, 1, 2), (0, 2, 3)]),
+        np.tile([0.0, flow], (4, 1)),
+        pressure=np.zeros(4),
+        density=scene.air.density,
+        viscosity=scene.air.viscosity,
+    )
     still = grains.replace(
         position=np.stack([np.full(drop.shape, 0.3), drop], axis=1),  # off the column's diagonal and its nodes
         velocity=np.stack([np.zeros(drop.shape), -speed], axis=1),
         time=np.zeros(len(drop)),
     )
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
-    tracks = track(
+    tracks = tracking.track(
         column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=how.drag, lines=(level,),
         forces=[force for force in how.forces if force in CALM], gravity=(0.0, -GRAVITY),
     )  # fmt: skip
@@ -185,10 +195,17 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
 
 
-def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granules:
+def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
+    """Granules of ``diameter`` (n,) m with the fraction's properties and drag, at rest at the origin; ``settling`` (n,)
+    m/s: each granule's own terminal velocity where it was measured.
+    """
     origin = np.zeros((len(diameter), 2))
     properties = fraction.properties
-    correction = slip_correction(diameter)
+    if settling is None:
+        scale = how.drag_scale / slip_correction(diameter)
+    else:
+        law, air = how.drag, (*STANDARD_AIR, GRAVITY)
+        scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law)
     return Granules(
         position=origin,
         velocity=origin,
@@ -197,7 +214,7 @@ def _granules(fraction: Fraction, how: FractionPlan, diameter: Array) -> Granule
         sphericity=fraction.sphericity or 1.0,
         restitution=properties.restitution,
         friction=properties.friction,
-        drag_scale=how.drag_scale / correction,
+        drag_scale=scale,
         inertia=fraction.inertia,
     )
 
@@ -210,18 +227,23 @@ def feedstock(
     ``replicates``: only those, the same granules as among all.
     """
     fraction, how = scene.fraction[name], plan.fractions[name]
-    outline = next(iter(scene.body.values())).outline()
-    points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates)
-    x = scene.feed.position + scene.feed.width * (points[:, 0] - 0.5)
+    spreads = fraction.settling(np.zeros(0)) is not None
+    points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates, 5 if spreads else 4)
+    x = scene.feed.places(points[:, 0])
     diameter = fraction.diameters(points[:, 1])
-    grains = _granules(fraction, how, diameter)
-    level, speed = _start(scene, float(outline[:, 1].max()), 0.5 * diameter)
+    grains = granules_of(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
+    if not scene.body:
+        return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+    level, speed = _start(scene, scene.level, 0.5 * diameter)
     position, velocity = _released(scene, how, grains, x, level, speed)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
     if how.mode == "injected":
-        height, normal = contact_points(outline, x, diameter / 2)
+        assert scene.first_outline is not None
+        height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
+        if how.deflection is not None:
+            meets &= how.deflection.meets(diameter, x - axis(scene))
         fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
         i = np.flatnonzero(injected)
@@ -234,12 +256,18 @@ def feedstock(
     return Feedstock(entered, replicate, injected)
 
 
+def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:
+    """The curtain where no body stands: at the feed's level, with the velocity it has there."""
+    y = min(scene.level, scene.channel.top - 1e-6 * scene.width)
+    velocity = np.broadcast_to(scene.entry, (len(x), 2))
+    return grains.replace(position=np.stack([x, np.full(len(x), y)], axis=1), velocity=velocity)
+
+
 def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:
     """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2)."""
-    vx, vy, spin, _, _ = collide(
-        0.0, -fall, 0.0, normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1], grains.restitution, grains.friction,
-        1.0 / grains.inertia, grains.diameter / 2,
-    )  # fmt: skip
+    ways = normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1]
+    e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *ways))
+    vx, vy, spin, _, _ = collide(0.0, -fall, 0.0, *ways, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2)
     return np.stack([vx, vy], axis=1), spin
 
 

@@ -97,7 +97,9 @@ class Chain:
 
     @property
     def mesh_quality(self) -> dict[str, Any]:
-        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees)."""
+        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees); empty without one."""
+        if self.plan.rung == "analytic":
+            return {}
         if self.given is not None:
             return {"cells": self.airflow["cells"]}
         table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
@@ -174,7 +176,11 @@ class Chain:
 
     @property
     def airflow(self) -> dict[str, Any]:
-        """What was measured on the airflow: the ``airflow`` table of result.json."""
+        """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json."""
+        if self.plan.rung == "analytic":
+            from .duct import duct_airflow
+
+            return {"rung": self.plan.rung, "turbulence": self.plan.airflow.turbulence, **duct_airflow(self.scene)}
         table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
         return {"rung": self.plan.rung, **table}
 
@@ -183,6 +189,8 @@ class Chain:
         """Key and field on triangles that the tracker reads, of the whole channel."""
         from .field import FlowField
 
+        if self.plan.rung == "analytic":
+            return self._duct()
         key, folder = self.solution
         code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field")
         key = content_key("field", key, code, _version("foamlib"))
@@ -197,6 +205,15 @@ class Chain:
             (read.compressed() if read.period is not None else read).save(part / "field.npz")
 
         return key, FlowField.load(self._stage("field", key, work) / "field.npz")
+
+    def _duct(self) -> tuple[str, FlowField]:
+        """Key and field of air in which nothing stands; made in no time, so not kept."""
+        from .duct import duct_field
+
+        air, channel = self.scene.air, self.scene.channel
+        asked = (repr(air), channel.width, channel.top, channel.bottom, self.plan.airflow.turbulence)
+        key = content_key("duct", asked, _sources("duct.py", "field"))
+        return key, duct_field(self.scene, turbulent=self.plan.airflow.turbulence == "decaying")
 
     @property
     def truncation(self) -> dict[str, Any] | None:
@@ -221,11 +238,14 @@ class Chain:
         del tables["numerics"], tables["funnel"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        code = _sources("laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables")
+        code = _sources(
+            "laws", "tracking", "ballistics", "field", "scales.py", "deflection.py", "injection.py", "flight.py",
+            "geometry.py", "tables",
+        )  # fmt: skip
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         symmetric = self.plan.airflow.symmetric
-        return content_key("tracks", tables, order, symmetric, repr(how), upstream, code, versions)
+        return content_key("tracks", tables, order, self.plan.flown_by, symmetric, repr(how), upstream, code, versions)
 
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
@@ -240,7 +260,7 @@ class Chain:
             flow = flow.blended(change.blend)
         tell = partial(self._tell, change.name)
         flights = flight.Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
-        if "compile" not in self.seconds and not self.store.holds(change.name, key):
+        if self.plan.flown_by == "tracker" and "compile" not in self.seconds and not self.store.holds(change.name, key):
             self._warm_up()
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
         return flight.load(folder, self.scene)

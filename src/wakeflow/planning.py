@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from .bounds import Flight, moved_by_air
+from .deflection import Deflection, deflection
 from .errors import SceneError
 from .funnel import estimated_seconds, summary
-from .gate import VIBRATION, Gate, LeftOut, check_switches, open_gate
+from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -22,19 +24,23 @@ from .laws.drag import (
     slip_correction,
     terminal_velocity,
 )
+from .loading import Limit, limits, strained
 from .locking import AirMotion, vibration_of_scene
 from .process import cores
 from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, ranks_for, typical_cells, typical_seconds
-from .scales import flights
+from .scales import arrival_speed, flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
 
 __all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
 
-INJECTED_ABOVE = (
-    10.0  # approach Stokes number; a cylinder in potential flow catches 87 % there (Langmuir & Blodgett 1946)
-)
+TURNING = "turning-before-the-impact"  # the term that injection leaves out
+MATTERS = 0.1  # body widths that the air moves a fraction by when it is left out: beyond, a warning
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
+LAMINAR_CHANNEL = (
+    1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
+)
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
+RARE = 1e-3  # mass below and above which a measured terminal velocity may be anything
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 
 
@@ -46,9 +52,11 @@ class FractionPlan:
     drag: str  # name of the drag law
     drag_scale: float  # factor on the law that gives the measured terminal velocity; 1 without one. A granule's own
     # slip correction divides it
-    terminal_velocity: float | None  # m/s in the scene's air; None in a vacuum
+    terminal_velocity: float | None  # m/s in the scene's air, of the median; None in a vacuum
     relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
-    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width
+    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width; inf without a body or air
+    arrival_speed: float  # m/s at the top of the body, drag included; negative where the air carries it up
+    deflection: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
     forces: tuple[str, ...] = ()  # the terms it is flown with
     bounds: dict[str, float] = field(default_factory=dict)  # body widths each term could move it by
     limit: float | None = None  # body widths: what a term must be able to move to be used
@@ -56,7 +64,10 @@ class FractionPlan:
     @property
     def tracked(self) -> dict[str, Any]:
         """What its tracks depend on: everything but the bounds that chose the forces."""
-        return {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit")}
+        table = {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit", "deflection")}
+        if self.mode == "injected" and self.deflection is not None:
+            table["reach"] = self.deflection.diameters, self.deflection.reach
+        return table
 
 
 @dataclass(frozen=True)
@@ -71,10 +82,13 @@ class Plan:
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+    flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
+    validity: list[Limit] = field(default_factory=list)  # what the feed rate strains, and from which rate on
+    unit: str = "body widths"  # of lengths: of the channel where nothing stands
 
     @property
     def rung(self) -> str:
-        """none | draft | standard | reference | given"""
+        """none | analytic | draft | standard | reference | given"""
         return self.airflow.rung
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
@@ -86,7 +100,7 @@ class Plan:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
         table = asdict(self)
         table = {**table.pop("airflow"), **table}
-        for row in table["fractions"].values():
+        for row in [*table["fractions"].values(), *table["validity"]]:
             row.update({key: None for key, value in row.items() if isinstance(value, float) and math.isinf(value)})
         return table
 
@@ -113,12 +127,21 @@ def make_plan(
     if airflow.stepping == "time-resolved":
         motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
+    asked, scene = scene, scene.flown(airflow.rung)
     check_switches(scene, switches, airflow.turbulence)
-    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={})
-    gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name)) is not None}
-    plan.warnings.extend(_missing(gates))
+    flown_by = "tracker" if asked is scene else "chain"
+    plan = Plan(
+        airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, flown_by=flown_by, unit=scene.unit
+    )
+    found: dict[str, list[Flight]] = {}
+    gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name, found)) is not None}
+    arrivals = {name: how.arrival_speed for name, how in plan.fractions.items()}
+    plan.validity.extend(limits(scene, arrivals, found, limit_of(scene, target)))
+    plan.warnings.extend(_missing(gates, scene.unit))
     plan.estimate.update(_estimate(scene, plan))
-    if scene.air is None:
+    if asked is not scene:
+        _leave_air_out(asked, plan)
+    elif scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
     plan.used.extend(_used(scene, plan, motion))
     if scene.funnel is not None:
@@ -128,30 +151,56 @@ def make_plan(
     return plan
 
 
-def _add_fraction(scene: Scene, plan: Plan, name: str) -> Gate | None:
-    """Decide how fraction ``name`` is computed, and with which forces; None in a vacuum, where there is no choice."""
-    how = _fraction_plan(scene, name)
+def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Flight]]) -> Gate | None:
+    """Decide how fraction ``name`` is computed, and with which forces; None in a vacuum, where there is no choice. The
+    scales of its flight are added to ``scales``.
+    """
+    how = _fraction_plan(scene, name, plan.target_error)
     if scene.air is None:
         plan.fractions[name] = replace(how, forces=("gravity",))
         return None
+    straight = how.deflection is not None and how.deflection.straight and not scene.obstacles
     found = flights(
-        scene, name, how.drag, how.drag_scale, injected=how.mode == "injected",
-        turbulent=plan.airflow.turbulence != "laminar",
+        scene, name, how.drag, how.drag_scale, straight=straight,
+        turbulent=plan.airflow.turbulence in ("kOmegaSST", "given"),
     )  # fmt: skip
+    scales[name] = found
     gate = open_gate(
         scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence, moving=plan.airflow.moving
     )
     plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
     plan.left_out.extend(gate.left_out)
+    if how.mode == "injected" and how.deflection is not None:
+        why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
+        plan.left_out.append(LeftOut(TURNING, how.deflection.shift, why, name))
     return gate
 
 
-def _missing(gates: Mapping[str, Gate]) -> Iterator[str]:
+def _leave_air_out(scene: Scene, plan: Plan) -> None:
+    """For each fraction of a scene with air that is flown without: what the air could move it by, and a warning."""
+    assert scene.air is not None
+    air, widest = scene.air, scene.channel.width / scene.width
+    for name in scene.fraction:
+        how = _fraction_plan(scene, name, plan.target_error)
+        found = flights(scene, name, how.drag, how.drag_scale, straight=False, turbulent=True)
+        shift = min(widest, max(moved_by_air(flight) for flight in found))
+        carried = air.direction == "up" and (how.terminal_velocity or 0.0) < air.speed
+        fate = "the air would carry it up" if carried else f"Stokes number of its fall {how.stokes:.2g}"
+        why = f"drag on the way at the largest slip, {found[0].slip:.2g} m/s; {fate}"
+        plan.left_out.append(LeftOut("air", shift, why, name))
+        if carried or shift > MATTERS:
+            plan.warnings.append(
+                f"{name}: rung none leaves the air out, which could move it by {shift:.2g} body widths (terminal "
+                f"velocity {how.terminal_velocity:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
+            )
+
+
+def _missing(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
     """A line for each term that could matter and is not computed, with what it could move."""
     terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
     for term, why in terms:
         moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
-        yield f"{term}, left out, could move {', '.join(moved)} body widths: {why}"
+        yield f"{term}, left out, could move {', '.join(moved)} {unit}: {why}"
 
 
 def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
@@ -169,18 +218,20 @@ def _calibration(name: str, law: str, diameter: float, density: float, speed: fl
     return scale
 
 
-def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
+def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
     fraction = scene.fraction[name]
     granule, law = fraction.properties, fraction.drag_law
     entry, phi = drag_laws[law], fraction.sphericity or 1.0
     scale = 1.0
     if fraction.measured_settling is not None:
         scale = _calibration(name, law, *fraction.measured_settling)
+        for speed in () if (spread := fraction.settling(np.array([RARE, 1.0 - RARE]))) is None else spread.tolist():
+            _calibration(name, law, granule.diameter, granule.density, speed)
     wanted = scene.feed.mode
     if scene.air is None:
-        clear = "injected" if not scene.obstacles else "resolved"
+        clear = "injected" if scene.body and not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted
-        return FractionPlan(mode, law, scale, None, math.inf, math.inf)
+        return FractionPlan(mode, law, scale, None, math.inf, math.inf, scene.feed.fall_speed)
     air, own = scene.air, scale / float(slip_correction(granule.diameter))
     settling = float(
         terminal_velocity(
@@ -188,29 +239,34 @@ def _fraction_plan(scene: Scene, name: str) -> FractionPlan:
         )
     )
     along = air.speed if air.direction == "down" else -air.speed
-    fall = scene.feed.fall_speed
+    fall = arrival_speed(scene, name, law, scale)
     reynolds = air.density * abs(fall - along) * granule.diameter / air.viscosity
     factor = own * float(entry.factor(np.array([reynolds]), phi)[0])
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
-    stokes = tau * fall / (0.5 * scene.width)
-    falls_into_calm = air.direction == "down"  # in upward air the slopes lie in the wake, not in uniform air
-    heavy = stokes > INJECTED_ABOVE and falls_into_calm and not scene.obstacles
-    mode = wanted if wanted != "auto" else ("injected" if heavy else "resolved")
-    return FractionPlan(mode, law, scale, settling, tau, stokes)
+    stokes = tau * max(fall, 0.0) / (0.5 * scene.width) if scene.body else math.inf
+    turned = deflection(scene, name, law, scale)
+    small = turned is not None and turned.missed <= target and turned.shift <= limit_of(scene, target)
+    mode = wanted if wanted != "auto" else ("injected" if small and not scene.obstacles else "resolved")
+    return FractionPlan(mode, law, scale, settling, tau, stokes, fall, turned)
 
 
 def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     lines = list(_airflow_lines(plan.airflow, len(scene.body)))
+    if plan.flown_by == "chain":
+        lines.append("no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM")
     if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
     for name, how in plan.fractions.items():
-        resolved = "released above the body, impacts resolved"
+        resolved = "released above the body, impacts resolved" if scene.body else f"enters at y = {scene.level:.3g} m"
         impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
-        stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g})"
+        stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g}{_turned(how)})"
         drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
-        lines.append(f"{name}: {impact}{stokes}{drag}; forces {', '.join(how.forces)}")
+        fall = f", arrives at {how.arrival_speed:.3g} m/s"
+        lines.append(f"{name}: {impact}{stokes}{fall}{drag}{_spread(scene, name)}; forces {', '.join(how.forces)}")
+    rows = ", ".join(f"{row.name} {row.value:.2g}" for row in plan.validity if row.limit is not None)
+    lines.append(f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {rows}")
     if scene.vibration is not None:
         peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
         seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
@@ -219,10 +275,33 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     return lines
 
 
+def _turned(how: FractionPlan) -> str:
+    """What the air does to the fraction before the body."""
+    turned = how.deflection
+    if turned is None:
+        return ", the slopes lie in the wake"
+    return (
+        f", impaction efficiency {turned.efficiency:.2g}: {turned.missed:.2g} carried round the body, the landing of "
+        f"the rest moved by up to {turned.shift:.2g} body widths"
+    )
+
+
+def _spread(scene: Scene, name: str) -> str:
+    """Between which terminal velocities nine in ten granules of a fraction lie, where a distribution was measured."""
+    ends = scene.fraction[name].settling(np.array([0.05, 0.95]))
+    return (
+        ""
+        if ends is None
+        else f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
+    )
+
+
 def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
     if airflow.rung == "given":
         yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
+    if airflow.rung == "analytic":
+        yield f"airflow: {airflow.why}"
     if airflow.stepping is None:
         return
     part = ", half of the channel mirrored" if airflow.half else ""
@@ -271,19 +350,36 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
         size = float(fraction.diameters(np.array([0.95]))[0])
         if size > 0.1 * scene.width:
             lines.append(
-                f"{name}: {size / scene.width:.0%} of the body's width; granules are treated as points in the air"
+                f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
+                "treated as points in the air"
             )
         if fraction.properties.confidence == "low":
             lines.append(f"{name}: material data of low confidence; measure your own terminal velocity")
         how = plan.fractions[name]
         if how.drag_scale < 0.9:
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
-        if how.mode == "injected" and how.stokes < INJECTED_ABOVE:
-            lines.append(f"{name}: injected at an approach Stokes number of {how.stokes:.2g}; the air turns many aside")
-    return lines + list(_airflow_warnings(scene, plan.airflow))
+        lines.extend(_injected_beyond(name, how, plan.target_error))
+    return [*lines, *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
+
+
+def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[str]:
+    """A line where injection was asked for and does not hold."""
+    if how.mode != "injected":
+        return
+    turned = how.deflection
+    if turned is None and how.stokes < math.inf:
+        yield f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
+    elif turned is not None and (turned.missed > target or turned.shift > (how.limit or 0.0)):
+        yield (
+            f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
+            f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"
+        )
 
 
 def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
+    reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
+    if airflow.rung == "analytic" and parabolic and reynolds > LAMINAR_CHANNEL:
+        yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
     if airflow.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
         yield "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
     if airflow.brackets:

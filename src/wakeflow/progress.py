@@ -58,7 +58,7 @@ def show_plan(plan: Plan) -> None:
         console.print(f"• {line}", highlight=False, markup=False)
     if any(how.bounds for how in plan.fractions.values()):
         console.print(_bounds_table(plan))
-    table = Table("left out", "fraction", "bound (body widths)", "why", title=None, pad_edge=False)
+    table = Table("left out", "fraction", f"bound ({plan.unit})", "why", title=None, pad_edge=False)
     for (name, why), rows in _grouped(plan.left_out).items():
         bounds = "\n".join("–" if row.bound is None else f"{row.bound:.2g}" for row in rows)
         table.add_row(name, "\n".join(row.fraction or "all" for row in rows), bounds, Text(why))
@@ -83,7 +83,7 @@ def _bounds_table(plan: Plan) -> Table:
     """Terms by fractions: what each could move, in body widths; bold where it is computed."""
     from rich.table import Table
 
-    title = f"how far each term could move a fraction, body widths (accuracy {plan.target_error:.2g} of a share)"
+    title = f"how far each term could move a fraction, {plan.unit} (accuracy {plan.target_error:.2g} of a share)"
     table = Table(
         "term", title=title, title_justify="left", pad_edge=False, caption="bold: computed; the rest left out"
     )
@@ -115,7 +115,10 @@ def show_result(result: Result) -> None:
     if table.get("funnel"):
         console.print(_poured(table["funnel"]), highlight=False)
     airflow: dict[str, Any] | None = table.get("airflow")
-    if airflow:
+    if airflow and airflow["cd"] is None:
+        flow, drop = airflow["flow_rate"], airflow["pressure_drop"]
+        console.print(f"airflow: {airflow['verdict']}, {flow:.3g} m²/s, pressure drop {drop:.2g} Pa", highlight=False)
+    elif airflow:
         cd, base = airflow["cd"], airflow["cp_base"]["value"]
         console.print(
             f"airflow: {airflow['verdict']}, Cd {cd['value']:.3f} [{cd['low']:.3f}, {cd['high']:.3f}], "

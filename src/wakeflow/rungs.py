@@ -3,7 +3,8 @@
 draft: one steady solution. Below the onset of vortex shedding it is the flow itself; above, its wake is too long and
 its suction too weak. standard: time-resolved in two dimensions, started from the draft. Up to the onset of
 three-dimensional motion it is the flow itself; above, it sheds too coherently and its suction is too strong, so that
-draft and standard bracket the truth. reference: the same on three grids, which gives the error of the mesh.
+draft and standard bracket the truth. reference: the same on three grids, which gives the error of the mesh. none: no
+air at all; where a scene has some, what that leaves out is stated. Without a body the air is known (analytic).
 """
 
 from __future__ import annotations
@@ -56,10 +57,10 @@ class AirflowPlan:
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
     """
 
-    rung: str  # none | draft | standard | reference | given (a case of the user's)
+    rung: str  # none | analytic (nothing stands in it) | draft | standard | reference | given (a case of the user's)
     why: str
     stepping: Stepping | None
-    turbulence: Literal["laminar", "kOmegaSST", "given"] | None
+    turbulence: Literal["laminar", "kOmegaSST", "decaying", "given"] | None
     symmetric: bool
     half: bool
     scales: tuple[float, ...] = (1.0,)
@@ -81,7 +82,11 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
         return AirflowPlan("none", "there is no [air]", None, None, symmetric, half=False)
     if asked == "none":
-        raise SceneError("rung = 'none' is for scenes without air: remove the [air] table, or choose draft or standard")
+        if not scene.body:
+            raise SceneError("rung = 'none' leaves the air out, and without a body nothing is left: choose auto")
+        return AirflowPlan("none", "asked for: the air is left out", None, None, symmetric, half=False)
+    if not scene.body:
+        return _analytic(scene, asked)
     if scene.air.case is not None:
         return _given(scene.air.case, asked)
     reynolds = scene.reynolds
@@ -100,6 +105,20 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
         brackets=not steady and reynolds > FLAT_BELOW,
         accuracy=ACCURACY["reference" if rung == "reference" else "bracket" if reynolds > FLAT_BELOW else "flat"],
     )
+
+
+def _analytic(scene: Scene, asked: str) -> AirflowPlan:
+    """Nothing stands in the air: nothing is meshed or solved."""
+    if asked != "auto":
+        raise SceneError(
+            f"rung = {asked!r}: without a body there is nothing to solve; leave the rung out, or add a body"
+        )
+    air, reynolds = scene.air, scene.reynolds
+    assert air is not None
+    assert reynolds is not None
+    laminar = air.profile == "parabolic" or reynolds < LAMINAR_BELOW
+    why = f"nothing stands in it: {air.profile} everywhere, neither mesh nor solver"
+    return AirflowPlan("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
 
 
 def _given(case: str, asked: str) -> AirflowPlan:

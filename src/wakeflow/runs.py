@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,8 +18,9 @@ from .errors import SceneError
 from .files import atomic_write, content_key, digest_files, write_json
 from .funnel import notices
 from .laws.momentum import momentum_pressure
+from .loads import impact_loads
 from .pipeline import Chain, Listener, silent
-from .planning import Plan, make_plan
+from .planning import make_plan
 from .scene import Scene
 from .separation import separate
 
@@ -98,26 +99,25 @@ def run(
     try:
         with FileLock(folder / ".lock", timeout=0):
             options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
-            chain = Chain(scene, plan, listener, workers)
+            chain = Chain(scene.flown(plan.rung), plan, listener, workers)
             poured = chain.funnel
-            chain = chain if poured is None or until == "funnel" else _fed(chain, poured, make)
+            if poured is not None and until != "funnel":
+                fed = _fed(scene, poured)
+                plan = make(fed)  # its bounds on loading follow the rate
+                chain = replace(chain, scene=fed.flown(plan.rung), plan=plan)
             return _run(scene, chain, poured, folder, options, redraw)
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
 
-def _fed(chain: Chain, poured: dict[str, Any], make: Callable[[Scene], Plan]) -> Chain:
-    """The same stages with the funnel's rate as the feed's, where that has none of its own, and bounds to match."""
-    scene = chain.scene
-    if scene.feed.rate is not None:
-        return chain
-    if poured["rate"] is None:
+def _fed(scene: Scene, poured: dict[str, Any]) -> Scene:
+    """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
+    if poured["rate"] is None and scene.feed.rate is None:
         raise SceneError(
             f"funnel: the flow stops with {poured['left']} of {poured['beads']} beads inside; widen "
             "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
         )
-    scene = scene.fed(poured["rate"]["value"])
-    return replace(chain, scene=scene, plan=make(scene))
+    return scene.fed(None if poured["rate"] is None else poured["rate"]["value"])
 
 
 def _run(
@@ -127,25 +127,25 @@ def _run(
     from . import report
 
     plan, target, until = chain.plan, folder / "result.json", options["until"]
-    airless = scene.air is None or until == "funnel"
+    asked, scene = scene, chain.scene  # flown without its air at rung none, fed by its funnel
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
     table: dict[str, Any] = {
         "schema": SCHEMA,
-        "scene": scene.tables(),
+        "scene": asked.tables(),
         "options": options,
         "plan": plan.summary(),
         "funnel": poured,
         "airflow": None,
     }
     tracked: Tracked | None = None
-    if not airless:
-        if until not in ("mesh", "airflow"):
+    if scene.air is not None and until != "funnel":
+        if until not in ("mesh", "airflow") and plan.rung != "analytic":
             chain.compile_beside()
         table["mesh"] = chain.mesh_quality
         if until != "mesh":
             table["airflow"] = chain.airflow
             table["airflow"]["grids"] = airflow_on_grids(chain)
-            table["airflow"]["momentum"] = _momentum(scene, table["airflow"])
+            table["airflow"]["momentum"] = _momentum(scene, table["airflow"]) if scene.body else None
     if until not in ("funnel", "mesh", "airflow"):
         tracked = chain.tracks()
         if table["airflow"] is not None:
@@ -153,8 +153,9 @@ def _run(
             table["airflow"]["truncation"] = chain.truncation
         table["fates"] = tracked.fates
         table["met_by_law"] = tracked.injected
+        table["impact"] = impact_loads(scene, plan)
     if tracked is not None and until is None:
-        table["separation"] = separate(chain.scene, tracked.landings)
+        table["separation"] = separate(scene, tracked.landings)
         others = fly_companions(chain, tracked)
         table["bracket"] = None if others.airflows is None else others.airflows.table(list(scene.bin))
         table["budget"] = make_budget(chain, tracked, table["separation"], others)
@@ -163,8 +164,8 @@ def _run(
     table["seconds"] = chain.seconds
     table["versions"] = _versions()
     code = digest_files([Path(__file__).parent])
-    asked = (scene.tables(), order, plan.summary(), options)
-    table["key"] = content_key(*asked, chain.tracks_key if tracked else None, _versions(), code)
+    made_for = (asked.tables(), order, plan.summary(), options)
+    table["key"] = content_key(*made_for, chain.tracks_key if tracked else None, _versions(), code)
     stands = _key_of(target) == table["key"]
     if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
         target.unlink(missing_ok=True)
@@ -243,14 +244,15 @@ def _momentum(scene: Scene, airflow: dict[str, Any]) -> dict[str, float]:
 
 def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
     """What a user must know of the airflow and of how the tracks ended."""
-    lines = [] if table["airflow"] is None else _airflow_notices(scene, chain, table["airflow"])
+    solved = table["airflow"] is not None and chain.plan.rung != "analytic"
+    lines = _airflow_notices(scene, chain, table["airflow"]) if solved else []
     lines += [] if table["funnel"] is None else notices(table["funnel"])
     for name, met in ({} if tracked is None else tracked.injected).items():
         count = len(tracked.landings[name].bin) if tracked else 0
         if chain.plan.fractions[name].mode == "injected" and met < count:
             lines.append(
-                f"{name}: {count - met} of {count} granules do not reach the body by falling straight; they are "
-                "released above it, their impacts resolved"
+                f"{name}: {count - met} of {count} granules fall beside the body or the air carries them round it; "
+                "they are released above it, their impacts resolved"
             )
     for name, fates in ({} if tracked is None else tracked.fates).items():
         total = sum(fates.values())

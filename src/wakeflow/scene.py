@@ -1,6 +1,7 @@
 """The scene: what is asked. Its tables together, read from TOML, changed, saved.
 
-Origin at the first body's centre, y up. Numbers are SI; a string with a unit ("50 mm", "60 deg", "30 Hz") is converted.
+Origin at the first body's centre (without one on the channel's axis, at any level), y up. Numbers are SI; a string with
+a unit ("50 mm", "60 deg", "30 Hz") is converted.
 """
 
 from __future__ import annotations
@@ -31,8 +32,11 @@ from .tables import (
     Funnel,
     Inlet,
     Numerics,
+    Profile,
+    Rebound,
     SceneTables,
     Size,
+    Speeds,
     Vibration,
 )  # fmt: skip
 
@@ -88,6 +92,10 @@ class Scene(SceneTables):
             return self
         found = self.funnel.expected_rate if rate is None else rate
         return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": found})})
+
+    def flown(self, rung: str) -> Scene:
+        """The scene that granules are flown through at a rung: without its air at ``none``, else itself."""
+        return self.model_copy(update={"air": None}) if rung == "none" and self.air is not None else self
 
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
@@ -156,7 +164,8 @@ def _allowed(where: list[str]) -> str:
     """The range and unit of a field, from its JSON schema."""
     model = _model_at(where[:-1])
     field = model.model_json_schema(by_alias=True)["properties"].get(where[-1], {}) if model else {}
-    field = {**field.get("anyOf", [{}])[0], **field}
+    for several in ("anyOf", "oneOf"):  # a number or nothing; a number or a table
+        field = {**field.get(several, [{}])[0], **field}
     limits = [
         f"{sign} {field[word]:.6g}"
         for word, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
@@ -180,10 +189,13 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Scene
     if where[:2] == ["channel", "inlet"]:
         return Inlet if len(where) > 2 else None
+    if where[:2] == ["feed", "profile"]:
+        return Profile
     if where[0] not in keyed:
         return plain.get(where[0])
-    if where[2:3] == ["size"]:
-        return Size
+    parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
+    if where[2:] and where[2] in parts:
+        return parts[where[2]]
     return keyed[where[0]] if len(where) > 1 else None
 
 

@@ -2,6 +2,8 @@
 
 Every distribution is **by mass**: ``quantile(p)`` is the diameter (m) below which the mass fraction p of the material
 lies. A granule of a fraction then stands for the same mass whatever its size, which is what bin shares by mass need.
+
+Measured terminal velocities (m/s) are spread by the same functions, where only ends, mean, median or spread are given.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ def single(p: Array, *, diameter: float) -> Array:
 def uniform(p: Array, *, low: float, high: float) -> Array:
     """Mass spread evenly over diameters from ``low`` to ``high`` (m)."""
     if not low < high:
-        raise SceneError(f"low = {low:g} m must be below high = {high:g} m")
+        raise SceneError(f"low = {low:g} must be below high = {high:g}")
     return low + (high - low) * np.asarray(p)
 
 
@@ -45,7 +47,7 @@ def normal(p: Array, *, mean: float, std: float) -> Array:
     """
     below = NormalDist().cdf(-mean / std)
     if below > 0.01:
-        raise SceneError(f"std = {std:g} m puts {below:.0%} of the mass at diameters below zero; use lognormal")
+        raise SceneError(f"std = {std:g} puts {below:.0%} of the mass below zero; use lognormal")
     return mean + std * _normal_quantile(below + np.asarray(p) * (1.0 - below))
 
 

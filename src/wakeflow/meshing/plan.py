@@ -14,7 +14,7 @@ __all__ = ["plan_mesh"]
 
 # Cell edge over projected body width at the body, its corners, in the near wake and far away. "draft" is meant for
 # the half domain and a steady solution; "standard" for a time-resolved one, whose time step the smallest cells dictate;
-# "reference" is the finest of three similar grids: itself, .scaled(1.5), which is "standard", and .scaled(2.25).
+# "reference" of a scene is that table on three scales (rungs.GRIDS).
 RESOLUTION = {
     "draft": {"body": 1 / 60, "corner": 1 / 160, "wake": 1 / 28, "far": 1 / 6, "growth": 0.12},
     "standard": {"body": 1 / 40, "corner": 1 / 80, "wake": 1 / 26, "far": 1 / 5, "growth": 0.13},
@@ -22,8 +22,6 @@ RESOLUTION = {
 # over an edge's length, a gap, the channel's width: on short edges, at narrow gaps, far away in a wide channel, and on
 # no-slip side walls
 SHARES = {"edge": 1 / 6, "gap": 1 / 8, "across": 1 / 40, "wall": 1 / 40}
-RATIO = 1.5
-RESOLUTION["reference"] = {name: value / RATIO for name, value in RESOLUTION["standard"].items()}
 UPSTREAM, DOWNSTREAM = 3.0, 8.0  # shortest distance from bodies to inlet and outlet, in projected widths
 
 
@@ -62,8 +60,7 @@ def plan_mesh(
     symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
-    finer = 1 / RATIO if rung == "reference" else 1.0
-    table = RESOLUTION[rung] | {name: finer * share for name, share in SHARES.items()}
+    table = RESOLUTION[rung] | SHARES
     across = [float(np.ptp(outline[:, 0])) for outline in outlines]
     size, largest = min(across), max(across)
     low = min(float(o[:, 1].min()) for o in outlines)

@@ -52,7 +52,7 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     drawings = folder / "figures"
     scene, field, result = outcome.scene, outcome.field, outcome.result
     positions = {name: [track["position"] for track in part] for name, part in outcome.tracks.items()}
-    if field is not None and field.pressure is not None and outcome.airflow is not None:
+    if scene.body and field is not None and field.pressure is not None and outcome.airflow is not None:
         figures.draw_pressure(drawings / "pressure.png", field, scene, outcome.airflow)
     figures.draw_tracks(drawings / "tracks.png", field, scene, positions)
     figures.draw_landing(drawings / "landing.png", scene, outcome.landings, result.get("separation"))
@@ -65,6 +65,8 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
         tables.write_separation_csv(folder / "separation.csv", result)
     if "budget" in result:
         tables.write_budget_csv(folder / "budget.csv", result)
+    if tables.impact_rows(result):
+        tables.write_impact_csv(folder / "impact.csv", result)
     return html.write_html(folder, result)
 
 
@@ -83,7 +85,8 @@ def is_whole(folder: Path) -> bool:
 
 def clear(folder: Path) -> None:
     """Remove what an earlier report left here, so that nothing of another scene stands beside the new one."""
-    for name in ("field.vtu", "field.pvd", "tracks.vtp", "separation.csv", "budget.csv", "report.html"):
+    names = ("field.vtu", "field.pvd", "tracks.vtp", "separation.csv", "budget.csv", "impact.csv", "report.html")
+    for name in names:
         (folder / name).unlink(missing_ok=True)
     for name in ("pressure", "tracks", "landing", "discharge"):
         (folder / "figures" / f"{name}.png").unlink(missing_ok=True)

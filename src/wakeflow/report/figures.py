@@ -227,6 +227,8 @@ def _speed_map(axes: Axes, field: FlowField) -> None:
 
     mean = field.mean()
     speed = np.hypot(*mean.velocity.T)
+    if np.ptp(speed) <= 1e-9 * speed.max():
+        return  # uniform air: the arrow beside says all
     pale = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#dbe7f1", "#a9c3d9"])
     levels = MaxNLocator(10).tick_values(0.0, max(float(np.percentile(speed, 99.0)), 1e-12))
     filled = axes.tricontourf(triangulation(mean), speed, levels=levels, cmap=pale, extend="max")

@@ -2,7 +2,7 @@
 
 from .common import GRAVITY, STANDARD_AIR, Table
 from .funnel import Funnel
-from .granules import Feed, Fraction, Size
+from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
 from .surroundings import Air, Body, Channel, Inlet, Vibration
 from .whole import Bin, Numerics, SceneTables
 
@@ -18,8 +18,11 @@ __all__ = [
     "Funnel",
     "Inlet",
     "Numerics",
+    "Profile",
+    "Rebound",
     "SceneTables",
     "Size",
+    "Speeds",
     "Table",
     "Vibration",
 ]

@@ -10,14 +10,15 @@ from pydantic import Field, model_validator
 from ..errors import SceneError
 from ..laws.discharge import beverloo
 from ..laws.material import Material, materials
+from ..laws.restitution import restitution_at
 from ..quantities import Density, Diameter, Frequency, Length, Mass, Modulus, SlopeAngle
 from .common import GRAVITY, Table
 
 __all__ = ["LOOSE", "Funnel"]
 
 LOOSE = 0.60  # packing of poured spheres (0.58 to 0.61), before it is measured in the bed
-TIGHTEST = 0.64  # random close packing of equal spheres: no poured bed is denser
 MOST = 50_000  # beads: hours
+USUAL = 0.5  # m/s of beads that meet in a funnel: where a material's restitution is taken
 
 
 class Funnel(Table):
@@ -80,7 +81,9 @@ class Funnel(Table):
     @property
     def bead_restitution(self) -> float:
         """Of beads with each other and with the wall."""
-        return self._material.restitution if self.restitution is None else self.restitution
+        return float(
+            restitution_at(self._material.restitution if self.restitution is None else self.restitution, USUAL)
+        )
 
     @property
     def bead_friction(self) -> float:

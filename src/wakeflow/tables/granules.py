@@ -3,47 +3,107 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from inspect import signature
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import SceneError
+from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
+from ..laws.profile import crowding, profiles
+from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
-from ..quantities import Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
+from ..quantities import AnyAngle, Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
+from ..registry import Registry
 from .common import GRAVITY, Array, Table, takes
 
-__all__ = ["Feed", "Fraction", "Size"]
+__all__ = ["Feed", "Fraction", "Profile", "Rebound", "Size", "Speeds"]
+
+OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
+spreads: Registry[Callable[..., Array]] = Registry("distribution of terminal velocities")
+for _name in sizes:
+    if {p.name for p in signature(sizes[_name]).parameters.values() if p.kind is p.KEYWORD_ONLY} <= OF_SPEEDS:
+        spreads.add(_name, sizes[_name])
+
+
+class Profile(Table):
+    """How the curtain's mass is spread over its width: ``distribution`` and its parameters."""
+
+    distribution: str = Field(description="one of: " + ", ".join(profiles))
+    std: Length | None = Field(None, description="normal: standard deviation; default a quarter of the width")
+    positions: list[Coordinate] | None = Field(None, description="table: from the curtain's middle, increasing")
+    weights: list[Annotated[float, Field(ge=0)]] | None = Field(
+        None, description="table: mass per width at each position, in any unit"
+    )
+
+    def quantile(self, p: Array, width: float) -> Array:
+        """Places (m from the curtain's middle) left of which the shares ``p`` of its mass fall."""
+        given = self.model_dump(exclude_none=True, exclude={"distribution"})
+        try:
+            return profiles[self.distribution](p, width, **given)
+        except TypeError:
+            kind = "curtain profile"
+            raise SceneError(takes(kind, self.distribution, profiles[self.distribution], given)) from None
+
+
+def _one_word(value: Any) -> Any:
+    """``profile = "triangular"`` is short for a table with that distribution alone."""
+    return {"distribution": value} if isinstance(value, str) else value
 
 
 class Feed(Table):
     """[feed]: the falling curtain."""
 
-    height: Length | None = Field(None, description="of free fall from rest down to the top of the body")
-    speed: Speed | None = Field(None, description="instead of height: fall speed at the top of the body")
+    height: Length | None = Field(
+        None, description="of free fall from rest down to the top of the body; without a body down to level"
+    )
+    speed: Speed | None = Field(None, description="instead of height: speed at the top of the body, or at level")
+    level: Coordinate | None = Field(
+        None, description="only without a body: y where the curtain enters the air; default the channel's top"
+    )
+    direction: AnyAngle | None = Field(
+        None, description="only without a body: of speed at level, from the x axis; default -90 deg, straight down"
+    )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
+    profile: Annotated[Profile, BeforeValidator(_one_word)] = Field(
+        Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
+    )
     rate: Rate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
     depth: Length = Field(1.0, description="of the machine, across the plane")
     count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
     seed: Annotated[int, Field(ge=0)] = 0
     mode: Literal["auto", "injected", "resolved"] = Field(
         "auto",
-        description="injected: eq. (1)-(2) at the slope; resolved: by the tracker; auto: by Stokes number",
+        description="injected: eq. (1)-(2) at the slope, granules that the air carries round the body apart; resolved: "
+        "by the tracker; auto: by what injection would miss",
     )
 
     @model_validator(mode="after")
     def _one_start(self) -> Feed:
         if (self.height is None) == (self.speed is None):
             raise SceneError("give either height or speed")
+        self.profile.quantile(np.array([0.5]), self.width)
+        if self.direction is not None and self.speed is None:
+            raise SceneError("direction goes with speed; granules that fall from a height come straight down")
         return self
+
+    def places(self, p: Array) -> Array:
+        """x (m) left of which the shares ``p`` of the curtain's mass fall."""
+        return self.position + self.profile.quantile(p, self.width)
+
+    @property
+    def crowding(self) -> float:
+        """How much denser the curtain is about a granule, in the mean, than one that is uniform over its width."""
+        return crowding(lambda p: self.profile.quantile(p, self.width), self.width)
 
     @property
     def fall_speed(self) -> float:
-        """Fall speed (m/s) at the top of the body, by free fall without air: the paper's V0."""
+        """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
         if self.speed is not None:
             return self.speed
         assert self.height is not None
@@ -88,9 +148,64 @@ class Size(Table):
             raise SceneError(takes(kind, self.distribution, sizes[self.distribution], given)) from None
 
 
+class Speeds(Table):
+    """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
+
+    distribution: str = Field(description="one of: " + ", ".join(spreads))
+    low: PositiveSpeed | None = None
+    high: PositiveSpeed | None = None
+    mean: PositiveSpeed | None = None
+    std: PositiveSpeed | None = None
+    median: PositiveSpeed | None = None
+    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
+
+    @model_validator(mode="after")
+    def _has_quantiles(self) -> Speeds:
+        self.quantile(np.array([0.5]))
+        return self
+
+    def quantile(self, p: Array) -> Array:
+        """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
+        given = self.model_dump(exclude_none=True, exclude={"distribution"})
+        law = spreads[self.distribution]
+        try:
+            return law(p, **given)
+        except TypeError:
+            raise SceneError(takes(spreads.kind, self.distribution, law, given)) from None
+
+
+def _number_or_table(value: Any) -> str:
+    """The tag of what may be either; brackets keep it out of the places that messages name."""
+    return "[table]" if isinstance(value, Mapping | Table) else "[number]"
+
+
 def _one_diameter(value: Any) -> Any:
     """``size = "4 mm"`` is short for a distribution of one diameter."""
     return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
+
+
+class Rebound(Table):
+    """A restitution law of the normal approach speed: ``law`` and its parameters."""
+
+    law: str = Field(description="one of: " + ", ".join(restitution_laws))
+    value: Annotated[float, Field(ge=0, le=1)] | None = Field(None, description="restitution measured at one speed")
+    at: PositiveSpeed | None = Field(None, description="that speed, normal to the wall")
+    exponent: Annotated[float, Field(ge=1e-3, le=2)] | None = Field(None, description="power: 0.25")
+    most: Annotated[float, Field(ge=1e-3, le=1)] | None = Field(
+        None, description="power, elastic-plastic: largest value, 0.99"
+    )
+    speeds: list[PositiveSpeed] | None = Field(None, description="table: approach speeds, rising")
+    values: list[Annotated[float, Field(ge=0, le=1)]] | None = Field(None, description="table: restitution at each")
+
+    @model_validator(mode="after")
+    def _is_a_law(self) -> Rebound:
+        assert self.of_speed is not None
+        return self
+
+    @property
+    def of_speed(self) -> Restitution:
+        """The law itself. Raises SceneError for parameters that it lacks, has not, or that are out of range."""
+        return Restitution(**self.model_dump(exclude_none=True))
 
 
 class Fraction(Table):
@@ -104,14 +219,31 @@ class Fraction(Table):
     sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
         None, description="surface of the equal sphere over surface"
     )
-    terminal_velocity: PositiveSpeed | None = Field(
-        None, description="measured in air at 20 C, of the median size; drag is calibrated to it"
+    terminal_velocity: (
+        Annotated[
+            Annotated[PositiveSpeed, Tag("[number]")] | Annotated[Speeds, Tag("[table]")],
+            Discriminator(_number_or_table),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="measured in air at 20 C, drag is calibrated to it: a number is that of the median size, a table "
+        "spreads it over the granules whatever their sizes",
     )
     drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
-    restitution: Annotated[float, Field(ge=0, le=1)] | None = None
+    restitution: (
+        Annotated[
+            Annotated[float, Field(ge=0, le=1), Tag("[number]")] | Annotated[Rebound, Tag("[table]")],
+            Discriminator(_number_or_table),
+        ]
+        | None
+    ) = Field(None, description="a number, or a law of the normal approach speed")
     friction: Annotated[float, Field(ge=0, le=10)] | None = None
-    inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
-        None, description="I / (m r^2): 0.4 sphere, 0.5 disc; default: a point mass, as in the paper, gets no spin"
+    impact: str | None = Field(
+        None, description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default paper: a point mass"
+    )
+    own_inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
+        None, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
     )
     mass_share: Share | None = Field(None, description="of the feed; shares add up to 1; default: equal")
     target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
@@ -128,6 +260,10 @@ class Fraction(Table):
                 raise SceneError(f"without a material give also: {', '.join(missing)}")
         if self.sphericity is not None and self.terminal_velocity is not None:
             raise SceneError("give sphericity or terminal_velocity, not both")
+        if self.impact is not None:
+            impact_models[self.impact]
+            if self.own_inertia is not None:
+                raise SceneError("give impact or inertia, not both")
         if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
             verb = "has no" if self.sphericity is not None else "needs a"
             raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
@@ -143,18 +279,26 @@ class Fraction(Table):
     @property
     def properties(self) -> Material:
         """The fraction's own values where given, its material's elsewhere; diameter is the mass median."""
-        terminal = self.terminal_velocity
+        own = self.terminal_velocity
+        terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
         if terminal is None and self.sphericity is None and self.material is not None:
             terminal = materials[self.material].terminal_velocity
         return Material(
             diameter=float(self.diameters(np.array([0.5]))[0]),
             density=self._or_material("density"),
             terminal_velocity=terminal,
-            restitution=self._or_material("restitution"),
+            restitution=self.restitution.of_speed
+            if isinstance(self.restitution, Rebound)
+            else self._or_material("restitution"),
             friction=self._or_material("friction"),
             confidence="given" if self.material is None else materials[self.material].confidence,
             source="scene" if self.material is None else materials[self.material].source,
         )
+
+    @property
+    def inertia(self) -> float | None:
+        """I / (m r^2): given, or its impact model's; None for a point mass, which does not turn."""
+        return self.own_inertia if self.impact is None else impact_models[self.impact].inertia
 
     @property
     def drag_law(self) -> str:
@@ -182,6 +326,10 @@ class Fraction(Table):
             source = materials[self.material]
             return source.diameter, source.density, own.terminal_velocity
         return own.diameter, own.density, own.terminal_velocity
+
+    def settling(self, p: Array) -> Array | None:
+        """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where they spread not."""
+        return self.terminal_velocity.quantile(p) if isinstance(self.terminal_velocity, Speeds) else None
 
     def diameters(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""

@@ -61,7 +61,9 @@ class Numerics(Table):
     """[numerics]: how it is computed."""
 
     rung: Literal["auto", "none", "draft", "standard", "reference"] = "auto"
-    tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(1e-4, description="landing error in body widths")
+    tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(
+        1e-4, description="landing error in body widths; channel widths without a body"
+    )
     target_error: Annotated[float, Field(gt=0, le=0.5)] = Field(
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
     )
@@ -74,7 +76,7 @@ class Numerics(Table):
 class SceneTables(Table):
     """All tables of a scene, and what follows from them."""
 
-    body: Annotated[dict[Name, Body], Field(min_length=1)]
+    body: dict[Name, Body] = Field({}, description="without one the air is known, and nothing is solved")
     channel: Channel
     air: Air | None = None
     vibration: Vibration | None = None
@@ -86,12 +88,31 @@ class SceneTables(Table):
 
     @property
     def width(self) -> float:
-        """Width of the first body (m): the unit of length of every reported error."""
-        return float(np.ptp(next(iter(self.body.values())).outline()[:, 0]))
+        """Width of the first body (m), of the channel where nothing stands: the unit of every reported error."""
+        first = self.first_outline
+        return self.channel.width if first is None else float(np.ptp(first[:, 0]))
+
+    @property
+    def unit(self) -> str:
+        """What :attr:`width` is called in reports."""
+        return "body widths" if self.body else "channel widths"
+
+    @property
+    def first_outline(self) -> Array | None:
+        """Corners (k, 2) of the first body (m), which the feed falls on; None where nothing stands in the channel."""
+        return next((body.outline() for body in self.body.values()), None)
+
+    @property
+    def level(self) -> float:
+        """y (m) down to which the feed falls freely: the first body's top, or where the curtain enters without one."""
+        first = self.first_outline
+        if first is not None:
+            return float(first[:, 1].max())
+        return self.channel.top if self.feed.level is None else self.feed.level
 
     @property
     def reynolds(self) -> float | None:
-        """Re = rho U D / mu on the first body's width; None in a vacuum."""
+        """Re = rho U D / mu on the first body's width (the channel's without one); None in a vacuum."""
         return None if self.air is None else self.air.density * self.air.speed * self.width / self.air.viscosity
 
     @property
@@ -109,11 +130,14 @@ class SceneTables(Table):
 
     @property
     def release(self) -> tuple[float, float]:
-        """Height (m) above the first body's top at which the curtain begins, and its fall speed (m/s) there.
+        """Height (m) above :attr:`level` at which the curtain begins, and its fall speed (m/s) there.
 
         With feed.speed it begins at most one body width above, with the speed that makes feed.speed of it at the top.
+        Without a body it begins there, with the speed it has.
         """
         feed = self.feed
+        if not self.body:
+            return 0.0, -float(self.entry[1])
         if feed.height is not None:
             return feed.height, 0.0
         assert feed.speed is not None
@@ -121,8 +145,18 @@ class SceneTables(Table):
         return above, math.sqrt(max(0.0, feed.speed**2 - 2 * GRAVITY * above))
 
     @property
+    def entry(self) -> Array:
+        """Velocity (2,) m/s with which the curtain comes to :attr:`level`, without air."""
+        angle = self.feed.direction
+        if angle is None:
+            return np.array([0.0, -self.feed.fall_speed])
+        return self.feed.fall_speed * np.array([math.cos(angle), math.sin(angle)])
+
+    @property
     def obstacles(self) -> list[str]:
         """Names of the bodies, other than the first, that the falling curtain may meet before it meets the first."""
+        if not self.body:
+            return []
         first, *others = ((name, body.outline()) for name, body in self.body.items())
         reach = self.feed.width / 2 + max(float(f.diameters(np.array([0.999]))[0]) for f in self.fraction.values())
         found = []

@@ -54,12 +54,19 @@ def _funnel(slow: bool, tell: Tell) -> dict[str, Any]:
     return run_funnel(FOLDER, slow=slow, tell=tell)
 
 
+def _shares(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .shares import run_shares
+
+    return run_shares(FOLDER, slow=slow, tell=tell)
+
+
 PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "tracker": _tracker,
     "problems": _problems,
     "airflow": _airflow,
     "meshes": _meshes,
     "funnel": _funnel,
+    "shares": _shares,
 }
 OPTIONAL = ("funnel",)  # needs a program of its own: only when it is named
 
@@ -85,7 +92,7 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
     """Print the tables of every report, and where it lies."""
     from rich.console import Console
 
-    from .show import airflow_tables, goal_table, mesh_tables, problem_table, row_tables
+    from .show import airflow_tables, goal_table, mesh_tables, problem_table, row_tables, share_table
 
     console = Console()
     console.width = max(console.width, WIDE) if not console.is_terminal else console.width
@@ -98,6 +105,8 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
             from .funnel import funnel_tables
 
             tables = funnel_tables(report)
+        elif name == "shares":
+            tables = [share_table(report)]
         else:
             tables = [problem_table(report)] if name == "problems" else airflow_tables(report)
         for table in tables:

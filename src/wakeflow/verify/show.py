@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["airflow_markdown", "airflow_tables", "goal_table", "markdown", "mesh_tables", "problem_table", "row_tables"]
+__all__ = [
+    "airflow_markdown",
+    "airflow_tables",
+    "goal_table",
+    "markdown",
+    "mesh_tables",
+    "problem_table",
+    "row_tables",
+    "share_table",
+]
 
 
 COLUMNS = (
@@ -121,6 +130,25 @@ def mesh_tables(report: dict[str, Any]) -> list[Table]:
             table.add_row(row["strategy"], str(row["cells"]), f"{row['seconds']:.1f}", *errors)
         tables.append(table)
     return tables
+
+
+def share_table(report: dict[str, Any]) -> Table:
+    """Bin shares by this tracker and by OpenFOAM's parcels, %."""
+    from rich.table import Table
+
+    title = f"bin shares of {report['granules']} granules a fraction, %, with 95 % intervals"
+    table = Table("fraction", "bin", "ours, a run's field", "ours, OpenFOAM's interpolant", "OpenFOAM", "difference",
+                  "without contacts", title=title, title_justify="left", pad_edge=False, box=None)  # fmt: skip
+    for column in table.columns[2:]:
+        column.justify = "right"
+    for row in report["rows"]:
+        shares = (_measured(row[key]) for key in ("own", "same", "peer", "difference", "free"))
+        table.add_row(row["fraction"], row["place"], *shares)
+    return table
+
+
+def _measured(row: Sequence[float] | None) -> str:
+    return "–" if row is None else f"{row[0]:.2f} ± {0.5 * (row[2] - row[1]):.2f}"
 
 
 def airflow_tables(report: dict[str, Any]) -> list[Table]:

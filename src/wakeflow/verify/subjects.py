@@ -8,6 +8,7 @@ its density instead, which is the same acceleration.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,7 @@ class Subject:
     problem: Problem
     grains: Granules
     bins: Array
+    replicate: NDArray[np.int64]  # which of the independent samples each granule belongs to
 
     def some(self, count: int) -> Granules:
         """``count`` granules spread evenly over all of them."""
@@ -58,9 +60,13 @@ def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Chain
     return scene, plan, Chain(scene, plan, listener)
 
 
-def subject(kind: str, air: str, scene: Scene, field: FlowField, count: int) -> Subject:
-    """``count`` granules of a kind in a field that ends at the scene's floor."""
-    fraction, changes = KINDS[kind]
+def subject(
+    kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, Any]] | None = None
+) -> Subject:
+    """``count`` granules of a kind in a field that ends at the scene's floor; ``of`` a fraction of the scene with some
+    changes instead of those that the kind stands for.
+    """
+    fraction, changes = of or KINDS[kind]
     changed = scene.replace({**changes, "feed.count": count, "numerics.rung": "draft"})
     plan = make_plan(changed)
     feed = feedstock(changed, plan, fraction, None)
@@ -83,7 +89,8 @@ def subject(kind: str, air: str, scene: Scene, field: FlowField, count: int) -> 
     floor = [b for b in changed.bin.values() if b.on == "floor" and b.points is None]
     edges = sorted({x for b in floor for x in (b.start, b.to) if x is not None})
     problem = Problem(field, bodies, until, changed.width)
-    return Subject(kind, air, problem, grains[_free(grains, field, bodies)], np.array(edges))
+    free = _free(grains, field, bodies)
+    return Subject(kind, air, problem, grains[free], np.array(edges), feed.replicate[free])
 
 
 def _side_walls(field: FlowField) -> list[Body]:

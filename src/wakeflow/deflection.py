@@ -1,0 +1,197 @@
+"""What the air before the body does to a fraction, and injection leaves out: granules carried round, others turned.
+
+Each size of a fraction is flown through the ideal flow before the body (``laws.impaction``) with its own drag, weight
+and fall speed, and falls straight beside it; both leave the slope by the collision law and fly to the floor in
+uniform air. The difference is what injection would get wrong; it decides whether a fraction is injected or resolved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .laws.collision import approach_speed, collide
+from .laws.drag import drag_laws, relaxation_time, slip_correction
+from .laws.impaction import Front, Impaction, Met, approach, fronts
+from .laws.restitution import restitution_at
+from .scene import GRAVITY, Scene
+
+__all__ = ["Deflection", "deflection"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[Any]
+SIZES = 6  # mass classes of a fraction
+PLACES = 257  # quantiles of the curtain
+STRAIGHT = 0.1  # share missed, and body widths of landing shift, below which a fraction passes as falling straight
+FALL_STEPS = 200  # of the flight from the slope to the floor
+CLOSE = 0.999  # radii off the face: nearer, a granule bounces
+
+
+@dataclass(frozen=True)
+class Deflection:
+    """A fraction before the body. ``efficiency``: what it meets of what it would meet falling straight, by mass;
+    ``missed``: share of its mass that would fall on the body and is carried round it; ``shift`` (body widths): 95 % of
+    those that meet it land within that of where they would falling straight. ``reach`` (m) off the axis, of each of the
+    ``diameters`` (m): within it granules meet the body.
+    """
+
+    efficiency: float
+    missed: float
+    shift: float
+    diameters: tuple[float, ...]
+    reach: tuple[float, ...]
+
+    @property
+    def straight(self) -> bool:
+        """Whether nearly all meet the body, nearly as if there were no air, and are thrown out to its side."""
+        return self.missed < STRAIGHT and self.shift < STRAIGHT
+
+    def meets(self, diameter: Array, offset: Array) -> NDArray[np.bool_]:
+        """Which granules of ``diameter`` (n,) m that begin ``offset`` (n,) m off the axis meet the body."""
+        return np.abs(offset) < np.interp(np.log(diameter), np.log(self.diameters), self.reach)
+
+
+def axis(scene: Scene) -> float:
+    """x (m) of the first body's top, which parts the curtain."""
+    outline = scene.first_outline
+    assert outline is not None
+    return float(outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=1e-9 * scene.width), 0].mean())
+
+
+def front_of(scene: Scene) -> Front:
+    """The ideal flow before the first body: the registered front of its shape, else the wedge of its size."""
+    assert scene.air is not None
+    body = next(iter(scene.body.values()))
+    outline = body.outline()
+    x, y = outline.T
+    widest = y[np.isclose(np.abs(x - 0.5 * (x.min() + x.max())), 0.5 * np.ptp(x), rtol=1e-9)].max()
+    make = fronts[body.shape] if body.shape in fronts else fronts["wedge"]
+    return make(
+        half=0.5 * float(np.ptp(x)), depth=float(y.max() - widest), channel=0.5 * scene.channel.width,
+        speed=scene.air.speed,
+    )  # fmt: skip
+
+
+def deflection(scene: Scene, name: str, law: str, scale: float) -> Deflection | None:
+    """What the air does to fraction ``name`` before the first body; drag by ``law`` times ``scale``.
+
+    None without air or body, and where the air comes from below: the slopes that granules fall on then lie in the wake.
+    """
+    if scene.air is None or scene.air.direction == "up" or not scene.body:
+        return None
+    fraction, air = scene.fraction[name], scene.air
+    share = (np.arange(SIZES) + 0.5) / SIZES
+    diameters, count = np.unique(fraction.diameters(share), return_counts=True)
+    granule = _Kind(
+        tuple(diameters.tolist()), fraction.properties.density, law, fraction.sphericity or 1.0, scale,
+        air.density, air.viscosity,
+    )  # fmt: skip
+    found = _approached(front_of(scene), granule, *scene.release)
+    weight = count / SIZES
+    places = scene.feed.places((np.arange(PLACES) + 0.5) / PLACES) - axis(scene)
+    full = found.reach / found.efficiency
+    would = np.abs(places) < full[:, None]
+    hits = np.abs(places) < found.reach[:, None]
+    return Deflection(
+        efficiency=float(weight @ found.efficiency),
+        missed=float(weight @ np.mean(would & ~hits, axis=1)),
+        shift=_landing_shift(scene, name, granule, found, weight, places, hits),
+        diameters=granule.diameters,
+        reach=tuple(found.reach.tolist()),
+    )
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Granules of one fraction, several sizes, and the air they are in."""
+
+    diameters: tuple[float, ...]
+    density: float
+    law: str
+    sphericity: float
+    scale: float
+    air_density: float
+    viscosity: float
+
+    @property
+    def pull(self) -> float:
+        return GRAVITY * (1.0 - self.air_density / self.density)
+
+    def relax(self, slip: Array) -> Array:
+        """Relaxation times (n, m) s of the n sizes at slips (n, m) m/s."""
+        d = np.array(self.diameters)[:, None]
+        factor = drag_laws[self.law].factor(self.air_density * slip * d / self.viscosity, self.sphericity)
+        return relaxation_time(d, self.density, self.viscosity) * slip_correction(d) / (self.scale * factor)
+
+
+@lru_cache(maxsize=256)
+def _approached(front: Front, kind: _Kind, above: float, speed: float) -> Impaction:
+    radius = 0.5 * np.array(kind.diameters)
+    return approach(front, above=above, speed=speed, radius=radius, relax=kind.relax, pull=kind.pull)
+
+
+def _landing_shift(
+    scene: Scene, name: str, kind: _Kind, found: Impaction, weight: Array, places: Array, hits: NDArray[np.bool_]
+) -> float:
+    """The 95th percentile, by mass, of the landing shifts (body widths) of those that meet the body; 0 if none does."""
+    if not hits.any():
+        return 0.0
+    turned, straight = (
+        _at(found, _landing(scene, name, kind, met), np.abs(places)) for met in (found.turned, found.straight)
+    )
+    mass = np.broadcast_to(weight[:, None], hits.shape)[hits]
+    shift = np.abs(turned - straight)[hits] / scene.width
+    order = np.argsort(shift)
+    passed = np.cumsum(mass[order])
+    return float(shift[order][min(np.searchsorted(passed, 0.95 * passed[-1]), len(order) - 1)])
+
+
+def _at(found: Impaction, values: Array, offset: Array) -> Array:
+    """``values`` (n, m) of granules that start at ``found.start``, at the offsets (k,) of others: (n, k). Only of those
+    that met the face; beyond the last of them its value.
+    """
+    rows = []
+    for start, row, met in zip(found.start, values, found.turned.hit, strict=True):
+        rows.append(np.interp(offset, start[met], row[met]) if met.any() else np.zeros(len(offset)))
+    return np.array(rows)
+
+
+def _landing(scene: Scene, name: str, kind: _Kind, met: Met) -> Array:
+    """How far off the axis (n, m) m granules land that met the face as ``met`` says: they leave it, at rest, by the
+    collision law, fly through uniform air, and bounce off the face again and off the channel's walls.
+    """
+    assert scene.air is not None
+    front, rim = front_of(scene), 0.5 * np.array(kind.diameters)[:, None]
+    floor, air = scene.level - scene.channel.bottom, complex(scene.air.speed)
+    z, v = met.z.copy(), _bounced(scene, name, rim, met.v, met.normal)
+    step = 2.0 * np.sqrt(2.0 * floor / GRAVITY) / FALL_STEPS
+    for _ in range(FALL_STEPS):
+        tau = kind.relax(np.abs(air - v))
+        left, final = np.exp(-step / tau), air + kind.pull * tau
+        way, after = final * step + (v - final) * tau * (1.0 - left), final + (v - final) * left
+        away = front.away(z + way)
+        meets = front.inside(z + way) & (z.real < front.depth) | (np.abs(away) < rim * CLOSE)
+        normal = front.away(z)
+        part = np.where(way.real > 0.0, np.clip((floor - z.real) / np.maximum(way.real, 1e-300), 0.0, 1.0), 1.0)
+        z = np.where(meets, z, z + part * way)
+        v = np.where(meets, _bounced(scene, name, rim, v, normal / np.maximum(np.abs(normal), 1e-300)), after)
+        if np.all(z.real >= floor * (1.0 - 1e-12)):
+            break
+    wall = 0.5 * scene.channel.width
+    return np.asarray(wall - np.abs((z.imag + wall) % (4.0 * wall) - 2.0 * wall))
+
+
+def _bounced(scene: Scene, name: str, radius: Array, v: Complex, normal: Complex) -> Complex:
+    fraction = scene.fraction[name]
+    own = fraction.properties
+    ways = v.real, v.imag, normal.real, normal.imag, 0.0, 0.0
+    e = restitution_at(own.restitution, approach_speed(*ways))
+    vx, vy, *_ = collide(
+        *ways[:2], 0.0, *ways[2:], e, own.friction,
+        0.0 if fraction.inertia is None else 1.0 / fraction.inertia, radius,
+    )  # fmt: skip
+    return np.asarray(vx + 1j * vy)
