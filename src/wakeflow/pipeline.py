@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from .errors import ProgramError
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
 from .flows import flow_spec, mesh_spec, nearest, remember
+from .funnel import compute as compute_funnel
 from .planning import COMPARED, REPLICATES, Plan, make_plan
 from .process import call_in_child, cores
 from .resources import case_template
@@ -72,6 +73,13 @@ class Chain:
     grid: int = 0
     label: str = ""
     _compiling: list[Thread] = field(default_factory=list, repr=False)
+
+    @cached_property
+    def funnel(self) -> dict[str, Any] | None:
+        """What the scene's feed funnel delivers: the ``funnel`` table of result.json; None without one."""
+        if self.scene.funnel is None:
+            return None
+        return compute_funnel(self.scene.funnel, self._stage, partial(self._tell, "funnel"))
 
     @cached_property
     def mesh_spec(self) -> MeshSpec:
@@ -228,7 +236,7 @@ class Chain:
             del fraction["mass_share"], fraction["target"]
         for key in ("rate", "depth"):
             del tables["feed"][key]
-        del tables["numerics"], tables["picture"]
+        del tables["numerics"], tables["picture"], tables["funnel"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         files = ("scales.py", "deflection.py", "meeting.py", "injection.py", "flight.py", "geometry.py")

@@ -15,6 +15,7 @@ import numpy as np
 from .bounds import Flight, moved_by_air
 from .deflection import Deflection, deflection
 from .errors import SceneError
+from .funnel import estimated_seconds, summary
 from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
@@ -118,6 +119,7 @@ def make_plan(
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
     """
+    scene = scene.fed()
     target = scene.numerics.target_error if target_error is None else target_error
     if not 0.0 < target <= 0.5:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
@@ -143,6 +145,9 @@ def make_plan(
     elif scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
     plan.used.extend(_used(scene, plan, motion))
+    if scene.funnel is not None:
+        plan.estimate["seconds"] += estimated_seconds(scene.funnel)
+        plan.used.append(summary(scene.funnel))
     plan.warnings.extend(_warnings(scene, plan))
     return plan
 

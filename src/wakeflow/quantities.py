@@ -15,6 +15,8 @@ __all__ = [
     "Duration",
     "Frequency",
     "Length",
+    "Mass",
+    "Modulus",
     "Name",
     "Point",
     "PositiveSpeed",
@@ -67,4 +69,6 @@ Viscosity = Annotated[float, Field(ge=1e-7, le=1, json_schema_extra=_unit("Pa*s"
 Frequency = Annotated[float, Field(gt=0, le=1e4, json_schema_extra=_unit("Hz")), _in("Hz", "30 Hz")]
 Duration = Annotated[float, Field(gt=0, lt=1e4, json_schema_extra=_unit("s")), _in("s", "0.2 s")]
 Rate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
+Mass = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("kg")), _in("kg", "35 g")]
+Modulus = Annotated[float, Field(ge=5e6, le=1e9, json_schema_extra=_unit("Pa")), _in("Pa", "5 MPa")]
 Share = Annotated[float, Field(gt=0, le=1)]

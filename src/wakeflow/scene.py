@@ -30,6 +30,7 @@ from .tables import (
     Channel,
     Feed,
     Fraction,
+    Funnel,
     Inlet,
     Numerics,
     Profile,
@@ -85,6 +86,15 @@ class Scene(SceneTables):
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
         return self.parse(_changed(self.tables(), changes))
+
+    def fed(self, rate: float | None = None) -> Scene:
+        """The scene with the funnel's ``rate`` (kg/s) as its feed's, Beverloo's estimate without one; unchanged where
+        the feed has its own or there is no funnel.
+        """
+        if self.funnel is None or self.feed.rate is not None:
+            return self
+        found = self.funnel.expected_rate if rate is None else rate
+        return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": found})})
 
     def flown(self, rung: str) -> Scene:
         """The scene that granules are flown through at a rung: without its air at ``none``, else itself."""
@@ -192,7 +202,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
     """The table that a dotted place belongs to; None inside keyed tables before their name."""
     keyed: dict[str, type[BaseModel]] = {"body": Body, "fraction": Fraction, "bin": Bin}
     plain: dict[str, type[BaseModel]] = {
-        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "numerics": Numerics,
+        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "funnel": Funnel,
+        "numerics": Numerics,
     }  # fmt: skip
     if not where:
         return Scene

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..scene import Scene
 
-__all__ = ["Outcome", "clear", "is_whole", "pictures_of", "write_report"]
+__all__ = ["Outcome", "clear", "draw_discharge", "is_whole", "pictures_of", "write_report"]
 
 
 class Outcome(Protocol):
@@ -59,6 +59,8 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
         figures.draw_pressure(drawings / "pressure.png", field, scene, outcome.airflow)
     figures.draw_tracks(drawings / "tracks.png", field, scene, positions)
     figures.draw_landing(drawings / "landing.png", scene, outcome.landings, result.get("separation"))
+    if result.get("funnel") is not None:
+        draw_discharge(drawings / "discharge.png", result["funnel"])
     pictures.draw_all(drawings, outcome)
     if field is not None:
         vtk.write_field(folder, field)
@@ -70,6 +72,13 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     if tables.impact_rows(result):
         tables.write_impact_csv(folder / "impact.csv", result)
     return html.write_html(folder, result)
+
+
+def draw_discharge(path: Path | str, poured: Mapping[str, Any]) -> None:
+    """The mass left in the feed funnel over time; ``poured``: the ``funnel`` table of result.json."""
+    from . import discharge
+
+    discharge.draw_discharge(path, poured)
 
 
 def pictures_of(folder: Path) -> dict[str, Any]:
@@ -94,7 +103,7 @@ def clear(folder: Path) -> None:
     names = ("field.vtu", "field.pvd", "tracks.vtp", "separation.csv", "budget.csv", "impact.csv", "report.html")
     for name in names:
         (folder / name).unlink(missing_ok=True)
-    for name in ("pressure", "tracks", "landing"):
+    for name in ("pressure", "tracks", "landing", "discharge"):
         (folder / "figures" / f"{name}.png").unlink(missing_ok=True)
     pictures.clear(folder / "figures")
     shutil.rmtree(folder / "field", ignore_errors=True)

@@ -30,6 +30,7 @@ Result = Mapping[str, Any]
 FIGURES = {  # file name: what it shows
     "pressure": "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
     "tracks": "Tracks through the channel; bins are the bars.",
+    "discharge": "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",
     "landing": "Where the mass of each fraction lands; percent with 95 % interval.",
 }
 AIRFLOW = (  # key, name, unit
@@ -53,6 +54,22 @@ SUCTION = (
     ("area", "suction zone: area", "cm²"),
     ("reversal_length", "length of the reversed flow on the axis", "mm"),
 )
+FUNNEL = (
+    ("rate", "discharge rate, with 95 % interval", "g/s"),
+    ("time_to_empty", "time until 99 % of the mass is out", "s"),
+    ("beverloo", "Beverloo's law for one at rest, flat floor, bulk density as packed", "g/s"),
+    ("beverloo_cone", "the same with Rose & Tanaka's cone factor", "g/s"),
+    ("frequency", "frequency", "Hz"),
+    ("gamma", "peak acceleration of the wall over g", ""),
+    ("beads", "beads", ""),
+    ("mass", "mass", "g"),
+    ("left", "beads left inside", ""),
+    ("packing", "packing of the poured bed", ""),
+    ("overlap", "deepest overlap of two beads seen, in diameters", ""),
+    ("youngs_modulus", "Young's modulus (softened; glass: 6e10)", "Pa"),
+    ("contact_time", "duration of the quickest collision", "us"),
+    ("time_step", "time step", "us"),
+)
 QUALITY = (
     ("min_angle", "mesh: smallest angle of a cell", "°"),
     ("max_aspect", "mesh: largest ratio of edges of a cell", ""),
@@ -72,7 +89,7 @@ TRUNCATION = (
     ("velocity", "time-resolved field: velocity cut off, rms over rms of its fluctuation", ""),
     ("pressure", "time-resolved field: pressure cut off, rms over rms of its fluctuation", ""),
 )
-SCALE = {"mm": 1e3, "cm²": 1e4}
+SCALE = {"mm": 1e3, "cm²": 1e4, "g/s": 1e3, "g": 1e3, "us": 1e6}
 HOW = {
     "measured": "from this run",
     "companion": "from flying granules again",
@@ -121,6 +138,7 @@ def render(
         expected=lambda place: expected(result, place),
         pictures=[(name, pictures[name], text) for name, text in texts.items() if name in pictures],
         airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
+        funnel=_funnel_rows(result.get("funnel")),
         grids=(result.get("airflow") or {}).get("grids") or [],
         bracket=result.get("bracket") or {},
         impacts=impact_rows(result),
@@ -171,6 +189,12 @@ def _airflow_rows(airflow: Mapping[str, Any] | None, mesh: Mapping[str, Any] | N
     )
     found = [(name, values.get(key), unit) for values, rows in parts for key, name, unit in rows]
     return [(name, _measured(value, SCALE.get(unit, 1.0)), unit) for name, value, unit in found if value is not None]
+
+
+def _funnel_rows(funnel: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
+    """(name, value with interval, unit) of the feed funnel; nothing without one."""
+    found = [(name, (funnel or {}).get(key), unit) for key, name, unit in FUNNEL]
+    return [(name, _measured(value, SCALE.get(unit, 1)), unit) for name, value, unit in found if value is not None]
 
 
 def _measured(value: Any, scale: float) -> str:

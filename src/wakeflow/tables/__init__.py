@@ -1,6 +1,7 @@
 """The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
 from .common import GRAVITY, STANDARD_AIR, Table
+from .funnel import Funnel
 from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
 from .pictures import Picture, picture_tables
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
@@ -15,6 +16,7 @@ __all__ = [
     "Channel",
     "Feed",
     "Fraction",
+    "Funnel",
     "Inlet",
     "Numerics",
     "Picture",

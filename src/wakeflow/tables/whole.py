@@ -12,6 +12,7 @@ from ..errors import SceneError
 from ..geometry import are_symmetric
 from ..quantities import Coordinate, Name, Point
 from .common import GRAVITY, Array, Table
+from .funnel import Funnel
 from .granules import Feed, Fraction
 from .pictures import AnyPicture
 from .surroundings import Air, Body, Channel, Vibration
@@ -81,6 +82,7 @@ class SceneTables(Table):
     air: Air | None = None
     vibration: Vibration | None = None
     feed: Feed
+    funnel: Funnel | None = None
     fraction: Annotated[dict[Name, Fraction], Field(min_length=1)]
     bin: Annotated[dict[Name, Bin], Field(min_length=1)]
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
