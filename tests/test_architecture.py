@@ -14,7 +14,8 @@ ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
     "tables", "checks", "scene", "bounds", "scales", "deflection", "loading", "gate", "rungs", "locking", "funnel",
     "planning", "meshing", "reconstruction", "foam", "field", "duct", "tracking", "ballistics", "injection", "loads",
-    "separation", "flight", "cascade", "flows", "pipeline", "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
+    "separation", "flight", "cascade", "flows", "pipeline", "companions", "budget", "report", "runs",
+    "verify", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {
     "gmsh": {"meshing"},
