@@ -136,7 +136,7 @@ def _outcome(scene: Scene) -> SimpleNamespace:
     airflow = None if scene.air is None else AIRFLOW
     return SimpleNamespace(
         scene=scene, field=None if scene.air is None else _field(scene), airflow=airflow, tracks=_tracks(scene),
-        landings=_landings(scene), result=_result(scene, airflow),
+        landings=_landings(scene), result=_result(scene, airflow), shown={},
     )  # fmt: skip
 
 

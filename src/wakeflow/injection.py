@@ -13,7 +13,7 @@ Without a body the curtain enters the channel at the feed's level.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,14 +27,16 @@ from .geometry import edges, normals
 from .laws.collision import approach_speed, collide
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from .laws.restitution import restitution_at
+from .meeting import first_contact, motion_of
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
 from .tracking import Granules
 
-__all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "first_contact", "granules_of"]
+__all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
+LEAST_WAY = 0.01  # body widths over which an acceleration is taken from speeds
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
 CALM = ("drag", "gravity", "buoyancy", "added-mass")  # terms that act in uniform air without turbulence
 
@@ -130,54 +132,6 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
 
 
-def first_contact(
-    fall_speed: Array, normal: Array, passing: Array, amplitude: Array, omega: float
-) -> tuple[Array, Array]:
-    """When granules first meet a slope that moves by ``amplitude`` (2,) sin(omega t), and the wall's velocity then.
-
-    ``fall_speed`` (n,) straight down, ``normal`` (n, 2), ``passing`` (n,): the time each would touch the slope at rest.
-    It touches at the first root of  V_n (t - passing) + a_n sin(omega t), V_n its approach speed, a_n the
-    amplitude along the normal. While omega a_n < V_n there is one root, and a stream uniform in ``passing`` meets the
-    phases with density 1 + V_eta / V_0; above that earlier crests cast shadows, and the first root is looked for.
-    """
-    approach = fall_speed * normal[:, 1]
-    across = normal @ amplitude
-
-    def gap(t: Array) -> Array:
-        return -approach * (t - passing) - across * np.sin(omega * t)
-
-    swing = np.abs(across)
-    low, high = passing - swing / approach, passing + swing / approach  # above the highest crest, below the lowest
-    if omega > 0:
-        low, high = _first_descent(gap, low, high, approach, across, omega)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = gap(middle) > 0
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return high, (omega * np.cos(omega * high))[:, None] * amplitude
-
-
-def _first_descent(
-    gap: Callable[[Array], Array], low: Array, high: Array, approach: Array, across: Array, omega: float
-) -> tuple[Array, Array]:
-    """The first falling stretch of the gap that ends below zero, within [low, high]; all of it where it only falls.
-
-    The gap has its minima where cos(omega t) = -V_n / (omega a_n), once a period, and a maximum before each.
-    """
-    turns = np.abs(across) * omega > approach
-    angle = np.arccos(np.clip(-approach / np.where(turns, np.abs(across) * omega, approach), -1.0, 1.0))
-    shift = np.where(across < 0, np.pi, 0.0)
-    minimum = (angle - shift + 2 * np.pi * np.ceil((omega * low - angle + shift) / (2 * np.pi))) / omega
-    searching = turns.copy()
-    while searching.any():
-        reached = searching & ((gap(minimum) <= 0) | (minimum >= high))
-        low = np.where(reached, np.maximum(low, minimum - 2 * angle / omega), low)
-        high = np.where(reached, np.minimum(high, minimum), high)
-        searching &= ~reached
-        minimum = minimum + 2 * np.pi / omega
-    return low, high
-
-
 def _start(scene: Scene, top: float, radius: Array) -> tuple[Array, Array]:
     """Heights (n,) m of the centres where the fall begins, clear of the body, and the fall speeds (n,) m/s there."""
     above, _ = scene.release
@@ -190,9 +144,17 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     """Times (s) of a stream that is uniform over the vibration's and the shedding's periods, from points (n, 2)."""
     if scene.vibration is None:
         return points[:, 0] * (field_period or 0.0)
-    period = 1.0 / scene.vibration.frequency
+    period = scene.vibration.period
+    if scene.feed.start == "resting":  # from the lower dead point: displacement -amplitude, no velocity
+        points = np.stack([np.full(len(points), 0.75), points[:, 1]], axis=1)
     whole = int(np.ceil(MIXING * field_period / period)) if field_period else 1
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
+
+
+def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
+    """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
+    height, _ = contact_points(outline, x, radius)
+    return np.stack([x, height], axis=1) - scene.motion[0]
 
 
 def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
@@ -234,12 +196,15 @@ def feedstock(
     grains = granules_of(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
     if not scene.body:
         return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+    assert scene.first_outline is not None
     level, speed = _start(scene, scene.level, 0.5 * diameter)
-    position, velocity = _released(scene, how, grains, x, level, speed)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
+    if scene.feed.start == "resting":
+        lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
+        return Feedstock(lying, replicate, injected)
+    position, velocity = _released(scene, how, grains, x, level, speed)
     if how.mode == "injected":
-        assert scene.first_outline is not None
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
         if how.deflection is not None:
@@ -247,13 +212,24 @@ def feedstock(
         fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
         i = np.flatnonzero(injected)
-        amplitude, omega = scene.motion
-        passing = time[i].copy()
-        time[i], wall = first_contact(fall[i], normal[i], passing, amplitude, omega)
-        position[i] = np.stack([x[i], height[i] - fall[i] * (time[i] - passing)], axis=1)
-        velocity[i], spin[i] = _rebound(grains[i], fall[i], normal[i], wall)
+        passing, pull = time[i].copy(), _pull(scene, how, grains[i], level[i] - height[i], speed[i], fall[i])
+        time[i], wall = first_contact(fall[i], normal[i], passing, motion_of(scene), pull)
+        since = time[i] - passing
+        position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
+        velocity[i], spin[i] = _rebound(grains[i], fall[i] + pull * since, normal[i], wall)
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin)
     return Feedstock(entered, replicate, injected)
+
+
+def _pull(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, speed: Array, fall: Array) -> Array:
+    """Downward acceleration (n,) m/s2 with which granules come to the slope: over the way that a vibration adds."""
+    if scene.vibration is None or not len(drop):
+        return np.zeros(len(drop))
+    if scene.air is None:
+        return np.full(len(drop), GRAVITY)
+    way = max(float(np.linalg.norm(scene.vibration.displacement)), LEAST_WAY * scene.width)
+    later = arrival(scene, how, grains, drop + way, speed)
+    return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 
 
 def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:

@@ -7,7 +7,6 @@ are left out. Later bounces on the same body are not counted, nor how the air be
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from .deflection import axis
 from .geometry import edges, normals
-from .injection import contact_points, first_contact, granules_of
+from .injection import contact_points, granules_of
 from .laws.layer import Load, load
+from .meeting import first_contact, motion_of
 from .planning import FractionPlan, Plan
 from .scales import fall_speeds
 from .scene import Scene
@@ -80,7 +80,7 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
     """Equal parts of a fraction's stream (n,): ``slope`` number below them, ``fall`` speed m/s when they touch the body
     (NaN: they do not), unit ``normal`` (n, 2) and velocity of the ``wall`` (n, 2) m/s there.
     """
-    release, (amplitude, omega) = scene.level + scene.release[0], scene.motion
+    release, motion = scene.level + scene.release[0], motion_of(scene)
     fraction, middles, parts = scene.fraction[name], _middles(SIZES), []
     settling = fraction.settling(np.roll(middles, 3))
     grains = granules_of(fraction, how, fraction.diameters(middles), settling)
@@ -99,9 +99,9 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
             drop = np.maximum(release - height[met], 0.0)
             fall[met] = fall_speeds(scene, name, how.drag, float(factor), float(diameter), drop)
         met = fall > 0.0
-        if omega > 0.0 and met.any():
-            passing = 2.0 * math.pi / omega * phase[met]
-            _, wall[met] = first_contact(fall[met], normal[met], passing, amplitude, omega)
+        if scene.vibration is not None and met.any():
+            passing = scene.vibration.period * phase[met]
+            _, wall[met] = first_contact(fall[met], normal[met], passing, motion)
         parts.append((_slope_below(outline, x), fall, normal, wall))
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     return dict(zip(("slope", "fall", "normal", "wall"), columns, strict=True))

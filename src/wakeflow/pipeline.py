@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .flight import Tracked
     from .foam import FlowSpec
     from .meshing import MeshSpec
+    from .tables import Picture
 
 __all__ = ["Chain", "Companion", "Listener", "silent"]
 
@@ -235,13 +236,11 @@ class Chain:
             del fraction["mass_share"], fraction["target"]
         for key in ("rate", "depth"):
             del tables["feed"][key]
-        del tables["numerics"], tables["funnel"]
+        del tables["numerics"], tables["picture"], tables["funnel"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        code = _sources(
-            "laws", "tracking", "ballistics", "field", "scales.py", "deflection.py", "injection.py", "flight.py",
-            "geometry.py", "tables",
-        )  # fmt: skip
+        files = ("scales.py", "deflection.py", "meeting.py", "injection.py", "flight.py", "geometry.py")
+        code = _sources("laws", "tracking", "ballistics", "field", "tables", *files)
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         symmetric = self.plan.airflow.symmetric
@@ -264,6 +263,20 @@ class Chain:
             self._warm_up()
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
         return flight.load(folder, self.scene)
+
+    def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
+        """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
+        from . import flight
+
+        names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
+        if flown is None:
+            return {}
+        key = content_key(self.tracks_key, self.scene.numerics.tolerance, names, flown)
+        flow = None if self.scene.air is None else self.field[1]
+        tell = partial(self._tell, "shown")
+        flights = flight.Flight(self.scene, self.plan, flow, self.scene.numerics.tolerance, self.workers, tell)
+        folder = self._stage("shown", key, lambda part: flights.fly_shown(part, names, *flown))
+        return {name: flight.load_drawn(folder / f"{name}.drawn.npz") for name in names}
 
     def compile_beside(self) -> None:
         """Have the tracker compiled into its cache by another process, while this one waits for OpenFOAM."""

@@ -27,6 +27,7 @@ from .laws.drag import (
 from .loading import Limit, limits, strained
 from .locking import AirMotion, vibration_of_scene
 from .process import cores
+from .resting import standing
 from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, ranks_for, typical_cells, typical_seconds
 from .scales import arrival_speed, flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
@@ -227,7 +228,7 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
         scale = _calibration(name, law, *fraction.measured_settling)
         for speed in () if (spread := fraction.settling(np.array([RARE, 1.0 - RARE]))) is None else spread.tolist():
             _calibration(name, law, granule.diameter, granule.density, speed)
-    wanted = scene.feed.mode
+    wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
     if scene.air is None:
         clear = "injected" if scene.body and not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted
@@ -268,10 +269,13 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     rows = ", ".join(f"{row.name} {row.value:.2g}" for row in plan.validity if row.limit is not None)
     lines.append(f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {rows}")
     if scene.vibration is not None:
-        peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
+        peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
         seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
         why = "" if motion is None else f" ({motion.why})"
-        lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; {seen}{why}")
+        lines.append(
+            f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
+            f"impacts; {seen}{why}"
+        )
     return lines
 
 
@@ -359,7 +363,7 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
         if how.drag_scale < 0.9:
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
         lines.extend(_injected_beyond(name, how, plan.target_error))
-    return [*lines, *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
+    return [*lines, *standing(scene), *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
 
 
 def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[str]:

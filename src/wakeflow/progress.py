@@ -125,6 +125,8 @@ def show_result(result: Result) -> None:
             f"base pressure coefficient {base:.2f}, pressure drop {airflow['pressure_drop']:.1f} Pa",
             highlight=False,
         )
+    for name, picture in (table.get("pictures") or {}).items():
+        console.print(f"figures/{name}: {picture['text']}", highlight=False, markup=False)
     _warn(console, table["warnings"])
     console.print(f"results: {result.folder}", highlight=False, soft_wrap=True)
 

@@ -61,6 +61,7 @@ class _Outcome:
     tracks: dict[str, list[dict[str, Any]]]
     landings: dict[str, dict[str, Any]]
     result: dict[str, Any]
+    shown: dict[str, dict[str, list[dict[str, Any]]]]
 
 
 def run(
@@ -173,8 +174,9 @@ def _run(
         (folder / "granules.npz").unlink(missing_ok=True)
     if tracked is not None:
         _save_granules(folder / "granules.npz", scene, tracked)
-        if until is None and (redraw or not stands or not report.is_whole(folder)):
+        if until is None and (redraw or not stands or not report.is_whole(folder, scene.picture)):
             _report(scene, chain, tracked, table, folder)
+        table["pictures"] = report.pictures_of(folder)
     elif until == "funnel" and poured is not None:
         report.draw_discharge(folder / "figures" / "discharge.png", poured)
     write_json(target, table)
@@ -195,7 +197,8 @@ def _report(scene: Scene, chain: Chain, tracked: Tracked, table: dict[str, Any],
         for name, landing in tracked.landings.items()
     }
     flow = None if scene.air is None else chain.field[1]
-    write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table))
+    shown = {name: chain.shown(picture) for name, picture in scene.picture.items()}
+    write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table, shown))
     chain.listener("report", "done")
 
 

@@ -39,7 +39,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
     air, fraction = scene.air, scene.fraction[name]
     assert air is not None
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
-    amplitude, omega = scene.motion
+    _, omega = scene.motion
     upward = air.direction == "up"
     sideways = not scene.body or any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values())
     found = []
@@ -59,7 +59,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
             beside=straight and not upward,
             sideways_bins=sideways,
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
-            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(amplitude)) * omega,
+            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
             omega=omega, meetings=meetings(scene, diameter, density),
         ))  # fmt: skip
     return found

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ValidationError
 from .checks import CHECKS, RESERVED_BIN
 from .errors import SceneError
 from .opencase import air_of, find_case
+from .recording import read_samples
 from .registry import nearest
 from .tables import (
     GRAVITY,
@@ -34,10 +35,12 @@ from .tables import (
     Numerics,
     Profile,
     Rebound,
+    Samples,
     SceneTables,
     Size,
     Speeds,
     Vibration,
+    picture_tables,
 )  # fmt: skip
 
 __all__ = ["GRAVITY", "RESERVED_BIN", "STANDARD_AIR", "Air", "Body", "Channel", "Fraction", "Scene"]
@@ -50,13 +53,13 @@ class Scene(SceneTables):
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], name: str = "scene", base: Path | None = None) -> Scene:
-        """Validate plain tables; a case of the user's is looked for from the folder ``base`` on (default: here).
+        """Validate plain tables; files of the user's are looked for from the folder ``base`` on (default: here).
 
         Raises SceneError, one line: every mistake with field, value and what is allowed.
         """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
-        data = _with_case(data, base or Path(), name)
+        data = _with_samples(_with_case(data, base or Path(), name), base or Path(), name)
         try:
             scene = cls.model_validate(data)
         except ValidationError as problem:
@@ -129,6 +132,18 @@ def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, A
     return {**data, "air": {**found, **air, "case": str(case)}}
 
 
+def _with_samples(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
+    """The tables with what a file of vibration samples holds in place of its name: results tell what was computed."""
+    vibration = data.get("vibration")
+    if not isinstance(vibration, Mapping) or not isinstance(vibration.get("samples"), str):
+        return data
+    try:
+        samples = read_samples(vibration["samples"], base)
+    except SceneError as problem:
+        raise SceneError(f"{name}: {problem}") from None
+    return {**data, "vibration": {**vibration, "samples": samples}}
+
+
 def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """A deep copy of ``data`` with dotted keys set; a table on the way is made when it is missing."""
     result: dict[str, Any] = json.loads(json.dumps(data, default=str))
@@ -148,8 +163,13 @@ def _explain(problem: ValidationError) -> Iterator[str]:
     for error in problem.errors():
         where = [str(part) for part in error["loc"] if "[" not in str(part)]  # drop pydantic's words for itself
         value, text = error["input"], error["msg"].removeprefix("Value error, ")
-        key = ".".join(where)
-        if error["type"] == "extra_forbidden":
+        key = ".".join(part for place, part in enumerate(where) if (where[0], place) != ("picture", 2))  # its kind
+        if error["type"].startswith("union_tag"):
+            kinds = list(picture_tables())
+            given = error.get("ctx", {}).get("tag")
+            hint = "missing" if given is None else f"{given!r} is unknown{nearest(given, kinds)}"
+            yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
+        elif error["type"] == "extra_forbidden":
             known = _known_keys(where[:-1])
             yield f"{key}: unknown key{nearest(where[-1], known)} (known: {', '.join(known)})"
         elif error["type"] == "missing":
@@ -189,8 +209,12 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Scene
     if where[:2] == ["channel", "inlet"]:
         return Inlet if len(where) > 2 else None
+    if where[:2] == ["vibration", "samples"]:
+        return Samples
     if where[:2] == ["feed", "profile"]:
         return Profile
+    if where[0] == "picture":  # its kind stands after its name
+        return picture_tables()[where[2]] if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
     parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}

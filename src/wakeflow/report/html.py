@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ..files import atomic_write
+from .pictures import found
 from .tables import (
     IMPACT_COLUMNS,
     NONE,
@@ -101,13 +102,20 @@ def write_html(folder: Path | str, result: Result) -> Path:
     """Write ``folder/report.html`` from result.json's dict and the PNG files in ``folder/figures``."""
     folder = Path(folder)
     path = folder / "report.html"
+    asked = found(folder / "figures")
+    texts = {**FIGURES, **{name: row["text"] or name for name, row in asked.items()}}
     with atomic_write(path) as stream:
-        stream.write(render(result, _pictures(folder / "figures"), title=folder.resolve().name))
+        stream.write(render(result, _pictures(folder / "figures", texts), folder.resolve().name, texts))
     return path
 
 
-def render(result: Result, pictures: Mapping[str, str], title: str = "result") -> str:
-    """The page as text; ``pictures``: name to base64 PNG. Raises jinja2.UndefinedError when the result lacks a key."""
+def render(
+    result: Result, pictures: Mapping[str, str], title: str = "result", texts: Mapping[str, str] = FIGURES
+) -> str:
+    """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order.
+
+    Raises jinja2.UndefinedError when the result lacks a key.
+    """
     import tomlkit
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -128,7 +136,7 @@ def render(result: Result, pictures: Mapping[str, str], title: str = "result") -
         answers=list(_answers(result)),
         targets={name: targets(result, name) for name in result["scene"]["fraction"]},
         expected=lambda place: expected(result, place),
-        pictures=[(name, pictures[name], text) for name, text in FIGURES.items() if name in pictures],
+        pictures=[(name, pictures[name], text) for name, text in texts.items() if name in pictures],
         airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
         funnel=_funnel_rows(result.get("funnel")),
         grids=(result.get("airflow") or {}).get("grids") or [],
@@ -155,8 +163,8 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.12g}") if isinstance(value, float) else value
 
 
-def _pictures(folder: Path) -> dict[str, str]:
-    files = {name: folder / f"{name}.png" for name in FIGURES}
+def _pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    files = {name: folder / f"{name}.png" for name in names}
     return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
 
 

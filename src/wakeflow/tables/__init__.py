@@ -3,7 +3,8 @@
 from .common import GRAVITY, STANDARD_AIR, Table
 from .funnel import Funnel
 from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
-from .surroundings import Air, Body, Channel, Inlet, Vibration
+from .pictures import Picture, picture_tables
+from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Bin, Numerics, SceneTables
 
 __all__ = [
@@ -18,11 +19,14 @@ __all__ = [
     "Funnel",
     "Inlet",
     "Numerics",
+    "Picture",
     "Profile",
     "Rebound",
+    "Samples",
     "SceneTables",
     "Size",
     "Speeds",
     "Table",
     "Vibration",
+    "picture_tables",
 ]

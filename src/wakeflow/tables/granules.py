@@ -58,6 +58,9 @@ def _one_word(value: Any) -> Any:
 class Feed(Table):
     """[feed]: the falling curtain."""
 
+    start: Literal["falling", "resting"] = Field(
+        "falling", description="resting: granules lie still on the body when its vibration begins"
+    )
     height: Length | None = Field(
         None, description="of free fall from rest down to the top of the body; without a body down to level"
     )
@@ -85,7 +88,10 @@ class Feed(Table):
 
     @model_validator(mode="after")
     def _one_start(self) -> Feed:
-        if (self.height is None) == (self.speed is None):
+        if self.start == "resting":
+            if self.height is not None or self.speed is not None or self.mode == "injected":
+                raise SceneError("granules that start resting take neither height nor speed, and are not injected")
+        elif (self.height is None) == (self.speed is None):
             raise SceneError("give either height or speed")
         self.profile.quantile(np.array([0.5]), self.width)
         if self.direction is not None and self.speed is None:
@@ -106,8 +112,7 @@ class Feed(Table):
         """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
         if self.speed is not None:
             return self.speed
-        assert self.height is not None
-        return math.sqrt(2 * GRAVITY * self.height)
+        return math.sqrt(2 * GRAVITY * (self.height or 0.0))
 
     @property
     def mass_flow(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..laws.restitution import Restitution
+from ..laws.vibration import Record, integrated
 from . import state
 
 __all__ = ["Body", "Fate", "Granules", "Motion", "Tracks"]
@@ -134,11 +136,48 @@ class Granules:
 
 @dataclass(frozen=True)
 class Motion:
-    """Harmonic translation: displacement(t) = amplitude sin(2 pi frequency t + phase); m, Hz, rad."""
+    """Translation that repeats: displacement(t) = amplitude sin(2 pi frequency t + phase); m, Hz, rad. Or, made by
+    :meth:`sampled`, along ``record``; amplitude is then its largest displacement, frequency 1 / its period.
+    """
 
     amplitude: Sequence[float]
     frequency: float
     phase: float = 0.0
+    record: Record | None = None
+
+    @classmethod
+    def sampled(
+        cls, time: ArrayLike, acceleration: ArrayLike, direction: Sequence[float] = (0.0, 1.0), phase: float = 0.0
+    ) -> Motion:
+        """Motion by one period of measured acceleration (k,) m/s2 at times (k,) s along ``direction`` (2,), any length;
+        ``phase`` rad of the period at t = 0. See :func:`wakeflow.laws.vibration.integrated`, also for what it raises.
+        """
+        size = math.hypot(*direction)
+        if not (math.isfinite(size) and size > 0):
+            raise SceneError(f"motion: direction {direction} must be finite and not zero")
+        record = integrated(time, acceleration)
+        return cls([record.reach * part / size for part in direction], 1.0 / record.period, phase, record)
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is any motion."""
+        return self.frequency > 0 and bool(np.any(np.asarray(self.amplitude, dtype=float)))
+
+    @property
+    def pace(self) -> float:
+        """Angular frequency (rad/s); of samples: that of their fastest change, see ``Record.pace``."""
+        return 2 * np.pi * self.frequency if self.record is None else self.record.pace
+
+    def at(self, time: ArrayLike) -> tuple[Array, Array, Array]:
+        """Displacement (..., 2) m, velocity m/s and acceleration m/s2 at times (...) s."""
+        t, along = np.asarray(time, dtype=float)[..., None], np.asarray(self.amplitude, dtype=float)
+        if self.record is not None:
+            moved = self.record.at(t + self.phase * self.record.period / (2 * np.pi))
+            return (along * (moved[0] / self.record.reach), along * (moved[1] / self.record.reach),
+                    along * (moved[2] / self.record.reach))  # fmt: skip
+        omega = 2 * np.pi * self.frequency
+        s, c = np.sin(omega * t + self.phase), np.cos(omega * t + self.phase)
+        return along * s, along * (omega * c), along * (-(omega**2) * s)
 
     def __post_init__(self) -> None:
         values = np.asarray(self.amplitude, dtype=float)

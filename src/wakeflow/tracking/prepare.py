@@ -44,6 +44,7 @@ from .state import (
     RADIUS,
     RESTITUTION,
     REYNOLDS2,
+    SAMPLES,
     SPIN,
     STOKES,
     STREAM,
@@ -120,13 +121,27 @@ def pack_walls(
             edge_links.append([number, at_start[i], at_end[i]])
         low, high = body.outline.min(axis=0), body.outline.max(axis=0)
         own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
-        rows.append([*low, *high, *relative(body.motion, swing), *own])
+        rows.append([*low, *high, *relative(body.motion, swing), *own, *_samples(body)])
         members.append([first_edge, len(edges), first_vertex, len(vertices), not body.open, body.capture])
+    width = max((len(row) for row in rows), default=SAMPLES)
+    rows = [row + [0.0] * (width - len(row)) for row in rows]
+    frame = [0.0] * 4 + relative(None, swing)
     return Walls(
-        _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3),
-        _floats(rows, 10), _ints(members, 6), *lines, _floats([[0.0] * 4 + relative(None, swing) + [0.0] * 2], 10),
+        _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3), _floats(rows, width),
+        _ints(members, 6), *lines, _floats([frame + [0.0] * (SAMPLES - len(frame))], SAMPLES),
         restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
     )  # fmt: skip
+
+
+def _samples(body: Body) -> list[float]:
+    """Number of a body's samples, their period, and of each time, displacement, velocity, acceleration, its slope."""
+    record = None if body.motion is None or not body.motion.moves else body.motion.record
+    if record is None:
+        return [0.0, 0.0]
+    slope = np.append(np.diff(record.acceleration) / np.diff(record.time), 0.0)
+    parts = np.stack([record.displacement, record.velocity, record.acceleration, slope], axis=1) / record.reach
+    table = np.concatenate([record.time[:, None], parts], axis=1)
+    return [float(len(table)), record.period, *table.ravel().tolist()]
 
 
 def _floats(rows: Sequence[object], width: int) -> Array:
