@@ -13,8 +13,8 @@ SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
     "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
     "tables", "checks", "scene", "bounds", "scales", "deflection", "loading", "gate", "rungs", "locking", "planning",
-    "meshing", "reconstruction", "foam", "field", "duct", "tracking", "ballistics", "injection", "separation", "flight",
-    "cascade", "flows", "pipeline",
+    "meshing", "reconstruction", "foam", "field", "duct", "tracking", "ballistics", "injection", "loads", "separation",
+    "flight", "cascade", "flows", "pipeline",
     "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
 ]  # fmt: skip
 ONLY_IN = {

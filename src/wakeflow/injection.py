@@ -24,13 +24,14 @@ from . import tracking
 from .deflection import axis
 from .field import FlowField
 from .geometry import edges, normals
-from .laws.collision import collide
+from .laws.collision import approach_speed, collide
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
+from .laws.restitution import restitution_at
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
 from .tracking import Granules
 
-__all__ = ["Feedstock", "arrival", "feedstock", "first_contact", "granules_of"]
+__all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "first_contact", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
@@ -264,10 +265,9 @@ def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:
 
 def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:
     """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2)."""
-    vx, vy, spin, _, _ = collide(
-        0.0, -fall, 0.0, normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1], grains.restitution, grains.friction,
-        1.0 / grains.inertia, grains.diameter / 2,
-    )  # fmt: skip
+    ways = normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1]
+    e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *ways))
+    vx, vy, spin, _, _ = collide(0.0, -fall, 0.0, *ways, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2)
     return np.stack([vx, vy], axis=1), spin
 
 

@@ -231,8 +231,9 @@ class Chain:
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         code = _sources(
-            "laws", "tracking", "ballistics", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables"
-        )
+            "laws", "tracking", "ballistics", "field", "scales.py", "deflection.py", "injection.py", "flight.py",
+            "geometry.py", "tables",
+        )  # fmt: skip
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         symmetric = self.plan.airflow.symmetric

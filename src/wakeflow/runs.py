@@ -16,6 +16,7 @@ from .companions import airflow_on_grids
 from .errors import SceneError
 from .files import atomic_write, content_key, digest_files, write_json
 from .laws.momentum import momentum_pressure
+from .loads import impact_loads
 from .pipeline import Chain, Listener, silent
 from .planning import Plan, make_plan
 from .scene import Scene
@@ -128,6 +129,7 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
             table["airflow"]["truncation"] = chain.truncation
         table["fates"] = tracked.fates
         table["met_by_law"] = tracked.injected
+        table["impact"] = impact_loads(scene, plan)
     if tracked is not None and until is None:
         table["separation"] = separate(scene, tracked.landings)
         others = fly_companions(chain, tracked)

@@ -32,6 +32,7 @@ from .tables import (
     Inlet,
     Numerics,
     Profile,
+    Rebound,
     SceneTables,
     Size,
     Speeds,
@@ -181,8 +182,9 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Profile
     if where[0] not in keyed:
         return plain.get(where[0])
-    if where[2:3] in (["size"], ["terminal_velocity"]):
-        return Size if where[2] == "size" else Speeds
+    parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
+    if where[2:] and where[2] in parts:
+        return parts[where[2]]
     return keyed[where[0]] if len(where) > 1 else None
 
 

@@ -63,6 +63,8 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
         tables.write_separation_csv(folder / "separation.csv", result)
     if "budget" in result:
         tables.write_budget_csv(folder / "budget.csv", result)
+    if tables.impact_rows(result):
+        tables.write_impact_csv(folder / "impact.csv", result)
     return html.write_html(folder, result)
 
 
@@ -74,7 +76,8 @@ def is_whole(folder: Path) -> bool:
 
 def clear(folder: Path) -> None:
     """Remove what an earlier report left here, so that nothing of another scene stands beside the new one."""
-    for name in ("field.vtu", "field.pvd", "tracks.vtp", "separation.csv", "budget.csv", "report.html"):
+    names = ("field.vtu", "field.pvd", "tracks.vtp", "separation.csv", "budget.csv", "impact.csv", "report.html")
+    for name in names:
         (folder / name).unlink(missing_ok=True)
     for name in ("pressure", "tracks", "landing"):
         (folder / "figures" / f"{name}.png").unlink(missing_ok=True)

@@ -8,7 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from ..files import atomic_write
-from .tables import NONE, UNKNOWN, budget_sources, condensed, error_text, expected, percent, source_seconds, targets
+from .tables import (
+    IMPACT_COLUMNS,
+    NONE,
+    UNKNOWN,
+    budget_sources,
+    condensed,
+    error_text,
+    expected,
+    impact_rows,
+    percent,
+    source_seconds,
+    targets,
+)  # fmt: skip
 
 __all__ = ["render", "write_html"]
 
@@ -103,6 +115,8 @@ def render(result: Result, pictures: Mapping[str, str], title: str = "result") -
         airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
         grids=(result.get("airflow") or {}).get("grids") or [],
         bracket=result.get("bracket") or {},
+        impacts=impact_rows(result),
+        impact_columns=IMPACT_COLUMNS,
         budget=budget["budget"],
         sources=budget_sources(budget),
         spent=source_seconds(budget),

@@ -1,7 +1,7 @@
 """The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
 from .common import GRAVITY, STANDARD_AIR, Table
-from .granules import Feed, Fraction, Profile, Size, Speeds
+from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
 from .surroundings import Air, Body, Channel, Inlet, Vibration
 from .whole import Bin, Numerics, SceneTables
 
@@ -17,6 +17,7 @@ __all__ = [
     "Inlet",
     "Numerics",
     "Profile",
+    "Rebound",
     "SceneTables",
     "Size",
     "Speeds",

@@ -95,7 +95,7 @@ def track(
         raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
     reach = 1e-6 * length
     swing = swing_of(field)
-    walls = pack_walls(solids, pack_lines(lines), swing)
+    walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
     tables, table_of = pack_tables(drag, grains.sphericity)
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
