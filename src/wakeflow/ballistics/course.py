@@ -9,7 +9,8 @@ import numpy as np
 
 from ..errors import SceneError
 from ..geometry import contains
-from ..laws.collision import collide
+from ..laws.collision import approach_speed, collide
+from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
 from .hits import CORNER, FACE, LINE, NONE, Falling, Hit, first_hits
 from .slide import FLIES, RESTS, Contact, arc_length, place, slide
@@ -138,14 +139,14 @@ class _Chain:
         normal[corner] = arm[corner] / np.linalg.norm(arm[corner], axis=1, keepdims=True)
         off = (arm * normal).sum(axis=1) - self.radius[who]
         tracks.position[who] -= off[:, None] * normal
-        own = self.grains.restitution[who], self.grains.friction[who]
-        restitution, friction = (
-            np.where(np.isnan(of[body]), mine, of[body])
-            for of, mine in zip((surfaces.restitution, surfaces.friction), own, strict=True)
-        )
+        (vx, vy), (nx, ny), (wx, wy) = tracks.velocity[who].T, normal.T, wall.T
+        law = self.grains.restitution
+        own = law if isinstance(law, Restitution) else law[who]
+        restitution = restitution_at(own, approach_speed(vx, vy, nx, ny, wx, wy))
+        restitution = np.where(np.isnan(surfaces.restitution[body]), restitution, surfaces.restitution[body])
+        friction = np.where(np.isnan(surfaces.friction[body]), self.grains.friction[who], surfaces.friction[body])
         captured = surfaces.captures[body]
         tracks.fate[who[captured]] = Fate.CAPTURED
-        (vx, vy), (nx, ny), (wx, wy) = tracks.velocity[who].T, normal.T, wall.T
         vx, vy, spin, impulse, _ = collide(
             vx, vy, tracks.spin[who], nx, ny, wx, wy, restitution, friction, self.mobility[who], self.radius[who]
         )
