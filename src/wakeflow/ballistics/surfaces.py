@@ -86,6 +86,6 @@ class Surfaces:
 def _harmonic(motion: Motion | None) -> Motion:
     if motion is None or motion.frequency == 0.0:
         return Motion((0.0, 0.0), 0.0)
-    if type(motion) is not Motion:
-        raise SceneError("the chain (rung none) follows harmonic vibration only; choose another rung for samples")
+    if getattr(motion, "record", None) is not None:
+        raise SceneError("vibration.samples: rung none follows harmonic vibration only; choose another rung")
     return motion
