@@ -139,16 +139,14 @@ class _Chain:
         normal[corner] = arm[corner] / np.linalg.norm(arm[corner], axis=1, keepdims=True)
         off = (arm * normal).sum(axis=1) - self.radius[who]
         tracks.position[who] -= off[:, None] * normal
-        captured = surfaces.captures[body]
-        tracks.fate[who[captured]] = Fate.CAPTURED
         (vx, vy), (nx, ny), (wx, wy) = tracks.velocity[who].T, normal.T, wall.T
         law = self.grains.restitution
-        approach = approach_speed(vx, vy, nx, ny, wx, wy)
-        own = restitution_at(law if isinstance(law, Restitution) else law[who], approach), self.grains.friction[who]
-        restitution, friction = (
-            np.where(np.isnan(of[body]), mine, of[body])
-            for of, mine in zip((surfaces.restitution, surfaces.friction), own, strict=True)
-        )
+        own = law if isinstance(law, Restitution) else law[who]
+        restitution = restitution_at(own, approach_speed(vx, vy, nx, ny, wx, wy))
+        restitution = np.where(np.isnan(surfaces.restitution[body]), restitution, surfaces.restitution[body])
+        friction = np.where(np.isnan(surfaces.friction[body]), self.grains.friction[who], surfaces.friction[body])
+        captured = surfaces.captures[body]
+        tracks.fate[who[captured]] = Fate.CAPTURED
         vx, vy, spin, impulse, _ = collide(
             vx, vy, tracks.spin[who], nx, ny, wx, wy, restitution, friction, self.mobility[who], self.radius[who]
         )

@@ -87,5 +87,5 @@ def _harmonic(motion: Motion | None) -> Motion:
     if motion is None or motion.frequency == 0.0:
         return Motion((0.0, 0.0), 0.0)
     if motion.record is not None:
-        raise SceneError("the chain (rung none) follows harmonic vibration only; choose another rung for samples")
+        raise SceneError("vibration.samples: rung none follows harmonic vibration only; choose another rung")
     return motion
