@@ -30,12 +30,13 @@ PHASES = 64  # of the vibration's period
 
 
 def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
-    """The ``impact`` table of result.json, of the first body; None where none stands. Per slope that is met, from left
+    """The ``impact`` table of result.json, of the first body; None where none stands, or another may be met before
+    it. Per slope that is met, from left
     to right, per fraction, and in total, in SI units: ``mass_flow``; ``fall_speed`` of arrival; ``normal`` force into
     the slope and ``tangential`` force down it; ``force`` on the body (x, y); ``power`` that the vibration gives to the
     stream; ``velocity`` of the centre of mass after the impact.
     """
-    if not scene.body:
+    if not scene.body or scene.obstacles:
         return None
     name, body = next(iter(scene.body.items()))
     outline = body.outline()
