@@ -15,21 +15,24 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import tracking
 from .deflection import axis
 from .field import FlowField
 from .geometry import edges, normals
-from .laws.collision import collide
+from .laws.collision import approach_speed, collide
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
+from .laws.restitution import restitution_at
 from .meeting import first_contact, motion_of
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
-from .tracking import Granules, track
+from .tracking import Granules
 
-__all__ = ["Feedstock", "arrival", "feedstock", "granules_of"]
+__all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
@@ -54,14 +57,17 @@ def _samples(
 
     The stream depends on the fraction's own name and on the replicate, not on the other fractions.
     """
+    size = replicate_size(count)
+    parts = [_replicate(name, size, seed, replicate, dimensions) for replicate in replicates]
+    return np.concatenate(parts), np.repeat(np.asarray(replicates), size)
+
+
+@lru_cache(maxsize=64)  # a search flies the same granules through many scenes
+def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
     from scipy.stats import qmc
 
-    size, parts = replicate_size(count), []
-    for replicate in replicates:
-        source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-        parts.append(qmc.Sobol(dimensions, scramble=True, rng=source).random(size))
-    points = np.clip(np.concatenate(parts), 1e-12, 1 - 1e-12)
-    return points, np.repeat(np.asarray(replicates), size)
+    source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
+    return np.clip(qmc.Sobol(dimensions, scramble=True, rng=source).random(size), 1e-12, 1 - 1e-12)
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -94,33 +100,32 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     """Downward speed (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
-    uniform flow.
+    uniform flow; in a vacuum in closed form.
     """
+    if scene.air is None:
+        return np.sqrt(speed**2 + 2 * GRAVITY * np.maximum(drop, 0.0))
     outline = scene.first_outline
     reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
     )  # the same for any part of the granules
-    if scene.air is None:
-        column = None
-    else:
-        flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
-        corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
-        column = FlowField.from_arrays(
-            corners,
-            np.array([(0, 1, 2), (0, 2, 3)]),
-            np.tile([0.0, flow], (4, 1)),
-            pressure=np.zeros(4),
-            density=scene.air.density,
-            viscosity=scene.air.viscosity,
-        )
+    flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
+    corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
+    column = FlowField.from_arrays(
+        corners,
+        np.array([(0, 1, 2), (0, 2, 3)]),
+        np.tile([0.0, flow], (4, 1)),
+        pressure=np.zeros(4),
+        density=scene.air.density,
+        viscosity=scene.air.viscosity,
+    )
     still = grains.replace(
         position=np.stack([np.full(drop.shape, 0.3), drop], axis=1),  # off the column's diagonal and its nodes
         velocity=np.stack([np.zeros(drop.shape), -speed], axis=1),
         time=np.zeros(len(drop)),
     )
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
-    tracks = track(
+    tracks = tracking.track(
         column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=how.drag, lines=(level,),
         forces=[force for force in how.forces if force in CALM], gravity=(0.0, -GRAVITY),
     )  # fmt: skip
@@ -140,8 +145,16 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     if scene.vibration is None:
         return points[:, 0] * (field_period or 0.0)
     period = scene.vibration.period
+    if scene.feed.start == "resting":  # from the lower dead point: displacement -amplitude, no velocity
+        points = np.stack([np.full(len(points), 0.75), points[:, 1]], axis=1)
     whole = int(np.ceil(MIXING * field_period / period)) if field_period else 1
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
+
+
+def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
+    """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
+    height, _ = contact_points(outline, x, radius)
+    return np.stack([x, height], axis=1) - scene.motion[0]
 
 
 def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
@@ -183,12 +196,15 @@ def feedstock(
     grains = granules_of(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
     if not scene.body:
         return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+    assert scene.first_outline is not None
     level, speed = _start(scene, scene.level, 0.5 * diameter)
-    position, velocity = _released(scene, how, grains, x, level, speed)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
+    if scene.feed.start == "resting":
+        lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
+        return Feedstock(lying, replicate, injected)
+    position, velocity = _released(scene, how, grains, x, level, speed)
     if how.mode == "injected":
-        assert scene.first_outline is not None
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
         if how.deflection is not None:
@@ -225,10 +241,9 @@ def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:
 
 def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:
     """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2)."""
-    vx, vy, spin, _, _ = collide(
-        0.0, -fall, 0.0, normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1], grains.restitution, grains.friction,
-        1.0 / grains.inertia, grains.diameter / 2,
-    )  # fmt: skip
+    ways = normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1]
+    e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *ways))
+    vx, vy, spin, _, _ = collide(0.0, -fall, 0.0, *ways, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2)
     return np.stack([vx, vy], axis=1), spin
 
 

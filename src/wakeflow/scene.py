@@ -30,14 +30,17 @@ from .tables import (
     Channel,
     Feed,
     Fraction,
+    Funnel,
     Inlet,
     Numerics,
     Profile,
+    Rebound,
     Samples,
     SceneTables,
     Size,
     Speeds,
     Vibration,
+    picture_tables,
 )  # fmt: skip
 
 __all__ = ["GRAVITY", "RESERVED_BIN", "STANDARD_AIR", "Air", "Body", "Channel", "Fraction", "Scene"]
@@ -83,6 +86,19 @@ class Scene(SceneTables):
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
         return self.parse(_changed(self.tables(), changes))
+
+    def fed(self, rate: float | None = None) -> Scene:
+        """The scene with the funnel's ``rate`` (kg/s) as its feed's, Beverloo's estimate without one; unchanged where
+        the feed has its own or there is no funnel.
+        """
+        if self.funnel is None or self.feed.rate is not None:
+            return self
+        found = self.funnel.expected_rate if rate is None else rate
+        return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": found})})
+
+    def flown(self, rung: str) -> Scene:
+        """The scene that granules are flown through at a rung: without its air at ``none``, else itself."""
+        return self.model_copy(update={"air": None}) if rung == "none" and self.air is not None else self
 
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
@@ -147,8 +163,13 @@ def _explain(problem: ValidationError) -> Iterator[str]:
     for error in problem.errors():
         where = [str(part) for part in error["loc"] if "[" not in str(part)]  # drop pydantic's words for itself
         value, text = error["input"], error["msg"].removeprefix("Value error, ")
-        key = ".".join(where)
-        if error["type"] == "extra_forbidden":
+        key = ".".join(part for place, part in enumerate(where) if (where[0], place) != ("picture", 2))  # its kind
+        if error["type"].startswith("union_tag"):
+            kinds = list(picture_tables())
+            given = error.get("ctx", {}).get("tag")
+            hint = "missing" if given is None else f"{given!r} is unknown{nearest(given, kinds)}"
+            yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
+        elif error["type"] == "extra_forbidden":
             known = _known_keys(where[:-1])
             yield f"{key}: unknown key{nearest(where[-1], known)} (known: {', '.join(known)})"
         elif error["type"] == "missing":
@@ -181,7 +202,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
     """The table that a dotted place belongs to; None inside keyed tables before their name."""
     keyed: dict[str, type[BaseModel]] = {"body": Body, "fraction": Fraction, "bin": Bin}
     plain: dict[str, type[BaseModel]] = {
-        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "numerics": Numerics,
+        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "funnel": Funnel,
+        "numerics": Numerics,
     }  # fmt: skip
     if not where:
         return Scene
@@ -191,10 +213,13 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Samples
     if where[:2] == ["feed", "profile"]:
         return Profile
+    if where[0] == "picture":  # its kind stands after its name
+        return picture_tables()[where[2]] if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
-    if where[2:3] in (["size"], ["terminal_velocity"]):
-        return Size if where[2] == "size" else Speeds
+    parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
+    if where[2:] and where[2] in parts:
+        return parts[where[2]]
     return keyed[where[0]] if len(where) > 1 else None
 
 

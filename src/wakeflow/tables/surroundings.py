@@ -40,6 +40,9 @@ class Body(Table):
     slope_angle: SlopeAngle | None = Field(None, description="of the faces, from the horizontal: 10 to 80 deg")
     height: Length | None = Field(None, description="instead of slope_angle")
     apex: Literal["up", "down"] | None = Field(None, description="prism only")
+    length: Length | None = Field(None, description="plate only: along its faces")
+    thickness: Length | None = Field(None, description="plate only")
+    descends: Literal["left", "right"] | None = Field(None, description="plate only: to which side it falls; right")
     points: list[Point] | None = Field(None, description="polygon only: corners in the body's own frame")
     corners: Annotated[int, Field(ge=16, le=720)] | None = Field(None, description="circle only: of its polygon; 120")
     rounding: Length | None = Field(

@@ -11,6 +11,7 @@ from ..laws.collision import collide
 from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
 from .exponential import along
 from .jit import compiled, inlined
+from .rebound import restitution_of
 from .rest import SLOW, STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .seen import mirror
 from .state import (
@@ -39,7 +40,6 @@ from .state import (
     PAIR,
     PAIRED,
     RADIUS,
-    RESTITUTION,
     ROLL,
     SIGN,
     STUCK,
@@ -90,10 +90,10 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         ints[FATE] = CAPTURED
         hold[KIND] = FREE
         return
-    e, f = walls.bodies[body, 8], walls.bodies[body, 9]
-    e = grain[RESTITUTION] if e < 0.0 else e
+    f = walls.bodies[body, 9]
     f = grain[FRICTION] if f < 0.0 else f
     _, _, wx, wy, px, py = displacement(walls.bodies, body, state[T])
+    e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     vx, vy, spin, normal, _ = _collide(
         state[VX], state[VY], state[TURN], nx, ny, wx, wy, e, f, grain[MOBILITY], grain[RADIUS]
     )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
+from ..laws.restitution import Restitution
 from ..laws.vibration import Record, integrated
 from . import state
 
@@ -81,8 +82,9 @@ class Granules:
 
     ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
     the fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal
-    velocity); ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born. Raises SceneError,
-    naming the count and the first index, for values that are not finite or out of range.
+    velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
+    approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born. Raises
+    SceneError, naming the count and the first index, for values that are not finite or out of range.
     """
 
     position: Array
@@ -106,6 +108,8 @@ class Granules:
         for name in ("position", "velocity"):
             object.__setattr__(self, name, _clean(name, getattr(self, name), shape))
         for name, (allowed, test) in SCALARS.items():
+            if isinstance(getattr(self, name), Restitution):
+                continue
             array = _clean(name, getattr(self, name), shape[:1])
             _refuse(name, array, ~test(array), allowed)
             object.__setattr__(self, name, array)
@@ -122,7 +126,8 @@ class Granules:
 
     def __getitem__(self, chosen: Any) -> Granules:
         """The chosen granules: a slice, indices or a mask."""
-        return Granules(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+        own: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        return self.replace(**{name: v[chosen] for name, v in own.items() if not isinstance(v, Restitution)})
 
     def replace(self, **changes: Any) -> Granules:
         """The same granules with some properties replaced."""

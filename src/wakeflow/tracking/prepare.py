@@ -14,6 +14,7 @@ from ..errors import SceneError
 from ..field import FlowField, Swing
 from ..laws.drag import drag_laws, drag_table, slip_correction
 from ..laws.forces import forces as forces_known
+from ..laws.restitution import Restitution, restitution_table
 from ..laws.rotation import spin_rate
 from ..laws.turbulence import brownian_diffusivity, lifetime
 from .frame import relative, swing_of
@@ -74,11 +75,16 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 FORCES = tuple(name for name in forces_known if forces_known[name].computed)
 MOST_TABLES = 4096
+BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach speed
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
-def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing | None = None) -> Walls:
-    """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings."""
+def pack_walls(
+    bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing | None = None, restitution: Any = None
+) -> Walls:
+    """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings;
+    the granules' ``restitution`` where it is a law.
+    """
     edges: list[Any] = []
     vertices: list[Any] = []
     edge_links: list[list[int]] = []
@@ -123,6 +129,7 @@ def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing 
     return Walls(
         _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3), _floats(rows, width),
         _ints(members, 6), *lines, _floats([frame + [0.0] * (SAMPLES - len(frame))], SAMPLES),
+        restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
     )  # fmt: skip
 
 
@@ -300,7 +307,8 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     if g.shape != (2,) or not np.all(np.isfinite(g)):
         raise SceneError(f"gravity = {gravity}, expected two finite numbers in m/s2")
     rows[:, RADIUS] = grains.diameter / 2
-    rows[:, RESTITUTION], rows[:, FRICTION] = grains.restitution, grains.friction
+    rows[:, RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
+    rows[:, FRICTION] = grains.friction
     rows[:, MOBILITY] = 1.0 / grains.inertia
     pull = np.tile(g if "gravity" in forces else np.zeros(2), (len(grains), 1))
     if field is None:

@@ -48,6 +48,7 @@ class Walls(NamedTuple):
     lines: Array  # (K, 4)
     line_ids: Index  # (K,)
     frame: Array  # (1, SAMPLES) as one of the bodies: how the lines move in the mesh's frame
+    restitution: Array  # (C, 6) cells of the granules' restitution law, see ``restitution_table``; (0, 6): numbers
 
 
 class Rules(NamedTuple):
@@ -131,7 +132,7 @@ INTS = 26
     STOKES,  # 1/s, drag rate of Stokes' law
     REYNOLDS2,  # (Re per m/s)^2
     RADIUS,
-    RESTITUTION,
+    RESTITUTION,  # -1: by the law in the walls
     FRICTION,
     MOBILITY,  # m r^2 / I
     PRESSURE,  # acceleration per pressure gradient
