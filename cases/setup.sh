@@ -1,7 +1,8 @@
 #!/bin/sh
 # Sets up what wakeflow needs on Debian 12: packages by apt, Python packages in .venv. Does only what is missing.
 #   sh cases/setup.sh          to run scenes
-#   sh cases/setup.sh test     to run the tests as well
+#   sh cases/setup.sh funnel   to run scenes with a [funnel] table as well
+#   sh cases/setup.sh test     to run the tests as well (with the funnel's)
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 extra=${1:-}
@@ -11,6 +12,9 @@ venv=$root/.venv
 packages="openfoam python3 python3-venv ca-certificates
   libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1
   libegl1 libgl1-mesa-dri"
+
+# 140 MB, and optional: without it the tests that need it are skipped
+if [ "$extra" = funnel ] || { [ "$extra" = test ] && [ "$(id -u)" = 0 ]; }; then packages="$packages liggghts"; fi
 
 say() { echo "setup: $*" >&2; }
 fail() { say "$*"; exit 3; }

@@ -44,7 +44,7 @@ def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str])
     [
         (["run", "nowhere.toml"], "no scene file 'nowhere.toml'"),
         (["run", "{cases}/vacuum.toml", "--rung", "draft"], "needs an [air] table"),
-        (["run", "{cases}/rhombus.toml", "--rung", "none"], "remove the [air] table"),
+        (["run", "{cases}/aspirator.toml", "--rung", "none"], "without a body nothing is left"),
         (["run", "{cases}/rhombus.toml", "--rung", "best"], "Choose from"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed"], "KEY=VALUE"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=-3"], "air.speed = -3"),

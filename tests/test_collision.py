@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wakeflow.laws.collision import bounce, collide, impact
+from wakeflow.laws.collision import ImpactModel, bounce, collide, impact, impact_models
 
 BETA = np.pi / 4
 finite = st.floats(-5, 5)
@@ -34,10 +38,36 @@ def test_the_misprinted_equation_is_not_what_is_computed() -> None:
     assert 1.7 * np.sin(BETA - 0.3 * np.cos(BETA)) * 1.5 == pytest.approx(1.3831, abs=2e-4)  # makes energy
 
 
-@pytest.mark.parametrize(
-    ("inertia", "limit", "speed"), [(None, 2 / 3, 0.0), (0.4, 0.1904762, 5 / 7), (0.5, 0.2222222, 2 / 3)]
-)
-def test_it_sticks_above_the_limit_and_rolls_from_then_on(inertia: float | None, limit: float, speed: float) -> None:
+every_model = pytest.mark.parametrize("model", [impact_models[name] for name in impact_models], ids=list(impact_models))
+
+
+def test_limits_of_rolling_are_the_known_ones() -> None:
+    """tan(b) / (1 + R) / (1 + 1/k) at b = 45 deg, R = 0.5: a point 2/3, a sphere 4/21, a disc 2/9."""
+    for name, limit in (("paper", 2 / 3), ("sphere", 0.1904762), ("disc", 0.2222222), ("tube", 1 / 3)):
+        hits = impact(BETA, 1.0, 0.0, 0.5, limit * np.array([1 - 1e-6, 1 + 1e-6]), impact_models[name].inertia, 0.01)
+        np.testing.assert_array_equal(hits.sticks, [False, True])
+
+
+@every_model
+def test_limits_of_restitution_and_friction(model: ImpactModel) -> None:
+    """R = 0: nothing is left of the normal velocity, R = 1: all of it; f = 0: nothing turns, f = inf: it rolls."""
+    for restitution in (0.0, 1.0):
+        smooth = impact(0.9, 1.0, 0.2, restitution, 0.0, model.inertia, 1e-3)
+        rough = impact(0.9, 1.0, 0.2, restitution, np.inf, model.inertia, 1e-3)
+        for hit in (smooth, rough):
+            assert hit.normal == pytest.approx(restitution * 1.2 * np.cos(0.9), abs=1e-15)
+        assert smooth.tangential == pytest.approx(1.2 * np.sin(0.9))
+        assert smooth.spin == 0.0
+        rolling = 0.0 if model.inertia is None else 1.0 / (1.0 + model.inertia)
+        assert rough.tangential == pytest.approx(1.2 * np.sin(0.9) * rolling, abs=1e-15)
+        assert rough.tangential + (1e-3 * rough.spin if model.inertia else 0.0) == pytest.approx(0.0, abs=1e-15)
+
+
+@every_model
+def test_it_sticks_above_the_limit_and_rolls_from_then_on(model: ImpactModel) -> None:
+    inertia = model.inertia
+    limit = np.tan(BETA) / 1.5 / (1.0 + model.mobility)
+    speed = 0.0 if inertia is None else 1.0 / (1.0 + inertia)
     slip = impact(BETA, 1.0, 0.0, 0.5, limit * (1 - 1e-6), inertia, 0.01)
     stick = impact(BETA, 1.0, 0.0, 0.5, np.array([limit * (1 + 1e-6), 5.0]), inertia, 0.01)
     assert not slip.sticks
@@ -49,7 +79,7 @@ def test_it_sticks_above_the_limit_and_rolls_from_then_on(inertia: float | None,
 
 
 def test_no_approach_means_no_impact() -> None:
-    hit = impact(BETA, 1.0, np.array([-1.0, -1.5]), 0.5, 0.3, 0.4, 0.01)
+    hit = impact(BETA, 1.0, np.array([-1.0, -1.5]), 0.5, np.array([0.3, np.inf]), 0.4, 0.01)
     np.testing.assert_array_equal(hit.velocity, [[0.0, -1.0], [0.0, -1.0]])
     np.testing.assert_array_equal(hit.normal_impulse, 0.0)
     np.testing.assert_array_equal(hit.tangential_impulse, 0.0)
@@ -78,8 +108,8 @@ def test_arrays_broadcast() -> None:
     spin=st.floats(-1e3, 1e3),
     angle=st.floats(0, 6.3),
     restitution=unit,
-    friction=st.floats(0, 3),
-    mobility=st.sampled_from([0.0, 2.0, 2.5]),
+    friction=st.floats(0, 3) | st.just(np.inf),
+    mobility=st.sampled_from([impact_models[name].mobility for name in impact_models]),
 )
 def test_energy_never_grows_and_angular_momentum_about_the_contact_is_kept(
     v: tuple[float, float],
@@ -105,7 +135,7 @@ def test_energy_never_grows_and_angular_momentum_about_the_contact_is_kept(
     else:
         assert after == spin
         assert after_t - before_t == pytest.approx(jt, abs=1e-12)
-    assert abs(jt) <= friction * jn + 1e-12
+    assert abs(jt) <= min(friction, 1e300) * jn + 1e-12
     approach = (v[0] - w[0]) * nx + (v[1] - w[1]) * ny
     if approach >= 0:
         assert (vx, vy, after) == (*v, spin)
@@ -139,3 +169,15 @@ def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
     np.testing.assert_allclose(out[0], impact(BETA, 1.4, 0.3, 0.5, 0.3).velocity)
     np.testing.assert_allclose(out[1], impact(BETA, 1.4, 0.3, 0.5, 9.0).velocity)
     np.testing.assert_allclose(out[2], [0.3740, 0.0960], atol=5e-5)
+
+
+def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
+    root = Path(__file__).parents[1]
+    done = subprocess.run(
+        [sys.executable, root / "cases" / "printed_form.py"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout in (root / "docs" / "model.md").read_text()
+    rows = [[float(cell) for cell in line.strip("| ").split("|")] for line in done.stdout.splitlines()[2:]]
+    assert all(row[4] <= 1.0 for row in rows)  # the derived form never does
+    assert [row[6] for row in rows if row[:3] == [45.0, 0.5, 0.0]] == [1.25]
+    assert sum(row[6] > 1.0 for row in rows) >= 3

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from wakeflow import impact
-from wakeflow.injection import REPLICATES, contact_points, feedstock, first_contact
+from wakeflow.injection import REPLICATES, contact_points, feedstock
 from wakeflow.laws.shape import shapes
+from wakeflow.meeting import first_contact
 from wakeflow.planning import make_plan
 from wakeflow.scene import Scene
+from wakeflow.tracking import Motion
 
 
 def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -46,7 +48,8 @@ def test_first_contact_is_a_contact_and_the_first(strength: float) -> None:
     amplitude = np.array([0.0, strength * fall / omega])
     passing = (np.arange(500) + 0.5) / 500 * 2 * np.pi / omega
     normal = np.tile([math.sin(0.8), math.cos(0.8)], (500, 1))
-    t, wall = first_contact(np.full(500, fall), normal, passing, amplitude, omega)
+    motion = Motion(tuple(amplitude), omega / (2 * np.pi))
+    t, wall = first_contact(np.full(500, fall), normal, passing, motion)
 
     def gap(s: np.ndarray) -> np.ndarray:
         return -fall * normal[0, 1] * (s - passing) - normal[0, 1] * amplitude[1] * np.sin(omega * s)
@@ -65,7 +68,8 @@ def test_a_rising_slope_meets_more_granules() -> None:
     n = 20_000
     passing = (np.arange(n) + 0.5) / n * 2 * np.pi / omega
     normal = np.tile([0.0, 1.0], (n, 1))
-    _, wall = first_contact(np.full(n, fall), normal, passing, np.array([0.0, peak / omega]), omega)
+    motion = Motion((0.0, peak / omega), omega / (2 * np.pi))
+    _, wall = first_contact(np.full(n, fall), normal, passing, motion)
     assert wall[:, 1].mean() == pytest.approx(peak**2 / (2 * fall), rel=1e-6)
 
 
@@ -81,9 +85,8 @@ def test_injected_velocities_are_the_impact_law(vacuum: Scene) -> None:
         feed = feedstock(vacuum, plan, name, None)
         assert feed.injected.all()
         eta = amplitude[1] * omega * np.cos(omega * feed.granules.time)
-        height = feed.granules.position[:, 1]
         top = vacuum.body["prism"].outline()[:, 1].max()
-        fall = np.sqrt(2 * 9.81 * (0.1 + top - (height - amplitude[1] * np.sin(omega * feed.granules.time))))
+        fall = np.sqrt(2 * 9.81 * (0.1 + top - feed.granules.position[:, 1]))  # to where it meets the moving slope
         expected = impact(math.pi / 4, fall, eta, restitution, friction).velocity
         np.testing.assert_allclose(feed.granules.velocity, expected, rtol=1e-9, atol=1e-12)
 

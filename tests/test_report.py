@@ -19,6 +19,7 @@ import pytest
 
 from wakeflow.field import FlowField
 from wakeflow.geometry import contains
+from wakeflow.loads import impact_loads
 from wakeflow.planning import make_plan
 from wakeflow.report import figures, html, landing, tables, vtk, write_report
 from wakeflow.scene import Scene
@@ -135,7 +136,7 @@ def _outcome(scene: Scene) -> SimpleNamespace:
     airflow = None if scene.air is None else AIRFLOW
     return SimpleNamespace(
         scene=scene, field=None if scene.air is None else _field(scene), airflow=airflow, tracks=_tracks(scene),
-        landings=_landings(scene), result=_result(scene, airflow),
+        landings=_landings(scene), result=_result(scene, airflow), shown={},
     )  # fmt: skip
 
 
@@ -551,6 +552,23 @@ def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
     assert found["bracket"] == [["fraction", "bin", "steady", "computed"], ["wheat", "middle", "25.0", "12.5"]]
     rows = {row[0]: row[1] for row in found["airflow"]}
     assert rows["the paper's momentum model: drag coefficient, with the computed base pressure"] == "1.62"
+
+
+def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
+    result = _result(rhombus, None)
+    result["impact"] = impact_loads(rhombus, make_plan(rhombus))
+    shown = _Page(html.render(result, {})).tables["impact"]
+    assert [row[:2] for row in shown[1:]] == [
+        [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")
+    ]
+    tables.write_impact_csv(tmp_path / "i.csv", result)
+    with (tmp_path / "i.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    wheat, last = result["impact"]["fractions"]["wheat"]["slopes"]["right"], rows[-1]
+    assert float(rows[5]["normal force (N)"]) == pytest.approx(wheat["normal"])
+    assert float(rows[5]["mass flow (kg/h)"]) == pytest.approx(3600 * wheat["mass_flow"])
+    assert float(last["power (W)"]) == pytest.approx(result["impact"]["slopes"]["right"]["power"])
+    assert last["fall speed (m/s)"] == ""  # each fraction has its own
 
 
 def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:

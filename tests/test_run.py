@@ -80,7 +80,8 @@ def check_contract(result: wf.Result) -> None:
         assert row["total"]["error"] is None  # parts are unknown: no sum is claimed
     page = (result.folder / "report.html").read_text()
     assert ('id="bounds"' in page) == (table["airflow"] is not None)
-    for file in ("separation.csv", "budget.csv", "granules.npz", "report.html", "tracks.vtp"):
+    assert 'id="impact"' in page
+    for file in ("separation.csv", "budget.csv", "impact.csv", "granules.npz", "report.html", "tracks.vtp"):
         assert (result.folder / file).stat().st_size > 200, file
 
 

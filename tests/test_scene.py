@@ -152,6 +152,7 @@ SHAPE_PARAMETERS = {
     "rhombus": {"width": 2.0, "slope_angle": math.radians(60)},
     "prism": {"width": 2.0, "slope_angle": math.radians(60)},
     "circle": {"width": 2.0, "corners": 16},
+    "plate": {"length": 2.0, "thickness": 0.1, "slope_angle": math.radians(60)},
     "polygon": {"points": [[0, 0], [0, 1], [1, 0]]},
 }
 

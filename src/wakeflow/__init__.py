@@ -9,9 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .cascade import chain
     from .errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
     from .laws.collision import impact
+    from .laws.layer import layer, layers
+    from .laws.restitution import Restitution
     from .planning import Plan
     from .planning import make_plan as plan
     from .runs import Result, run
@@ -28,20 +31,25 @@ _HOME = {
     "Motion": "tracking",
     "Plan": "planning",
     "ProgramError": "errors",
+    "Restitution": "laws.restitution",
     "Result": "runs",
     "Scene": "scene",
     "SceneError": "errors",
     "Tracks": "tracking",
     "WakeflowError": "errors",
+    "chain": "cascade",
     "impact": "laws.collision",
+    "layer": "laws.layer",
+    "layers": "laws.layer",
     "plan": "planning:make_plan",
     "run": "runs",
     "track": "tracking",
 }
 
 __all__ = [
-    "Body", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan", "ProgramError", "Result",
-    "Scene", "SceneError", "Tracks", "WakeflowError", "impact", "plan", "run", "track",
+    "Body", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan", "ProgramError",
+    "Restitution", "Result", "Scene", "SceneError", "Tracks", "WakeflowError", "chain", "impact", "layer", "layers",
+    "plan", "run", "track",
 ]  # fmt: skip
 
 

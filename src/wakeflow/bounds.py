@@ -20,7 +20,7 @@ from .laws.turbulence import brownian_diffusivity, crossing
 from .registry import Registry
 from .scene import GRAVITY
 
-__all__ = ["Bound", "Flight", "bounds", "history_kernel", "history_time"]
+__all__ = ["Bound", "Flight", "bounds", "history_kernel", "history_time", "moved_by_air"]
 
 NEAR = 3.0  # body widths along which the body's own pressure and velocity field acts
 SHEAR = 20.0  # U / D: vorticity of a wake's shear layer
@@ -228,3 +228,15 @@ def _vibration(f: Flight) -> float:
 @_bound("collisions-between-granules", "kinetic theory: meetings in the curtain, each taking up to the arrival speed")
 def _collisions(f: Flight) -> float:
     return min(1.0, f.meetings) * f.arrival * f.reach(f.time) / f.width
+
+
+def moved_by_air(flight: Flight) -> float:
+    """Landing shift (body widths) where drag is left out altogether: an estimate for rung none.
+
+    Air that a granule slips through at w moves it by w (T - tau (1 - exp(-T / tau))) in a time T from the feed to
+    the end: sideways at the speed it is thrown at plus what the air turns aside by, along at the largest slip, which
+    counts by the slope of the track where all bins lie on the floor.
+    """
+    left = flight.whole - flight.tau * (1.0 - math.exp(-flight.whole / flight.tau))
+    slope = 1.0 if flight.sideways_bins else min(1.0, flight.thrown / max(flight.landing, 1e-9))
+    return (flight.thrown + SIDEWAYS * flight.air_speed + flight.slip * slope) * left / flight.width

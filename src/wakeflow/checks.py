@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from .geometry import contains, distance, edges, segments_cross
 from .registry import nearest
 from .tables import SceneTables
+from .tables.pictures import Curves, Streamlines
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
 
 APART = 0.02  # widths of the first body: bodies nearer to each other, or to an opening, are not meshed
 RESERVED_BIN = "elsewhere"  # where everything counts that reaches no bin
+RESERVED_PICTURES = ("pressure", "tracks", "landing")
 Array = NDArray[np.float64]
 
 
@@ -38,7 +40,10 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
         reach = max(-left, right)
         if reach >= 0.49 * channel.width:
-            yield f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m"
+            yield (
+                f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m; leave "
+                f"a gap to the wall (allowed: x below {0.49 * channel.width:g} m)"
+            )
         elif low <= channel.bottom or high >= channel.top:
             yield f"body.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
         elif swing_x > 0.5 * (channel.width / 2 - reach) or swing_y > 0.5 * min(
@@ -63,6 +68,11 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
         names = ", ".join(f"body.{name}" for name in scene.obstacles)
         yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
     x = next(iter(scene.body.values())).outline()[:, 0]
+    left, right = feed.position - feed.width / 2, feed.position + feed.width / 2
+    if feed.start == "resting" and scene.vibration is not None and scene.vibration.samples is not None:
+        yield "feed.start = 'resting': granules lie still at a dead point, which samples need not have; give frequency"
+    if feed.start == "resting" and (left < x.min() or right > x.max()):
+        yield f"feed: granules lie from x = {left:g} to {right:g} m, the body reaches from {x.min():g} to {x.max():g} m"
     level = min(scene.level + scene.release[0], scene.channel.top)
     curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
     for name, body in list(scene.body.items())[1:]:
@@ -86,6 +96,8 @@ def _body_needed(scene: SceneTables) -> Iterator[str]:
         yield f"channel.bottom = {channel.bottom:g} m must be below channel.top = {channel.top:g} m"
     if not channel.bottom < scene.level <= channel.top:
         yield f"feed.level = {scene.level:g} m lies outside channel.bottom .. channel.top"
+    if feed.start == "resting":
+        yield "feed.start = 'resting': there is no body to lie on; add one, or leave start out"
     if feed.mode == "injected":
         yield "feed.mode = 'injected': there is no body to meet; choose auto or resolved"
     if scene.vibration is not None:
@@ -171,6 +183,24 @@ def _inlets_fit(scene: SceneTables) -> Iterator[str]:
                     yield f"bin.{bin_name} overlaps channel.inlet.{name}"
 
 
+def _pictures_fit(scene: SceneTables) -> Iterator[str]:
+    known = list(scene.fraction)
+    for name, picture in scene.picture.items():
+        key = f"picture.{name}"
+        if name in RESERVED_PICTURES:
+            yield f"{key}: every run draws one of this name; choose another"
+        for one in picture.fractions or []:
+            if one not in known:
+                yield f"{key}.fractions: no fraction {one!r}{nearest(one, known)} (known: {', '.join(known)})"
+        if isinstance(picture, Streamlines) and (scene.air is None or not scene.body):
+            yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
+        if isinstance(picture, Curves) and picture.body_speed is not None:
+            amplitude, omega = scene.motion
+            if picture.body_speed > omega * abs(amplitude[1]):
+                peak = f"the body rises by at most {omega * abs(amplitude[1]):.3g} m/s"
+                yield f"{key}.body_speed = {picture.body_speed:g} m/s: {peak}; change [vibration]"
+
+
 def _rung_fits(scene: SceneTables) -> Iterator[str]:
     if scene.air is None and scene.numerics.rung not in ("auto", "none"):
         yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
@@ -185,5 +215,6 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bins_exist,
     _bins_apart,
     _inlets_fit,
+    _pictures_fit,
     _rung_fits,
 )

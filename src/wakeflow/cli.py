@@ -26,7 +26,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-Stage = Literal["mesh", "airflow", "tracks"]
+Stage = Literal["funnel", "mesh", "airflow", "tracks"]
 Rung = Literal["auto", "none", "draft", "standard", "reference"]
 Settings = Annotated[
     list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
@@ -174,7 +174,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, aspirator, vacuum.
+        One of: rhombus, prism, labyrinth, aspirator, vacuum.
     path
         Where to write it; default KIND.toml here.
     overwrite
@@ -249,11 +249,11 @@ def verify(
     Parameters
     ----------
     what
-        tracker, problems, airflow, meshes or shares; or a scene file: its airflow beside published values, or on three
-        grids. Default: all five. Reports go to runs/verify.
+        tracker, problems, airflow, meshes, shares or funnel; or a scene file: its airflow beside published values, or
+        on three grids. Default: all but funnel, which needs LIGGGHTS. Reports go to runs/verify.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
-        an hour or two of one core.
+        an hour or two of one core. funnel: more beads, and the paper's 35 g.
     as_json
         Print JSON instead of tables.
     """

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .laws.collision import collide
+from .laws.collision import approach_speed, collide
 from .laws.drag import drag_laws, relaxation_time, slip_correction
 from .laws.impaction import Front, Impaction, Met, approach, fronts
+from .laws.restitution import restitution_at
 from .scene import GRAVITY, Scene
 
 __all__ = ["Deflection", "deflection"]
@@ -187,8 +188,10 @@ def _landing(scene: Scene, name: str, kind: _Kind, met: Met) -> Array:
 def _bounced(scene: Scene, name: str, radius: Array, v: Complex, normal: Complex) -> Complex:
     fraction = scene.fraction[name]
     own = fraction.properties
+    ways = v.real, v.imag, normal.real, normal.imag, 0.0, 0.0
+    e = restitution_at(own.restitution, approach_speed(*ways))
     vx, vy, *_ = collide(
-        v.real, v.imag, 0.0, normal.real, normal.imag, 0.0, 0.0, own.restitution, own.friction,
+        *ways[:2], 0.0, *ways[2:], e, own.friction,
         0.0 if fraction.inertia is None else 1.0 / fraction.inertia, radius,
     )  # fmt: skip
     return np.asarray(vx + 1j * vy)

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from .errors import ProgramError
 from .files import cache_root
+from .funnel import engine
 from .process import capture, cores
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def examine() -> list[Finding]:
     looks += [partial(_package, name, use) for name, use in PACKAGES.items()]
     looks += [_gmsh_starts]
     looks += [partial(_program, name, use) for name, use in PROGRAMS.items()]
-    looks += [_setpriv, _graphics, _cores, _memory, _disk, _cache]
+    looks += [_funnel, _setpriv, _graphics, _cores, _memory, _disk, _cache]
     with ThreadPoolExecutor(4) as pool:  # most of the time goes into waiting for probes
         return [pending.result() for pending in [pool.submit(look) for look in looks]]
 
@@ -209,6 +210,14 @@ def _program(name: str, use: str) -> Finding:
     if code == 0 and version is not None:
         return Finding(name, version, True, use)
     return Finding(name, _last_line(text) or f"exit code {code}", False, use, "apt-get install --reinstall openfoam")
+
+
+def _funnel() -> Finding:
+    use = "a scene's [funnel]"
+    try:
+        return Finding("liggghts", engine.version(), True, use, optional=True)
+    except ProgramError:
+        return Finding("liggghts", None, False, use, engine.INSTALL, optional=True)
 
 
 def _setpriv() -> Finding:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -12,18 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import tracking
+from .ballistics import follow
+from .errors import SceneError
 from .field import FlowField
 from .files import atomic_write
 from .injection import Feedstock, feedstock
+from .meeting import motion_of
 from .planning import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import GRAVITY, Scene
 from .separation import Landings
-from .tracking import Body, Fate, Granules, Motion, Tracks, track
+from .tables.pictures import DRAWN
+from .tracking import Body, Fate, Granules, Tracks
 
-__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "load", "solids"]
+__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "landed", "load", "load_drawn", "solids"]
 
 Array = NDArray[np.float64]
-DRAWN = 48  # tracks kept for pictures, a fraction
+COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
 HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
@@ -71,16 +76,43 @@ class Flight:
             self.tell(f"{name}: injecting {first * size} of {count}")
             feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, self.replicates)))
             here = chosen[(chosen >= first * size) & (chosen < first * size + len(feed.replicate))] - first * size
-            tracks = self.fly(name, feed.granules[here], record=True, stream=REPLICATES + first)
-            shown += [tracks.path(i) for i in range(len(here))]
+            tracks = self.fly(name, feed.granules[here], record=COARSE, stream=REPLICATES + first)
+            shown += _paths(tracks, feed.granules[here])
             told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
             tracks = told._fly_ensemble(name, feed, first)
-            parts.append(_columns(feed, tracks, len(self.scene.bin)))
+            parts.append(landed(feed, tracks, len(self.scene.bin)))
         if drawn:
             _save_drawn(folder / f"{name}.drawn.npz", shown)
         columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
         with atomic_write(folder / f"{name}.npz", "wb") as stream:
             np.savez(stream, **columns)
+
+    def fly_shown(self, folder: Path, names: Sequence[str], count: int, body_speed: float | None) -> None:
+        """Keep ``count`` tracks of each fraction in ``names``; with ``body_speed`` (m/s, upward) the first of them is
+        that of the granule, among all that are fed, that met the body at the speed nearest to it.
+        """
+        size, period = replicate_size(self.scene.feed.count), None if self.field is None else self.field.period
+        for name in names:
+            parts = range(min(REPLICATES, -(-count // size))) if body_speed is None else range(REPLICATES)
+            self.tell(f"{name}: {count} tracks for a picture")
+            feed = feedstock(self.scene, self.plan, name, period, parts)
+            chosen = np.linspace(0, len(feed.replicate) - 1, min(count, len(feed.replicate))).astype(int)
+            if body_speed is not None:
+                chosen = np.concatenate([[self._meeting(name, feed, body_speed)], chosen])
+            detail = DETAIL if len(chosen) <= 2 * DRAWN else COARSE
+            tracks = self.fly(name, feed.granules[chosen], record=detail, stream=3 * REPLICATES)
+            _save_drawn(folder / f"{name}.drawn.npz", _paths(tracks, feed.granules[chosen]))
+
+    def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
+        """The injected granule that met the body at the upward speed (m/s) nearest to the one given."""
+        motion = motion_of(self.scene)
+        rising = 0.0 if motion is None else motion.at(feed.granules.time)[1][:, 1]
+        met = np.where(feed.injected, rising, np.inf)
+        if not feed.injected.any():
+            raise SceneError(
+                f"fraction.{name}: its impacts are resolved; a picture with body_speed needs feed.mode = 'injected'"
+            )
+        return int(np.argmin(np.abs(met - body_speed)))
 
     def _tell_part(self, done: int, count: int, text: str) -> None:
         self.tell(f"{text} after {done}, of {count}")
@@ -99,16 +131,24 @@ class Flight:
         even_tracks = self.fly(name, feed.granules[~odd], stream=stream)
         return _interleaved(odd, even_tracks, other.fly(name, feed.granules[odd], stream=2 * REPLICATES + stream))
 
-    def fly(self, name: str, grains: Granules, *, record: bool = False, stream: int = 0) -> Tracks:
-        """Track granules of one fraction through the scene; ``stream`` tells the random forces of calls apart."""
+    def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
+        """Track granules of one fraction through the scene, keeping ``record`` points of each; ``stream`` tells the
+        random forces of calls apart.
+        """
         scene = self.scene
         height = scene.channel.top - scene.channel.bottom
         speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
         patience = PATIENCE if scene.body else HOVERING
-        return track(
+        until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
+        if self.plan.flown_by == "chain":
+            return follow(
+                grains, until=until, tolerance=self.tolerance, length=scene.width, bodies=solids(scene),
+                lines=ends(scene), gravity=(0.0, -GRAVITY), record=record > 0,
+            )  # fmt: skip
+        return tracking.track(
             self.field,
             grains,
-            until=float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed),
+            until=until,
             tolerance=self.tolerance,
             length=scene.width,
             forces=self.plan.fractions[name].forces,
@@ -126,7 +166,7 @@ class Flight:
 def compile_tracker(_: None = None) -> None:
     """Have the tracker compiled, or read from its cache, before time is taken."""
     still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
-    track(None, still, until=1e-3, length=1.0, forces=("gravity",))
+    tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",))
 
 
 def _seed(seed: int, name: str, stream: int) -> int:
@@ -152,8 +192,7 @@ def solids(scene: Scene) -> list[Body]:
     """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
     stream enters.
     """
-    amplitude, omega = scene.motion
-    motion = Motion(tuple(amplitude), omega / (2 * np.pi)) if omega > 0 else None
+    motion = motion_of(scene)
     found = [Body(body.outline(), motion=motion) for body in scene.body.values()]
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
@@ -186,7 +225,7 @@ def ends(scene: Scene) -> list[Array]:
     return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
 
 
-def _columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
+def landed(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
     """What is kept of each landing, 33 bytes a granule."""
     binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
     return {
@@ -201,12 +240,21 @@ def _columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[An
     }
 
 
-def _save_drawn(path: Path, paths: list[tuple[Array, Array, Array]]) -> None:
-    """Tracks end to end in one file: row splits, time (s), position (m), velocity (m/s)."""
-    split = np.cumsum([0] + [len(t) for t, _, _ in paths])
-    joined = [np.concatenate(parts) for parts in zip(*paths, strict=True)]
+def _paths(tracks: Tracks, grains: Granules) -> list[dict[str, Array]]:
+    """Recorded tracks with their granules' diameters."""
+    names = ("time", "position", "velocity")
+    found = [dict(zip(names, tracks.path(i), strict=True)) for i in range(len(grains))]
+    return [{**path, "diameter": np.array(d)} for path, d in zip(found, grains.diameter, strict=True)]
+
+
+def _save_drawn(path: Path, paths: list[dict[str, Array]]) -> None:
+    """Tracks end to end in one file: row splits, time (s), position (m), velocity (m/s); diameter (m) of each."""
+    split = np.cumsum([0] + [len(one["time"]) for one in paths])
+    joined: dict[str, Any] = {
+        key: np.concatenate([one[key] for one in paths]) for key in ("time", "position", "velocity")
+    }
     with atomic_write(path, "wb") as stream:
-        np.savez(stream, split=split, time=joined[0], position=joined[1], velocity=joined[2])
+        np.savez(stream, split=split, diameter=np.array([one["diameter"] for one in paths]), **joined)
 
 
 @dataclass(frozen=True)
@@ -246,12 +294,14 @@ def load(folder: Path, scene: Scene) -> Tracked:
             injected[name] = int(data["injected"].sum())
             fates[name] = {fate.name.lower(): int(np.sum(data["fate"] == fate)) for fate in Fate}
         file = folder / f"{name}.drawn.npz"
-        drawn[name] = _load_drawn(file) if file.exists() else []
+        drawn[name] = load_drawn(file) if file.exists() else []
     return Tracked(landings, drawn, injected, fates)
 
 
-def _load_drawn(file: Path) -> list[dict[str, Array]]:
+def load_drawn(file: Path) -> list[dict[str, Array]]:
+    """Tracks for pictures: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, diameter () m of each."""
     with np.load(file) as data:
         cut = data["split"][1:-1]
         parts = [np.split(data[key], cut) for key in ("time", "position", "velocity")]
-    return [dict(zip(("time", "position", "velocity"), one, strict=True)) for one in zip(*parts, strict=True)]
+        rows = zip(*parts, data["diameter"], strict=True)
+        return [dict(zip(("time", "position", "velocity", "diameter"), row, strict=True)) for row in rows]

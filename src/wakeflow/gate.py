@@ -163,7 +163,7 @@ def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | Non
     if forces[term].needs == "turbulence" and turbulence == "laminar":
         return "the airflow is laminar and brings no turbulence"
     if term == "magnus" and fraction.inertia is None:
-        return "a point mass gets no spin at the body; inertia = 0.4 makes it a sphere"
+        return "a point mass gets no spin at the body; impact = 'sphere' gives it one"
     return None
 
 

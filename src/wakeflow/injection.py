@@ -13,25 +13,30 @@ Without a body the curtain enters the channel at the feed's level.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import tracking
 from .deflection import axis
 from .field import FlowField
 from .geometry import edges, normals
-from .laws.collision import collide
+from .laws.collision import approach_speed, collide
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
+from .laws.restitution import restitution_at
+from .meeting import first_contact, motion_of
 from .planning import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
-from .tracking import Granules, track
+from .tracking import Granules
 
-__all__ = ["Feedstock", "arrival", "feedstock", "first_contact", "granules_of"]
+__all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
+LEAST_WAY = 0.01  # body widths over which an acceleration is taken from speeds
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
 CALM = ("drag", "gravity", "buoyancy", "added-mass")  # terms that act in uniform air without turbulence
 
@@ -52,14 +57,17 @@ def _samples(
 
     The stream depends on the fraction's own name and on the replicate, not on the other fractions.
     """
+    size = replicate_size(count)
+    parts = [_replicate(name, size, seed, replicate, dimensions) for replicate in replicates]
+    return np.concatenate(parts), np.repeat(np.asarray(replicates), size)
+
+
+@lru_cache(maxsize=64)  # a search flies the same granules through many scenes
+def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
     from scipy.stats import qmc
 
-    size, parts = replicate_size(count), []
-    for replicate in replicates:
-        source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-        parts.append(qmc.Sobol(dimensions, scramble=True, rng=source).random(size))
-    points = np.clip(np.concatenate(parts), 1e-12, 1 - 1e-12)
-    return points, np.repeat(np.asarray(replicates), size)
+    source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
+    return np.clip(qmc.Sobol(dimensions, scramble=True, rng=source).random(size), 1e-12, 1 - 1e-12)
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -92,85 +100,36 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     """Downward speed (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
-    uniform flow.
+    uniform flow; in a vacuum in closed form.
     """
+    if scene.air is None:
+        return np.sqrt(speed**2 + 2 * GRAVITY * np.maximum(drop, 0.0))
     outline = scene.first_outline
     reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
     )  # the same for any part of the granules
-    if scene.air is None:
-        column = None
-    else:
-        flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
-        corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
-        column = FlowField.from_arrays(
-            corners,
-            np.array([(0, 1, 2), (0, 2, 3)]),
-            np.tile([0.0, flow], (4, 1)),
-            pressure=np.zeros(4),
-            density=scene.air.density,
-            viscosity=scene.air.viscosity,
-        )
+    flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
+    corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
+    column = FlowField.from_arrays(
+        corners,
+        np.array([(0, 1, 2), (0, 2, 3)]),
+        np.tile([0.0, flow], (4, 1)),
+        pressure=np.zeros(4),
+        density=scene.air.density,
+        viscosity=scene.air.viscosity,
+    )
     still = grains.replace(
         position=np.stack([np.full(drop.shape, 0.3), drop], axis=1),  # off the column's diagonal and its nodes
         velocity=np.stack([np.zeros(drop.shape), -speed], axis=1),
         time=np.zeros(len(drop)),
     )
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
-    tracks = track(
+    tracks = tracking.track(
         column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=how.drag, lines=(level,),
         forces=[force for force in how.forces if force in CALM], gravity=(0.0, -GRAVITY),
     )  # fmt: skip
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
-
-
-def first_contact(
-    fall_speed: Array, normal: Array, passing: Array, amplitude: Array, omega: float
-) -> tuple[Array, Array]:
-    """When granules first meet a slope that moves by ``amplitude`` (2,) sin(omega t), and the wall's velocity then.
-
-    ``fall_speed`` (n,) straight down, ``normal`` (n, 2), ``passing`` (n,): the time each would touch the slope at rest.
-    It touches at the first root of  V_n (t - passing) + a_n sin(omega t), V_n its approach speed, a_n the
-    amplitude along the normal. While omega a_n < V_n there is one root, and a stream uniform in ``passing`` meets the
-    phases with density 1 + V_eta / V_0; above that earlier crests cast shadows, and the first root is looked for.
-    """
-    approach = fall_speed * normal[:, 1]
-    across = normal @ amplitude
-
-    def gap(t: Array) -> Array:
-        return -approach * (t - passing) - across * np.sin(omega * t)
-
-    swing = np.abs(across)
-    low, high = passing - swing / approach, passing + swing / approach  # above the highest crest, below the lowest
-    if omega > 0:
-        low, high = _first_descent(gap, low, high, approach, across, omega)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = gap(middle) > 0
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return high, (omega * np.cos(omega * high))[:, None] * amplitude
-
-
-def _first_descent(
-    gap: Callable[[Array], Array], low: Array, high: Array, approach: Array, across: Array, omega: float
-) -> tuple[Array, Array]:
-    """The first falling stretch of the gap that ends below zero, within [low, high]; all of it where it only falls.
-
-    The gap has its minima where cos(omega t) = -V_n / (omega a_n), once a period, and a maximum before each.
-    """
-    turns = np.abs(across) * omega > approach
-    angle = np.arccos(np.clip(-approach / np.where(turns, np.abs(across) * omega, approach), -1.0, 1.0))
-    shift = np.where(across < 0, np.pi, 0.0)
-    minimum = (angle - shift + 2 * np.pi * np.ceil((omega * low - angle + shift) / (2 * np.pi))) / omega
-    searching = turns.copy()
-    while searching.any():
-        reached = searching & ((gap(minimum) <= 0) | (minimum >= high))
-        low = np.where(reached, np.maximum(low, minimum - 2 * angle / omega), low)
-        high = np.where(reached, np.minimum(high, minimum), high)
-        searching &= ~reached
-        minimum = minimum + 2 * np.pi / omega
-    return low, high
 
 
 def _start(scene: Scene, top: float, radius: Array) -> tuple[Array, Array]:
@@ -185,9 +144,17 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     """Times (s) of a stream that is uniform over the vibration's and the shedding's periods, from points (n, 2)."""
     if scene.vibration is None:
         return points[:, 0] * (field_period or 0.0)
-    period = 1.0 / scene.vibration.frequency
+    period = scene.vibration.period
+    if scene.feed.start == "resting":  # from the lower dead point: displacement -amplitude, no velocity
+        points = np.stack([np.full(len(points), 0.75), points[:, 1]], axis=1)
     whole = int(np.ceil(MIXING * field_period / period)) if field_period else 1
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
+
+
+def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
+    """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
+    height, _ = contact_points(outline, x, radius)
+    return np.stack([x, height], axis=1) - scene.motion[0]
 
 
 def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
@@ -229,12 +196,15 @@ def feedstock(
     grains = granules_of(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
     if not scene.body:
         return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+    assert scene.first_outline is not None
     level, speed = _start(scene, scene.level, 0.5 * diameter)
-    position, velocity = _released(scene, how, grains, x, level, speed)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
+    if scene.feed.start == "resting":
+        lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
+        return Feedstock(lying, replicate, injected)
+    position, velocity = _released(scene, how, grains, x, level, speed)
     if how.mode == "injected":
-        assert scene.first_outline is not None
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
         if how.deflection is not None:
@@ -242,13 +212,24 @@ def feedstock(
         fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
         i = np.flatnonzero(injected)
-        amplitude, omega = scene.motion
-        passing = time[i].copy()
-        time[i], wall = first_contact(fall[i], normal[i], passing, amplitude, omega)
-        position[i] = np.stack([x[i], height[i] - fall[i] * (time[i] - passing)], axis=1)
-        velocity[i], spin[i] = _rebound(grains[i], fall[i], normal[i], wall)
+        passing, pull = time[i].copy(), _pull(scene, how, grains[i], level[i] - height[i], speed[i], fall[i])
+        time[i], wall = first_contact(fall[i], normal[i], passing, motion_of(scene), pull)
+        since = time[i] - passing
+        position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
+        velocity[i], spin[i] = _rebound(grains[i], fall[i] + pull * since, normal[i], wall)
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin)
     return Feedstock(entered, replicate, injected)
+
+
+def _pull(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, speed: Array, fall: Array) -> Array:
+    """Downward acceleration (n,) m/s2 with which granules come to the slope: over the way that a vibration adds."""
+    if scene.vibration is None or not len(drop):
+        return np.zeros(len(drop))
+    if scene.air is None:
+        return np.full(len(drop), GRAVITY)
+    way = max(float(np.linalg.norm(scene.vibration.displacement)), LEAST_WAY * scene.width)
+    later = arrival(scene, how, grains, drop + way, speed)
+    return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 
 
 def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:
@@ -260,10 +241,9 @@ def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:
 
 def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:
     """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2)."""
-    vx, vy, spin, _, _ = collide(
-        0.0, -fall, 0.0, normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1], grains.restitution, grains.friction,
-        1.0 / grains.inertia, grains.diameter / 2,
-    )  # fmt: skip
+    ways = normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1]
+    e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *ways))
+    vx, vy, spin, _, _ = collide(0.0, -fall, 0.0, *ways, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2)
     return np.stack([vx, vy], axis=1), spin
 
 

@@ -72,28 +72,32 @@ def half_width(at: float, speed_ratio: float) -> float:
 
 
 def frequency_ratios(scene: Scene) -> tuple[float, float]:
-    """The range in which f / fs of a scene lies, before its airflow is known."""
+    """The range in which f / fs of a scene lies, before its airflow is known; of samples from their period's to that
+    of their fastest change.
+    """
     assert scene.air is not None
     assert scene.vibration is not None
     width = scene.width
-    reduced = scene.vibration.frequency * width / scene.air.speed * (1.0 - width / scene.channel.width)
-    return reduced / STROUHAL[1], reduced / STROUHAL[0]
+    reduced = width / scene.air.speed * (1.0 - width / scene.channel.width)
+    slow = 1.0 / scene.vibration.period
+    fast = slow if scene.vibration.samples is None else scene.vibration.record.pace / (2.0 * math.pi)
+    return slow * reduced / STROUHAL[1], fast * reduced / STROUHAL[0]
 
 
 def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | None = None) -> AirMotion | None:
     """What a scene's vibration asks of its airflow; None without air or vibration. ``asked``: switched by hand.
 
-    Raises SceneError for sideways vibration that could lock the wake, or is switched on: the mesh moves along the
-    channel only.
+    The mesh can follow a harmonic along the channel. Raises SceneError for what it cannot follow, sideways vibration
+    and samples, where that could lock the wake, or is switched on.
     """
     if scene.air is None or scene.vibration is None:
         return None
-    (across, along), omega = scene.motion
+    across, along = scene.shaking
     ratios = frequency_ratios(scene)
     assert scene.reynolds is not None
     sheds = scene.reynolds >= SHEDDING_ABOVE
-    sideways = abs(float(across)) * omega / scene.air.speed
-    motion = vibration_of_air(float(along) * omega / scene.air.speed, ratios, accuracy, sheds=sheds)
+    sideways = abs(float(across)) / scene.air.speed
+    motion = vibration_of_air(float(along) / scene.air.speed, ratios, accuracy, sheds=sheds)
     if asked is False:
         return AirMotion(False, max(motion.bound, sideways), f"{motion.why}; switched off by --force")
     if sideways > _most_sideways(ratios, sheds=sheds) or (asked and abs(across) > abs(along)):
@@ -101,6 +105,11 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
             f"vibration.direction = {math.degrees(scene.vibration.direction):.3g} deg: sideways at a w / U = "
             f"{sideways:.2g} the body may lock its wake, and the mesh moves along the channel only; turn the vibration "
             f"to 90 deg, make it weaker, or let the air see a body at rest with --force {VIBRATION}=off"
+        )
+    if scene.vibration.samples is not None and (motion.used or asked):
+        raise SceneError(
+            f"vibration.samples: {motion.why}, and the mesh follows harmonic vibration only; give frequency and "
+            f"amplitude, make it weaker, or let the air see a body at rest with --force {VIBRATION}=off"
         )
     if asked:
         motion = AirMotion(True, motion.bound, f"{motion.why}; switched on by --force")

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from .errors import ProgramError
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
 from .flows import flow_spec, mesh_spec, nearest, remember
+from .funnel import compute as compute_funnel
 from .planning import COMPARED, REPLICATES, Plan, make_plan
 from .process import call_in_child, cores
 from .resources import case_template
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from .flight import Tracked
     from .foam import FlowSpec
     from .meshing import MeshSpec
+    from .tables import Picture
 
 __all__ = ["Chain", "Companion", "Listener", "silent"]
 
@@ -71,6 +73,13 @@ class Chain:
     grid: int = 0
     label: str = ""
     _compiling: list[Thread] = field(default_factory=list, repr=False)
+
+    @cached_property
+    def funnel(self) -> dict[str, Any] | None:
+        """What the scene's feed funnel delivers: the ``funnel`` table of result.json; None without one."""
+        if self.scene.funnel is None:
+            return None
+        return compute_funnel(self.scene.funnel, self._stage, partial(self._tell, "funnel"))
 
     @cached_property
     def mesh_spec(self) -> MeshSpec:
@@ -227,14 +236,15 @@ class Chain:
             del fraction["mass_share"], fraction["target"]
         for key in ("rate", "depth"):
             del tables["feed"][key]
-        del tables["numerics"]
+        del tables["numerics"], tables["picture"], tables["funnel"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        code = _sources("laws", "tracking", "field", "scales.py", "injection.py", "flight.py", "geometry.py", "tables")
+        files = ("scales.py", "deflection.py", "meeting.py", "injection.py", "flight.py", "geometry.py")
+        code = _sources("laws", "tracking", "ballistics", "field", "tables", *files)
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         symmetric = self.plan.airflow.symmetric
-        return content_key("tracks", tables, order, symmetric, repr(how), upstream, code, versions)
+        return content_key("tracks", tables, order, self.plan.flown_by, symmetric, repr(how), upstream, code, versions)
 
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
@@ -249,10 +259,24 @@ class Chain:
             flow = flow.blended(change.blend)
         tell = partial(self._tell, change.name)
         flights = flight.Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
-        if "compile" not in self.seconds and not self.store.holds(change.name, key):
+        if self.plan.flown_by == "tracker" and "compile" not in self.seconds and not self.store.holds(change.name, key):
             self._warm_up()
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
         return flight.load(folder, self.scene)
+
+    def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
+        """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
+        from . import flight
+
+        names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
+        if flown is None:
+            return {}
+        key = content_key(self.tracks_key, self.scene.numerics.tolerance, names, flown)
+        flow = None if self.scene.air is None else self.field[1]
+        tell = partial(self._tell, "shown")
+        flights = flight.Flight(self.scene, self.plan, flow, self.scene.numerics.tolerance, self.workers, tell)
+        folder = self._stage("shown", key, lambda part: flights.fly_shown(part, names, *flown))
+        return {name: flight.load_drawn(folder / f"{name}.drawn.npz") for name in names}
 
     def compile_beside(self) -> None:
         """Have the tracker compiled into its cache by another process, while this one waits for OpenFOAM."""

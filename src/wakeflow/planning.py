@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from .bounds import Flight
+from .bounds import Flight, moved_by_air
 from .deflection import Deflection, deflection
 from .errors import SceneError
+from .funnel import estimated_seconds, summary
 from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
@@ -26,6 +27,7 @@ from .laws.drag import (
 from .loading import Limit, limits, strained
 from .locking import AirMotion, vibration_of_scene
 from .process import cores
+from .resting import standing
 from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, ranks_for, typical_cells, typical_seconds
 from .scales import arrival_speed, flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
@@ -33,6 +35,7 @@ from .scene import GRAVITY, STANDARD_AIR, Scene
 __all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
 
 TURNING = "turning-before-the-impact"  # the term that injection leaves out
+MATTERS = 0.1  # body widths that the air moves a fraction by when it is left out: beyond, a warning
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 LAMINAR_CHANNEL = (
     1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
@@ -80,6 +83,7 @@ class Plan:
     left_out: list[LeftOut]
     estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
     warnings: list[str] = field(default_factory=list)
+    flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
     validity: list[Limit] = field(default_factory=list)  # what the feed rate strains, and from which rate on
     unit: str = "body widths"  # of lengths: of the channel where nothing stands
 
@@ -115,6 +119,7 @@ def make_plan(
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
     """
+    scene = scene.fed()
     target = scene.numerics.target_error if target_error is None else target_error
     if not 0.0 < target <= 0.5:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
@@ -123,17 +128,26 @@ def make_plan(
     if airflow.stepping == "time-resolved":
         motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
+    asked, scene = scene, scene.flown(airflow.rung)
     check_switches(scene, switches, airflow.turbulence)
-    plan = Plan(airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, unit=scene.unit)
+    flown_by = "tracker" if asked is scene else "chain"
+    plan = Plan(
+        airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, flown_by=flown_by, unit=scene.unit
+    )
     found: dict[str, list[Flight]] = {}
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name, found)) is not None}
     arrivals = {name: how.arrival_speed for name, how in plan.fractions.items()}
     plan.validity.extend(limits(scene, arrivals, found, limit_of(scene, target)))
     plan.warnings.extend(_missing(gates, scene.unit))
     plan.estimate.update(_estimate(scene, plan))
-    if scene.air is None:
+    if asked is not scene:
+        _leave_air_out(asked, plan)
+    elif scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
     plan.used.extend(_used(scene, plan, motion))
+    if scene.funnel is not None:
+        plan.estimate["seconds"] += estimated_seconds(scene.funnel)
+        plan.used.append(summary(scene.funnel))
     plan.warnings.extend(_warnings(scene, plan))
     return plan
 
@@ -161,6 +175,27 @@ def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Fl
         why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
         plan.left_out.append(LeftOut(TURNING, how.deflection.shift, why, name))
     return gate
+
+
+def _leave_air_out(scene: Scene, plan: Plan) -> None:
+    """For each fraction of a scene with air that is flown without: what the air could move it by, and a warning."""
+    assert scene.air is not None
+    air, widest = scene.air, scene.channel.width / scene.width
+    for name in scene.fraction:
+        how = plan.fractions[name]
+        found = flights(scene, name, how.drag, how.drag_scale, straight=False, turbulent=True)
+        middle = found[len(found) // 2]
+        shift = min(widest, max(moved_by_air(flight) for flight in found))
+        carried = air.direction == "up" and middle.settling < air.speed
+        stokes = middle.tau * middle.arrival / (0.5 * scene.width)
+        fate = "the air would carry it up" if carried else f"Stokes number of its fall {stokes:.2g}"
+        why = f"drag on the way at the largest slip, {middle.slip:.2g} m/s; {fate}"
+        plan.left_out.append(LeftOut("air", shift, why, name))
+        if carried or shift > MATTERS:
+            plan.warnings.append(
+                f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
+                f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
+            )
 
 
 def _missing(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
@@ -195,7 +230,7 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
         scale = _calibration(name, law, *fraction.measured_settling)
         for speed in () if (spread := fraction.settling(np.array([RARE, 1.0 - RARE]))) is None else spread.tolist():
             _calibration(name, law, granule.diameter, granule.density, speed)
-    wanted = scene.feed.mode
+    wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
     if scene.air is None:
         clear = "injected" if scene.body and not scene.obstacles else "resolved"
         mode = clear if wanted == "auto" else wanted
@@ -220,6 +255,8 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
 
 def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     lines = list(_airflow_lines(plan.airflow, len(scene.body)))
+    if plan.flown_by == "chain":
+        lines.append("no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM")
     if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
@@ -234,10 +271,13 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     rows = ", ".join(f"{row.name} {row.value:.2g}" for row in plan.validity if row.limit is not None)
     lines.append(f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {rows}")
     if scene.vibration is not None:
-        peak = float(np.linalg.norm(scene.motion[0])) * scene.motion[1]
+        peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
         seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
         why = "" if motion is None else f" ({motion.why})"
-        lines.append(f"vibration: peak speed {peak:.3g} m/s at the impacts; {seen}{why}")
+        lines.append(
+            f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
+            f"impacts; {seen}{why}"
+        )
     return lines
 
 
@@ -325,7 +365,7 @@ def _warnings(scene: Scene, plan: Plan) -> list[str]:
         if how.drag_scale < 0.9:
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
         lines.extend(_injected_beyond(name, how, plan.target_error))
-    return [*lines, *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
+    return [*lines, *standing(scene), *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
 
 
 def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[str]:

@@ -112,6 +112,8 @@ def show_result(result: Result) -> None:
 
         console.print(separation_table(table))
         console.print(budget_table(table))
+    if table.get("funnel"):
+        console.print(_poured(table["funnel"]), highlight=False)
     airflow: dict[str, Any] | None = table.get("airflow")
     if airflow and airflow["cd"] is None:
         flow, drop = airflow["flow_rate"], airflow["pressure_drop"]
@@ -123,8 +125,22 @@ def show_result(result: Result) -> None:
             f"base pressure coefficient {base:.2f}, pressure drop {airflow['pressure_drop']:.1f} Pa",
             highlight=False,
         )
+    for name, picture in (table.get("pictures") or {}).items():
+        console.print(f"figures/{name}: {picture['text']}", highlight=False, markup=False)
     _warn(console, table["warnings"])
     console.print(f"results: {result.folder}", highlight=False, soft_wrap=True)
+
+
+def _poured(funnel: dict[str, Any]) -> str:
+    """The feed funnel in one line."""
+    rate, law = funnel["rate"], funnel["beverloo_cone"]
+    if rate is None:
+        return f"funnel: {funnel['verdict']} with {funnel['left']} of {funnel['beads']} beads inside"
+    found = f"funnel: {1e3 * rate['value']:.3g} g/s"
+    if rate["low"] is not None:
+        found += f" [{1e3 * rate['low']:.3g}, {1e3 * rate['high']:.3g}]"
+    empty = "" if funnel["time_to_empty"] is None else f", empty after {funnel['time_to_empty']:.3g} s"
+    return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
 def _warn(console: Any, warnings: list[str]) -> None:

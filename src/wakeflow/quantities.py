@@ -12,8 +12,11 @@ __all__ = [
     "Coordinate",
     "Density",
     "Diameter",
+    "Duration",
     "Frequency",
     "Length",
+    "Mass",
+    "Modulus",
     "Name",
     "Point",
     "PositiveSpeed",
@@ -64,5 +67,8 @@ PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100, json_schema_extra=_unit(
 Density = Annotated[float, Field(gt=0, le=3e4, json_schema_extra=_unit("kg/m^3")), _in("kg/m^3", "1300 kg/m^3")]
 Viscosity = Annotated[float, Field(ge=1e-7, le=1, json_schema_extra=_unit("Pa*s")), _in("Pa*s", "1.8e-5 Pa*s")]
 Frequency = Annotated[float, Field(gt=0, le=1e4, json_schema_extra=_unit("Hz")), _in("Hz", "30 Hz")]
+Duration = Annotated[float, Field(gt=0, lt=1e4, json_schema_extra=_unit("s")), _in("s", "0.2 s")]
 Rate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
+Mass = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("kg")), _in("kg", "35 g")]
+Modulus = Annotated[float, Field(ge=5e6, le=1e9, json_schema_extra=_unit("Pa")), _in("Pa", "5 MPa")]
 Share = Annotated[float, Field(gt=0, le=1)]

@@ -3,8 +3,8 @@
 draft: one steady solution. Below the onset of vortex shedding it is the flow itself; above, its wake is too long and
 its suction too weak. standard: time-resolved in two dimensions, started from the draft. Up to the onset of
 three-dimensional motion it is the flow itself; above, it sheds too coherently and its suction is too strong, so that
-draft and standard bracket the truth. reference: the same on three grids, which gives the error of the mesh. Without a
-body the air is known (analytic), and without [air] there is none.
+draft and standard bracket the truth. reference: the same on three grids, which gives the error of the mesh. none: no
+air at all; where a scene has some, what that leaves out is stated. Without a body the air is known (analytic).
 """
 
 from __future__ import annotations
@@ -82,7 +82,9 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
         return AirflowPlan("none", "there is no [air]", None, None, symmetric, half=False)
     if asked == "none":
-        raise SceneError("rung = 'none' is for scenes without air: remove the [air] table, or choose draft or standard")
+        if not scene.body:
+            raise SceneError("rung = 'none' leaves the air out, and without a body nothing is left: choose auto")
+        return AirflowPlan("none", "asked for: the air is left out", None, None, symmetric, half=False)
     if not scene.body:
         return _analytic(scene, asked)
     if scene.air.case is not None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,11 @@ from .budget import fly_companions, make_budget, together
 from .companions import airflow_on_grids
 from .errors import SceneError
 from .files import atomic_write, content_key, digest_files, write_json
+from .funnel import notices
 from .laws.momentum import momentum_pressure
+from .loads import impact_loads
 from .pipeline import Chain, Listener, silent
-from .planning import Plan, make_plan
+from .planning import make_plan
 from .scene import Scene
 from .separation import separate
 
@@ -58,6 +61,7 @@ class _Outcome:
     tracks: dict[str, list[dict[str, Any]]]
     landings: dict[str, dict[str, Any]]
     result: dict[str, Any]
+    shown: dict[str, dict[str, list[dict[str, Any]]]]
 
 
 def run(
@@ -74,45 +78,68 @@ def run(
 ) -> Result:
     """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
 
-    ``until`` stops after "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and ``target_error``
-    override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)`` hears of progress;
-    ``redraw`` draws a finished report anew.
+    ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
+    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)``
+    hears of progress; ``redraw`` draws a finished report anew.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
 
-    if until not in (None, "mesh", "airflow", "tracks"):
-        raise SceneError(f"until = {until!r}: choose mesh, airflow or tracks")
+    if until not in (None, "funnel", "mesh", "airflow", "tracks"):
+        raise SceneError(f"until = {until!r}: choose funnel, mesh, airflow or tracks")
+    if until == "funnel" and scene.funnel is None:
+        raise SceneError("until = 'funnel': the scene has no [funnel] table")
     if workers is not None and workers < 1:
         raise SceneError(f"workers = {workers}: at least 1")
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise SceneError(f"--out {folder}: is a file; name a folder")
-    plan = make_plan(scene, rung=rung, force=force, target_error=target_error)
+    make = partial(make_plan, rung=rung, force=force, target_error=target_error)
+    plan = make(scene)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
             options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
-            return _run(scene, plan, folder, options, Chain(scene, plan, listener, workers), redraw)
+            chain = Chain(scene.flown(plan.rung), plan, listener, workers)
+            poured = chain.funnel
+            if poured is not None and until != "funnel":
+                fed = _fed(scene, poured)
+                plan = make(fed)  # its bounds on loading follow the rate
+                chain = replace(chain, scene=fed.flown(plan.rung), plan=plan)
+            return _run(scene, chain, poured, folder, options, redraw)
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
 
-def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain: Chain, redraw: bool) -> Result:
+def _fed(scene: Scene, poured: dict[str, Any]) -> Scene:
+    """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
+    if poured["rate"] is None and scene.feed.rate is None:
+        raise SceneError(
+            f"funnel: the flow stops with {poured['left']} of {poured['beads']} beads inside; widen "
+            "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
+        )
+    return scene.fed(None if poured["rate"] is None else poured["rate"]["value"])
+
+
+def _run(
+    scene: Scene, chain: Chain, poured: dict[str, Any] | None, folder: Path, options: dict[str, Any], redraw: bool
+) -> Result:
     """Make the stages that ``options`` ask for, then the report where it is not the one that stands there."""
     from . import report
 
-    target, until = folder / "result.json", options["until"]
+    plan, target, until = chain.plan, folder / "result.json", options["until"]
+    asked, scene = scene, chain.scene  # flown without its air at rung none, fed by its funnel
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
     table: dict[str, Any] = {
         "schema": SCHEMA,
-        "scene": scene.tables(),
+        "scene": asked.tables(),
         "options": options,
         "plan": plan.summary(),
+        "funnel": poured,
         "airflow": None,
     }
     tracked: Tracked | None = None
-    if scene.air is not None:
+    if scene.air is not None and until != "funnel":
         if until not in ("mesh", "airflow") and plan.rung != "analytic":
             chain.compile_beside()
         table["mesh"] = chain.mesh_quality
@@ -120,13 +147,14 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
             table["airflow"] = chain.airflow
             table["airflow"]["grids"] = airflow_on_grids(chain)
             table["airflow"]["momentum"] = _momentum(scene, table["airflow"]) if scene.body else None
-    if until not in ("mesh", "airflow"):
+    if until not in ("funnel", "mesh", "airflow"):
         tracked = chain.tracks()
         if table["airflow"] is not None:
             table["airflow"]["divergence"] = chain.divergence
             table["airflow"]["truncation"] = chain.truncation
         table["fates"] = tracked.fates
         table["met_by_law"] = tracked.injected
+        table["impact"] = impact_loads(scene, plan)
     if tracked is not None and until is None:
         table["separation"] = separate(scene, tracked.landings)
         others = fly_companions(chain, tracked)
@@ -137,8 +165,8 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
     table["seconds"] = chain.seconds
     table["versions"] = _versions()
     code = digest_files([Path(__file__).parent])
-    asked = (scene.tables(), order, plan.summary(), options)
-    table["key"] = content_key(*asked, chain.tracks_key if tracked else None, _versions(), code)
+    made_for = (asked.tables(), order, plan.summary(), options)
+    table["key"] = content_key(*made_for, chain.tracks_key if tracked else None, _versions(), code)
     stands = _key_of(target) == table["key"]
     if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
         target.unlink(missing_ok=True)
@@ -146,8 +174,11 @@ def _run(scene: Scene, plan: Plan, folder: Path, options: dict[str, Any], chain:
         (folder / "granules.npz").unlink(missing_ok=True)
     if tracked is not None:
         _save_granules(folder / "granules.npz", scene, tracked)
-        if until is None and (redraw or not stands or not report.is_whole(folder)):
+        if until is None and (redraw or not stands or not report.is_whole(folder, scene.picture)):
             _report(scene, chain, tracked, table, folder)
+        table["pictures"] = report.pictures_of(folder)
+    elif until == "funnel" and poured is not None:
+        report.draw_discharge(folder / "figures" / "discharge.png", poured)
     write_json(target, table)
     return Result(folder, table)
 
@@ -166,7 +197,8 @@ def _report(scene: Scene, chain: Chain, tracked: Tracked, table: dict[str, Any],
         for name, landing in tracked.landings.items()
     }
     flow = None if scene.air is None else chain.field[1]
-    write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table))
+    shown = {name: chain.shown(picture) for name, picture in scene.picture.items()}
+    write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table, shown))
     chain.listener("report", "done")
 
 
@@ -217,6 +249,7 @@ def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked
     """What a user must know of the airflow and of how the tracks ended."""
     solved = table["airflow"] is not None and chain.plan.rung != "analytic"
     lines = _airflow_notices(scene, chain, table["airflow"]) if solved else []
+    lines += [] if table["funnel"] is None else notices(table["funnel"])
     for name, met in ({} if tracked is None else tracked.injected).items():
         count = len(tracked.landings[name].bin) if tracked else 0
         if chain.plan.fractions[name].mode == "injected" and met < count:

@@ -16,9 +16,10 @@ from .bounds import NEAR, Flight
 from .geometry import normals
 from .laws.drag import drag_factor_for_terminal_velocity, drag_laws, slip_correction, terminal_velocity
 from .laws.material import Material
+from .laws.restitution import restitution_at
 from .scene import GRAVITY, STANDARD_AIR, Air, Fraction, Scene
 
-__all__ = ["CROSSED", "arrival_speed", "flights", "meetings", "packing"]
+__all__ = ["CROSSED", "arrival_speed", "fall_speeds", "flights", "meetings", "packing"]
 
 Array = NDArray[np.float64]
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over
@@ -38,7 +39,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
     air, fraction = scene.air, scene.fraction[name]
     assert air is not None
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
-    amplitude, omega = scene.motion
+    _, omega = scene.motion
     upward = air.direction == "up"
     sideways = not scene.body or any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values())
     found = []
@@ -50,7 +51,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
         if scene.body and upward and fall.settling < air.speed:  # it falls into the wake, and leaves with the air
             stays = NEAR * scene.width / (RECIRCULATION * air.speed) / (1.0 + tau * air.speed / scene.width)
             whole, time, near = whole + stays, time + stays, near + stays
-        thrown = arrival * _thrown(scene, fraction) if scene.body else abs(float(scene.entry[0]))
+        thrown = arrival * _thrown(scene, fraction, arrival) if scene.body else abs(float(scene.entry[0]))
         found.append(Flight(
             diameter=diameter, density=density, tau=tau, calm=not scene.body,
             arrival=arrival, thrown=thrown, slip=slip, settling=fall.settling,
@@ -58,7 +59,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
             beside=straight and not upward,
             sideways_bins=sideways,
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
-            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(amplitude)) * omega,
+            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
             omega=omega, meetings=meetings(scene, diameter, density),
         ))  # fmt: skip
     return found
@@ -79,12 +80,12 @@ def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Itera
             yield diameter, float(factor)
 
 
-def _thrown(scene: Scene, fraction: Fraction) -> float:
+def _thrown(scene: Scene, fraction: Fraction, arrival: float) -> float:
     """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face."""
     granule = fraction.properties
     across, up = np.abs(np.concatenate([normals(body.outline()) for body in scene.body.values()])).T
-    sliding = (1.0 + granule.restitution) * up * np.maximum(across - granule.friction * up, 0.0)
-    return float(sliding.max())
+    kick = (1.0 + restitution_at(granule.restitution, arrival * up)) * up
+    return float((kick * np.maximum(across - granule.friction * up, 0.0)).max())
 
 
 def arrival_speed(scene: Scene, name: str, law: str, scale: float) -> float:
@@ -177,6 +178,22 @@ class _Fall:
 def _last(rows: Iterator[tuple[float, float, float]]) -> tuple[float, float, float]:
     *_, last = rows
     return last
+
+
+def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: float, drop: Array) -> Array:
+    """Fall speeds (n,) m/s of a granule of ``diameter`` (m) after falling ``drop`` (n,) m from the feed, drag in the
+    channel's uniform air (``factor`` times the ``law``) included; NaN where that carries it up before.
+    """
+    _, speed = scene.release
+    if scene.air is None:
+        return np.sqrt(speed**2 + 2.0 * GRAVITY * drop)
+    fraction = scene.fraction[name]
+    phi, density = fraction.sphericity or 1.0, fraction.properties.density
+    fall = _Fall(scene, scene.air, diameter, density, law, phi, factor)
+    room = scene.channel.top - scene.channel.bottom + scene.release[0]
+    rows = np.array([(0.0, 0.0, speed), *fall._march(speed, float(drop.max()), room)])
+    down = rows[: int(rows[:, 1].argmax()) + 1]
+    return np.interp(drop, down[:, 1], down[:, 2], right=np.nan)
 
 
 def meetings(scene: Scene, diameter: float, density: float) -> float:

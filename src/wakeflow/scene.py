@@ -19,6 +19,7 @@ from pydantic import BaseModel, ValidationError
 from .checks import CHECKS, RESERVED_BIN
 from .errors import SceneError
 from .opencase import air_of, find_case
+from .recording import read_samples
 from .registry import nearest
 from .tables import (
     GRAVITY,
@@ -29,13 +30,17 @@ from .tables import (
     Channel,
     Feed,
     Fraction,
+    Funnel,
     Inlet,
     Numerics,
     Profile,
+    Rebound,
+    Samples,
     SceneTables,
     Size,
     Speeds,
     Vibration,
+    picture_tables,
 )  # fmt: skip
 
 __all__ = ["GRAVITY", "RESERVED_BIN", "STANDARD_AIR", "Air", "Body", "Channel", "Fraction", "Scene"]
@@ -48,13 +53,13 @@ class Scene(SceneTables):
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], name: str = "scene", base: Path | None = None) -> Scene:
-        """Validate plain tables; a case of the user's is looked for from the folder ``base`` on (default: here).
+        """Validate plain tables; files of the user's are looked for from the folder ``base`` on (default: here).
 
         Raises SceneError, one line: every mistake with field, value and what is allowed.
         """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
-        data = _with_case(data, base or Path(), name)
+        data = _with_samples(_with_case(data, base or Path(), name), base or Path(), name)
         try:
             scene = cls.model_validate(data)
         except ValidationError as problem:
@@ -81,6 +86,19 @@ class Scene(SceneTables):
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
         return self.parse(_changed(self.tables(), changes))
+
+    def fed(self, rate: float | None = None) -> Scene:
+        """The scene with the funnel's ``rate`` (kg/s) as its feed's, Beverloo's estimate without one; unchanged where
+        the feed has its own or there is no funnel.
+        """
+        if self.funnel is None or self.feed.rate is not None:
+            return self
+        found = self.funnel.expected_rate if rate is None else rate
+        return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": found})})
+
+    def flown(self, rung: str) -> Scene:
+        """The scene that granules are flown through at a rung: without its air at ``none``, else itself."""
+        return self.model_copy(update={"air": None}) if rung == "none" and self.air is not None else self
 
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
@@ -114,6 +132,18 @@ def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, A
     return {**data, "air": {**found, **air, "case": str(case)}}
 
 
+def _with_samples(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
+    """The tables with what a file of vibration samples holds in place of its name: results tell what was computed."""
+    vibration = data.get("vibration")
+    if not isinstance(vibration, Mapping) or not isinstance(vibration.get("samples"), str):
+        return data
+    try:
+        samples = read_samples(vibration["samples"], base)
+    except SceneError as problem:
+        raise SceneError(f"{name}: {problem}") from None
+    return {**data, "vibration": {**vibration, "samples": samples}}
+
+
 def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """A deep copy of ``data`` with dotted keys set; a table on the way is made when it is missing."""
     result: dict[str, Any] = json.loads(json.dumps(data, default=str))
@@ -133,8 +163,13 @@ def _explain(problem: ValidationError) -> Iterator[str]:
     for error in problem.errors():
         where = [str(part) for part in error["loc"] if "[" not in str(part)]  # drop pydantic's words for itself
         value, text = error["input"], error["msg"].removeprefix("Value error, ")
-        key = ".".join(where)
-        if error["type"] == "extra_forbidden":
+        key = ".".join(part for place, part in enumerate(where) if (where[0], place) != ("picture", 2))  # its kind
+        if error["type"].startswith("union_tag"):
+            kinds = list(picture_tables())
+            given = error.get("ctx", {}).get("tag")
+            hint = "missing" if given is None else f"{given!r} is unknown{nearest(given, kinds)}"
+            yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
+        elif error["type"] == "extra_forbidden":
             known = _known_keys(where[:-1])
             yield f"{key}: unknown key{nearest(where[-1], known)} (known: {', '.join(known)})"
         elif error["type"] == "missing":
@@ -167,18 +202,24 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
     """The table that a dotted place belongs to; None inside keyed tables before their name."""
     keyed: dict[str, type[BaseModel]] = {"body": Body, "fraction": Fraction, "bin": Bin}
     plain: dict[str, type[BaseModel]] = {
-        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "numerics": Numerics,
+        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "funnel": Funnel,
+        "numerics": Numerics,
     }  # fmt: skip
     if not where:
         return Scene
     if where[:2] == ["channel", "inlet"]:
         return Inlet if len(where) > 2 else None
+    if where[:2] == ["vibration", "samples"]:
+        return Samples
     if where[:2] == ["feed", "profile"]:
         return Profile
+    if where[0] == "picture":  # its kind stands after its name
+        return picture_tables()[where[2]] if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
-    if where[2:3] in (["size"], ["terminal_velocity"]):
-        return Size if where[2] == "size" else Speeds
+    parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
+    if where[2:] and where[2] in parts:
+        return parts[where[2]]
     return keyed[where[0]] if len(where) > 1 else None
 
 

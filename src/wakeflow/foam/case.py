@@ -256,6 +256,6 @@ def set_patch_types(folder: Path, *, walls: str) -> None:
         body = re.sub(r"\n\s*physicalType[^\n]*", "", match[2])
         return match[1] + re.sub(r"type\s+\w+;", f"type            {kind(match[1].split()[0])};", body, count=1)
 
-    text = re.sub(r"(^    \w+\n    )(\{.*?\n    \})", entry, path.read_text(), flags=re.M | re.S)
+    text = re.sub(r"(^    [\w-]+\n    )(\{.*?\n    \})", entry, path.read_text(), flags=re.M | re.S)
     with atomic_write(path) as stream:
         stream.write(text)

@@ -19,11 +19,39 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
+from ..registry import Registry
+from .restitution import Restitution, restitution_at
 
-__all__ = ["Impact", "bounce", "collide", "impact"]
+__all__ = ["Impact", "ImpactModel", "approach_speed", "bounce", "collide", "impact", "impact_models"]
 
 Array = NDArray[np.float64]
 TINY = np.finfo(float).tiny
+ROUGH = 1e300  # any friction above it is it: an infinite one times no impulse at all would be no number
+
+
+@dataclass(frozen=True)
+class ImpactModel:
+    """How a granule turns when it is struck: ``inertia`` k = I / (m r^2) about its axis, None for a point mass that
+    does not; the shape it ``means``; ``source``.
+    """
+
+    inertia: float | None
+    means: str
+    source: str
+
+    @property
+    def mobility(self) -> float:
+        """1 / k = m r^2 / I; 0 for a point mass."""
+        return 0.0 if self.inertia is None else 1.0 / self.inertia
+
+
+impact_models: Registry[ImpactModel] = Registry("impact model")
+_ROUTH = "Routh, E.J. 1897, Dynamics of a System of Rigid Bodies, ch. 1 (moments of inertia) and 4 (impact)"
+impact_models.add("paper", ImpactModel(None, "a point mass: slips, or stops along the slope", "Spade et al. 2020"))
+impact_models.add("sphere", ImpactModel(0.4, "a solid sphere: bead, round seed", _ROUTH))
+impact_models.add("disc", ImpactModel(0.5, "a disc or solid cylinder about its axis: a lying kernel", _ROUTH))
+impact_models.add("shell", ImpactModel(2.0 / 3.0, "a hollow sphere with a thin wall: an empty husk", _ROUTH))
+impact_models.add("tube", ImpactModel(1.0, "a hollow cylinder with a thin wall about its axis: lying straw", _ROUTH))
 
 
 def collide(
@@ -42,7 +70,8 @@ def collide(
     approach = np.maximum(-(rx * nx + ry * ny), 0.0)
     slip = ry * nx - rx * ny - radius * spin * np.sign(mobility)
     normal = (1.0 + restitution) * approach
-    tangential = -np.copysign(np.minimum(np.abs(slip) / (1.0 + mobility), friction * normal), slip)
+    grip = np.minimum(friction, ROUGH) * normal
+    tangential = -np.copysign(np.minimum(np.abs(slip) / (1.0 + mobility), grip), slip)
     return (
         vx + normal * nx - tangential * ny,
         vy + normal * ny + tangential * nx,
@@ -52,19 +81,23 @@ def collide(
     )
 
 
+def approach_speed(vx: Any, vy: Any, nx: Any, ny: Any, wx: Any, wy: Any) -> Any:
+    """Normal speed (m/s) at which a granule closes in on a wall, of which a restitution law is a function; 0 if not."""
+    return np.maximum(-((vx - wx) * nx + (vy - wy) * ny), 0.0)
+
+
 def bounce(
     velocity: ArrayLike,
     normal: ArrayLike,
     wall_velocity: ArrayLike,
-    restitution: ArrayLike,
+    restitution: ArrayLike | Restitution,
     friction: ArrayLike,
 ) -> Array:
     """Velocities (..., 2) of point masses after they hit walls with unit outward normals (..., 2); all broadcast."""
     v, n, w = (np.asarray(a, dtype=float) for a in (velocity, normal, wall_velocity))
-    after = collide(
-        v[..., 0], v[..., 1], 0.0, n[..., 0], n[..., 1], w[..., 0], w[..., 1],
-        np.asarray(restitution), np.asarray(friction), 0.0, 1.0,
-    )  # fmt: skip
+    ways = v[..., 0], v[..., 1], n[..., 0], n[..., 1], w[..., 0], w[..., 1]
+    e = restitution_at(restitution, approach_speed(*ways))
+    after = collide(*ways[:2], 0.0, *ways[2:], e, np.asarray(friction), 0.0, 1.0)
     return np.stack(np.broadcast_arrays(after[0], after[1]), axis=-1)
 
 
@@ -79,36 +112,40 @@ class Impact:
     spin: Array  # rad/s, counter-clockwise positive (rolling towards +x is negative); NaN without a radius
     normal_impulse: Array  # m/s, per unit mass
     tangential_impulse: Array  # m/s, per unit mass, along the slope downwards: negative, since friction opposes sliding
+    restitution: Array  # at the approach speed
 
 
 def impact(
     slope_angle: ArrayLike,
     fall_speed: ArrayLike,
     body_speed: ArrayLike,
-    restitution: ArrayLike,
+    restitution: ArrayLike | Restitution,
     friction: ArrayLike,
     inertia: ArrayLike | None = None,
     radius: ArrayLike | None = None,
 ) -> Impact:
     """A granule falling straight down at ``fall_speed`` (m/s) meets a slope that moves up at ``body_speed`` (m/s).
 
-    ``slope_angle`` (rad) is measured from the horizontal; the slope descends towards +x. ``inertia`` is I / (m r^2):
-    None for the paper's point mass, 0.4 for a sphere, 0.5 for a disc; ``radius`` (m) gives the spin its size. All
-    broadcast. With W = fall_speed + body_speed <= 0 there is no impact and the velocity stays what it was.
+    ``slope_angle`` (rad) is measured from the horizontal; the slope descends towards +x. ``restitution``: numbers, or a
+    law of the approach speed. ``inertia`` is I / (m r^2): None for the paper's point mass, 0.4 for a sphere, 0.5 for a
+    disc (``impact_models``); ``radius`` (m) gives the spin its size. All broadcast. With W = fall_speed + body_speed
+    <= 0 there is no impact and the velocity stays what it was.
 
     >>> import numpy as np
     >>> np.round(impact(np.pi / 4, 1.4, 0.3, 0.5, 0.3).velocity, 4)
     array([0.8925, 0.2575])
     """
+    approach = np.maximum((np.asarray(fall_speed) + np.asarray(body_speed)) * np.cos(slope_angle), 0.0)
+    at_approach = restitution_at(restitution, approach)
     for name, given, least, most in (
-        ("restitution", restitution, 0.0, 1.0),
+        ("restitution", at_approach, 0.0, 1.0),
         ("friction", friction, 0.0, np.inf),
         ("inertia", 1.0 if inertia is None else inertia, TINY, np.inf),
         ("radius", 1.0 if radius is None else radius, TINY, np.inf),
     ):
         if not np.all((np.asarray(given) >= least) & (np.asarray(given) <= most)):
             raise SceneError(f"{name} = {given}: must be {'positive' if least > 0 else f'{least:g} to {most:g}'}")
-    arguments = (slope_angle, fall_speed, body_speed, restitution, friction)
+    arguments = (slope_angle, fall_speed, body_speed, at_approach, friction)
     mobility = 0.0 if inertia is None else 1.0 / np.asarray(inertia, dtype=float)
     arm = 1.0 if radius is None else np.asarray(radius, dtype=float)
     b, fall, body, e, f, mobility, arm = np.broadcast_arrays(
@@ -122,8 +159,9 @@ def impact(
         tangential=vx * ny - (vy - body) * nx,
         normal=vx * nx + (vy - body) * ny,
         velocity=np.stack([vx, vy], axis=-1),
-        sticks=hits & (f * normal * (1.0 + mobility) >= slip),
+        sticks=hits & (np.minimum(f, ROUGH) * normal * (1.0 + mobility) >= slip),
         spin=np.full(b.shape, np.nan) if radius is None else spin,
         normal_impulse=normal,
         tangential_impulse=-along,
+        restitution=e,
     )

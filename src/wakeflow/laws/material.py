@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..registry import Registry
+from .restitution import Restitution
 
 __all__ = ["Material", "materials"]
 
@@ -24,7 +25,7 @@ class Material:
     diameter: float  # m, volume-equivalent
     density: float  # kg/m3, of the particle itself, not bulk
     terminal_velocity: float | None  # m/s; None: a sphere, drag from the law
-    restitution: float  # normal, against steel
+    restitution: float | Restitution  # normal, against steel; a scene may give a law of the approach speed
     friction: float  # sliding, against steel
     confidence: str
     source: str

@@ -63,6 +63,21 @@ def circle(*, width: float, corners: int = 120) -> Outline:
     return np.concatenate(turns)
 
 
+@shapes.register("plate")
+def plate(*, length: float, thickness: float, slope_angle: float, descends: str = "right") -> Outline:
+    """Plate of ``length`` along its faces, inclined by ``slope_angle`` (rad), which falls to the right or left.
+
+    Origin at its middle. With a rounding below half of the thickness its ends are round.
+    """
+    if thickness > length:
+        raise SceneError(f"thickness = {thickness:g} m is more than length = {length:g} m")
+    along, across = length / 2, thickness / 2
+    x, y = np.array([(along, across), (-along, across), (-along, -across), (along, -across)]).T
+    c, s = float(np.cos(slope_angle)), float(np.sin(slope_angle))
+    right = np.stack([c * x + s * y, c * y - s * x], axis=1)
+    return right if descends == "right" else np.ascontiguousarray((right * (-1.0, 1.0))[::-1])
+
+
 @shapes.register("polygon")
 def polygon(*, points: ArrayLike) -> Outline:
     """Any simple polygon, corners (k, 2) in metres in the body's own frame, either direction of travel."""

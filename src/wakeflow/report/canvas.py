@@ -39,6 +39,7 @@ __all__ = [
     "new_figure",
     "save",
     "solids",
+    "streams",
     "text_width",
     "triangulation",
 ]
@@ -48,7 +49,7 @@ Window = tuple[float, float, float, float]  # left, right, low, high (m)
 
 # Okabe & Ito (2008), "Color Universal Design": told apart with any kind of colour vision; without its yellow, too pale.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-BODY, INK = "#8a8a8a", "#1a1a1a"
+BODY, INK, STREAM = "#8a8a8a", "#1a1a1a", "#0b7285"
 MM = 1000.0
 DPI = 160
 LETTER = 0.6  # mean width of a letter over the font size
@@ -117,8 +118,8 @@ def solids(axes: Axes, scene: Scene) -> None:
         )
 
 
-def air_arrow(axes: Axes, scene: Scene, window: Window) -> None:
-    """Where the air goes, in the upper left corner of the window; nothing in a vacuum."""
+def air_arrow(axes: Axes, scene: Scene, window: Window, number: str = "") -> None:
+    """Where the air goes, in the upper left corner of the window, ``number`` before its speed; nothing in a vacuum."""
     if scene.air is None:
         return
     across, up = window[1] - window[0], window[3] - window[2]
@@ -128,9 +129,34 @@ def air_arrow(axes: Axes, scene: Scene, window: Window) -> None:
     axes.annotate("", xy=(x, head), xytext=(x, tail), zorder=10, arrowprops=style)
     box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
     axes.annotate(
-        f"air {scene.air.speed:g} m/s", xy=(x, sum(ends) / 2), xytext=(12, 0), textcoords="offset points", fontsize=8,
-        va="center", zorder=10, bbox=box,
+        f"{number}air {scene.air.speed:g} m/s", xy=(x, sum(ends) / 2), xytext=(12, 0), textcoords="offset points",
+        fontsize=8, va="center", zorder=10, bbox=box,
     )  # fmt: skip
+
+
+def streams(axes: Axes, scene: Scene) -> None:
+    """The openings of the secondary air streams, each with an arrow into the channel, its name and its speed.
+
+    Where the picture ends before the wall the arrow stands at its border, without the opening. One above or below the
+    picture is not drawn.
+    """
+    style = {"arrowstyle": "-|>", "color": STREAM, "linewidth": 2.0, "mutation_scale": 14}
+    box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
+    half = MM * scene.channel.width / 2
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    for name, inlet in scene.channel.inlet.items():
+        inward = 1.0 if inlet.side == "left" else -1.0
+        wall, ends = -inward * half, [MM * y for y in inlet.span]
+        if ends[1] < low or ends[0] > high:
+            continue
+        if left <= wall <= right:
+            axes.plot([wall, wall], ends, color=STREAM, linewidth=5, solid_capstyle="butt", zorder=6)
+        wall, y, size = min(max(wall, left), right), MM * inlet.position, 0.12 * (right - left)
+        axes.annotate("", xy=(wall + inward * size, y), xytext=(wall, y), zorder=10, arrowprops=style)
+        axes.annotate(
+            f"{name} {inlet.velocity:g} m/s", (wall, ends[1]), xytext=(4 * inward, 4), textcoords="offset points",
+            fontsize=8, ha="left" if inward > 0 else "right", va="bottom", zorder=10, bbox=box,
+        )  # fmt: skip
 
 
 def first_outline(scene: Scene) -> Array:

@@ -25,6 +25,7 @@ from .canvas import (
     inside,
     save,
     solids,
+    streams,
     text_width,
     triangulation,
 )
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..scene import Scene
 
-__all__ = ["SUCTION_LEVEL", "draw_landing", "draw_pressure", "draw_tracks", "fraction_colours"]
+__all__ = ["SUCTION_LEVEL", "draw_landing", "draw_pressure", "draw_tracks", "fraction_colours", "pressure_coefficient"]
 
 Array = NDArray[np.float64]
 
@@ -45,25 +46,27 @@ PRESSING_LEVEL = 0.3  # a pressing zone is named where Cp rises above this
 UPSTREAM, DOWNSTREAM, ASIDE = 2.2, 5.0, 3.0  # the pressure picture's window from the body's middle, in body widths
 DRAWN = 48  # tracks drawn of a fraction; more only blacken the picture
 PALER = 1.3  # stretch of the colour scale: streamlines stay visible on its darkest used colour
+ZONES = {"air": "1  ", "pressing zone": "2  ", "body": "3", "suction zone": "4  "}  # as in the paper's Fig. 7
 BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 
 
 # -- pressure ----------------------------------------------------------------------------------------------------------
 
 
-def draw_pressure(path: Path | str, field: FlowField, scene: Scene, airflow: Mapping[str, Any]) -> None:
+def draw_pressure(
+    path: Path | str, field: FlowField, scene: Scene, airflow: Mapping[str, Any], *, numbered: bool = False
+) -> None:
     """Filled contours of Cp = (p - p_inlet) / (0.5 rho U^2) with streamlines round the first body; PNG.
 
     ``field``, steady or in time (its mean is drawn), must carry pressure (Pa); rho is its density, U the scene's air
     speed, p_inlet ``airflow["p_inlet"]`` (Pa) or else the mean along the field's inlet end. The line
-    Cp = -0.5 bounds the suction zone. Raises ValueError without pressure or air.
+    Cp = -0.5 bounds the suction zone; ``numbered`` puts the numbers of the paper's Fig. 7 before the zones' names.
+    Raises ValueError without pressure or air.
     """
     if field.pressure is None or scene.air is None:
         raise ValueError("the pressure picture needs a field with pressure and a scene with air")
     mean = field.mean()
-    cp = (np.asarray(mean.pressure) - _inlet_pressure(mean, scene, airflow)) / (
-        0.5 * field.density * scene.air.speed**2
-    )
+    cp = pressure_coefficient(mean, scene, airflow)
     window = _pressure_window(scene, airflow)
     figure, axes, _ = canvas(window)
     mesh = triangulation(mean)
@@ -86,8 +89,9 @@ def draw_pressure(path: Path | str, field: FlowField, scene: Scene, airflow: Map
     )
     solids(axes, scene)
     frame(axes, window)
-    _zones(axes, grid, scene, window)
-    air_arrow(axes, scene, window)
+    _zones(axes, grid, scene, window, ZONES if numbered else {})
+    air_arrow(axes, scene, window, ZONES["air"] if numbered else "")
+    streams(axes, scene)
     bar = figure.colorbar(filled, cax=axes.inset_axes((1.04, 0.1, 0.035, 0.8)))
     bar.set_label(r"$C_p = (p - p_\mathrm{inlet})\;/\;\frac{1}{2}\rho U^2$")
     bar.ax.axhline(SUCTION_LEVEL, color=INK, linewidth=1.3, linestyle="--")
@@ -95,6 +99,14 @@ def draw_pressure(path: Path | str, field: FlowField, scene: Scene, airflow: Map
     bar.ax.tick_params(labelsize=8)
     axes.set_title(_airflow_title(airflow, in_time=np.ndim(field.velocity) == 3), fontsize=9, loc="left")
     save(figure, path)
+
+
+def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Mapping[str, Any]) -> Array:
+    """Cp = (p - p_inlet) / (0.5 rho U^2) at the nodes (n,) of a steady field with pressure."""
+    assert scene.air is not None
+    return (np.asarray(mean.pressure) - _inlet_pressure(mean, scene, airflow)) / (
+        0.5 * mean.density * scene.air.speed**2
+    )
 
 
 def _inlet_pressure(field: FlowField, scene: Scene, airflow: Mapping[str, Any]) -> float:
@@ -152,26 +164,41 @@ def _scale(levels: Array, limit: float) -> Any:
     return scale.with_extremes(under=under, over=over)
 
 
-def _zones(axes: Axes, grid: Grid, scene: Scene, window: Window) -> None:
-    """Name the pressing and the suction zone at the side, with a line to each."""
+def _zones(axes: Axes, grid: Grid, scene: Scene, window: Window, numbers: Mapping[str, str]) -> None:
+    """Name the pressing and the suction zone at the side, with a line to each, ``numbers`` before the names."""
     assert scene.air is not None
     outline, width = first_outline(scene), scene.width
     upstream = 1.0 if scene.air.direction == "down" else -1.0
     cp = np.ma.filled(grid.values[2], np.nan)
     x, y = np.meshgrid(grid.x - outline[:, 0].mean(), upstream * grid.y)
+    if "body" in numbers:
+        across, up = MM * outline.mean(axis=0)
+        axes.text(across, up, numbers["body"], ha="center", va="center", fontweight="bold", color="white", zorder=10)
     ahead = y > np.mean(upstream * outline[:, 1])
     shade = (y < np.min(upstream * outline[:, 1])) & (np.abs(x) < width / 2)  # right behind the body
     pressed = np.where(ahead & (np.abs(x) < width) & (cp > PRESSING_LEVEL), cp, -np.inf)
     if np.isfinite(pressed).any():
         i, j = np.unravel_index(np.argmax(pressed), pressed.shape)
-        _callout(axes, "pressing zone", (grid.x[j], grid.y[i]), 0.7 * upstream * width, window)
+        _callout(
+            axes,
+            numbers.get("pressing zone", "") + "pressing zone",
+            (grid.x[j], grid.y[i]),
+            0.7 * upstream * width,
+            window,
+        )
     low = shade & (cp < SUCTION_LEVEL)
     if not low.any():
         low = ~ahead & (cp < SUCTION_LEVEL)
     if low.any():  # its deeper half: in a narrow channel the zone itself may reach far downstream
         sucked = np.argwhere(low & (cp <= 0.5 * (SUCTION_LEVEL + cp[low].min())))
         i, j = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))]
-        _callout(axes, "suction zone", (grid.x[j], grid.y[i]), -0.7 * upstream * width, window)
+        _callout(
+            axes,
+            numbers.get("suction zone", "") + "suction zone",
+            (grid.x[j], grid.y[i]),
+            -0.7 * upstream * width,
+            window,
+        )
 
 
 def _callout(axes: Axes, text: str, place: tuple[float, float], lift: float, window: Window) -> None:
@@ -213,6 +240,7 @@ def draw_tracks(path: Path | str, field: FlowField | None, scene: Scene, tracks:
         axes.plot([MM * window[0], MM * window[1]], [MM * end] * 2, color=INK, linewidth=0.5, linestyle=":", zorder=4)
     frame(axes, window, _draw_bins(axes, scene, scale))
     air_arrow(axes, scene, window)
+    streams(axes, scene)
     if tracks:
         legend = axes.legend(title="fraction", loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9)
         for line in legend.get_lines():

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ..files import atomic_write
-from .tables import NONE, UNKNOWN, budget_sources, condensed, error_text, expected, percent, source_seconds, targets
+from .pictures import found
+from .tables import (
+    IMPACT_COLUMNS,
+    NONE,
+    UNKNOWN,
+    budget_sources,
+    condensed,
+    error_text,
+    expected,
+    impact_rows,
+    percent,
+    source_seconds,
+    targets,
+)  # fmt: skip
 
 __all__ = ["render", "write_html"]
 
@@ -17,6 +30,7 @@ Result = Mapping[str, Any]
 FIGURES = {  # file name: what it shows
     "pressure": "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
     "tracks": "Tracks through the channel; bins are the bars.",
+    "discharge": "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",
     "landing": "Where the mass of each fraction lands; percent with 95 % interval.",
 }
 AIRFLOW = (  # key, name, unit
@@ -40,6 +54,22 @@ SUCTION = (
     ("area", "suction zone: area", "cm²"),
     ("reversal_length", "length of the reversed flow on the axis", "mm"),
 )
+FUNNEL = (
+    ("rate", "discharge rate, with 95 % interval", "g/s"),
+    ("time_to_empty", "time until 99 % of the mass is out", "s"),
+    ("beverloo", "Beverloo's law for one at rest, flat floor, bulk density as packed", "g/s"),
+    ("beverloo_cone", "the same with Rose & Tanaka's cone factor", "g/s"),
+    ("frequency", "frequency", "Hz"),
+    ("gamma", "peak acceleration of the wall over g", ""),
+    ("beads", "beads", ""),
+    ("mass", "mass", "g"),
+    ("left", "beads left inside", ""),
+    ("packing", "packing of the poured bed", ""),
+    ("overlap", "deepest overlap of two beads seen, in diameters", ""),
+    ("youngs_modulus", "Young's modulus (softened; glass: 6e10)", "Pa"),
+    ("contact_time", "duration of the quickest collision", "us"),
+    ("time_step", "time step", "us"),
+)
 QUALITY = (
     ("min_angle", "mesh: smallest angle of a cell", "°"),
     ("max_aspect", "mesh: largest ratio of edges of a cell", ""),
@@ -59,7 +89,7 @@ TRUNCATION = (
     ("velocity", "time-resolved field: velocity cut off, rms over rms of its fluctuation", ""),
     ("pressure", "time-resolved field: pressure cut off, rms over rms of its fluctuation", ""),
 )
-SCALE = {"mm": 1e3, "cm²": 1e4}
+SCALE = {"mm": 1e3, "cm²": 1e4, "g/s": 1e3, "g": 1e3, "us": 1e6}
 HOW = {
     "measured": "from this run",
     "companion": "from flying granules again",
@@ -72,13 +102,20 @@ def write_html(folder: Path | str, result: Result) -> Path:
     """Write ``folder/report.html`` from result.json's dict and the PNG files in ``folder/figures``."""
     folder = Path(folder)
     path = folder / "report.html"
+    asked = found(folder / "figures")
+    texts = {**FIGURES, **{name: row["text"] or name for name, row in asked.items()}}
     with atomic_write(path) as stream:
-        stream.write(render(result, _pictures(folder / "figures"), title=folder.resolve().name))
+        stream.write(render(result, _pictures(folder / "figures", texts), folder.resolve().name, texts))
     return path
 
 
-def render(result: Result, pictures: Mapping[str, str], title: str = "result") -> str:
-    """The page as text; ``pictures``: name to base64 PNG. Raises jinja2.UndefinedError when the result lacks a key."""
+def render(
+    result: Result, pictures: Mapping[str, str], title: str = "result", texts: Mapping[str, str] = FIGURES
+) -> str:
+    """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order.
+
+    Raises jinja2.UndefinedError when the result lacks a key.
+    """
     import tomlkit
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -99,10 +136,13 @@ def render(result: Result, pictures: Mapping[str, str], title: str = "result") -
         answers=list(_answers(result)),
         targets={name: targets(result, name) for name in result["scene"]["fraction"]},
         expected=lambda place: expected(result, place),
-        pictures=[(name, pictures[name], text) for name, text in FIGURES.items() if name in pictures],
+        pictures=[(name, pictures[name], text) for name, text in texts.items() if name in pictures],
         airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
+        funnel=_funnel_rows(result.get("funnel")),
         grids=(result.get("airflow") or {}).get("grids") or [],
         bracket=result.get("bracket") or {},
+        impacts=impact_rows(result),
+        impact_columns=IMPACT_COLUMNS,
         budget=budget["budget"],
         sources=budget_sources(budget),
         spent=source_seconds(budget),
@@ -123,8 +163,8 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.12g}") if isinstance(value, float) else value
 
 
-def _pictures(folder: Path) -> dict[str, str]:
-    files = {name: folder / f"{name}.png" for name in FIGURES}
+def _pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    files = {name: folder / f"{name}.png" for name in names}
     return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
 
 
@@ -149,6 +189,12 @@ def _airflow_rows(airflow: Mapping[str, Any] | None, mesh: Mapping[str, Any] | N
     )
     found = [(name, values.get(key), unit) for values, rows in parts for key, name, unit in rows]
     return [(name, _measured(value, SCALE.get(unit, 1.0)), unit) for name, value, unit in found if value is not None]
+
+
+def _funnel_rows(funnel: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
+    """(name, value with interval, unit) of the feed funnel; nothing without one."""
+    found = [(name, (funnel or {}).get(key), unit) for key, name, unit in FUNNEL]
+    return [(name, _measured(value, SCALE.get(unit, 1)), unit) for name, value, unit in found if value is not None]
 
 
 def _measured(value: Any, scale: float) -> str:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BUDGET_COLUMNS",
+    "IMPACT_COLUMNS",
     "SEPARATION_COLUMNS",
     "budget_rows",
     "budget_sources",
@@ -25,12 +26,14 @@ __all__ = [
     "condensed",
     "error_text",
     "expected",
+    "impact_rows",
     "percent",
     "separation_rows",
     "separation_table",
     "source_seconds",
     "targets",
     "write_budget_csv",
+    "write_impact_csv",
     "write_separation_csv",
 ]
 
@@ -48,6 +51,19 @@ SEPARATION_COLUMNS = (  # low and high: the 95 % interval
     "bin throughput (kg/h)",
 )
 BUDGET_COLUMNS = ("quantity", "source", "error", "unit of error", "run time (s)", "how")
+IMPACT_COLUMNS = (  # normal: into the slope; tangential: down it; power: from the vibration to the stream
+    "fraction",
+    "slope",
+    "mass flow (kg/h)",
+    "fall speed (m/s)",
+    "normal force (N)",
+    "tangential force (N)",
+    "power (W)",
+    "speed after, x (m/s)",
+    "speed after, y (m/s)",
+)
+ALL = "all"  # in a table of impacts: all fractions, or all slopes
+SLOPES = 6  # of a body with more of them only all together are shown
 KINDS = {"left-out": "terms left out", "not-computed": "terms not computed"}  # in a budget's table
 NONE = "–"
 UNKNOWN = "unknown"
@@ -93,6 +109,30 @@ def budget_rows(result: Result) -> list[dict[str, Any]]:
             cells = [entry["quantity"], part["source"], part["error"], _unit(entry), part["seconds"], part["how"]]
             rows.append(dict(zip(BUDGET_COLUMNS, cells, strict=True)))
     return rows
+
+
+def impact_rows(result: Result) -> list[dict[str, Any]]:
+    """One row a fraction and slope, keys as IMPACT_COLUMNS, then all fractions together; of a body with many slopes one
+    row for all of them. Nothing where no granule falls on a body.
+    """
+    table = result.get("impact")
+    if not table or not table["total"]["mass_flow"]:
+        return []
+    every, total = [*table["fractions"].items(), (ALL, table)], {**table["total"], "fall_speed": None}
+    rows = []
+    for name, part in every:
+        slopes = {ALL: total if name == ALL else part["total"]} if len(table["slopes"]) > SLOPES else part["slopes"]
+        for slope, row in slopes.items():
+            if row["mass_flow"]:
+                numbers = [row.get("fall_speed"), row["normal"], row["tangential"], row["power"], *row["velocity"]]
+                cells = [name, slope, 3600.0 * row["mass_flow"], *numbers]
+                rows.append(dict(zip(IMPACT_COLUMNS, cells, strict=True)))
+    return rows
+
+
+def write_impact_csv(path: Path | str, result: Result) -> None:
+    """Write :func:`impact_rows`; empty cells where nothing is known."""
+    _write_csv(path, IMPACT_COLUMNS, impact_rows(result))
 
 
 def write_separation_csv(path: Path | str, result: Result) -> None:

@@ -11,15 +11,17 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import SceneError
+from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
 from ..laws.profile import crowding, profiles
+from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
 from ..quantities import AnyAngle, Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
 from ..registry import Registry
 from .common import GRAVITY, Array, Table, takes
 
-__all__ = ["Feed", "Fraction", "Profile", "Size", "Speeds"]
+__all__ = ["Feed", "Fraction", "Profile", "Rebound", "Size", "Speeds"]
 
 OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
 spreads: Registry[Callable[..., Array]] = Registry("distribution of terminal velocities")
@@ -56,6 +58,9 @@ def _one_word(value: Any) -> Any:
 class Feed(Table):
     """[feed]: the falling curtain."""
 
+    start: Literal["falling", "resting"] = Field(
+        "falling", description="resting: granules lie still on the body when its vibration begins"
+    )
     height: Length | None = Field(
         None, description="of free fall from rest down to the top of the body; without a body down to level"
     )
@@ -83,7 +88,10 @@ class Feed(Table):
 
     @model_validator(mode="after")
     def _one_start(self) -> Feed:
-        if (self.height is None) == (self.speed is None):
+        if self.start == "resting":
+            if self.height is not None or self.speed is not None or self.mode == "injected":
+                raise SceneError("granules that start resting take neither height nor speed, and are not injected")
+        elif (self.height is None) == (self.speed is None):
             raise SceneError("give either height or speed")
         self.profile.quantile(np.array([0.5]), self.width)
         if self.direction is not None and self.speed is None:
@@ -104,8 +112,7 @@ class Feed(Table):
         """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
         if self.speed is not None:
             return self.speed
-        assert self.height is not None
-        return math.sqrt(2 * GRAVITY * self.height)
+        return math.sqrt(2 * GRAVITY * (self.height or 0.0))
 
     @property
     def mass_flow(self) -> float:
@@ -173,13 +180,37 @@ class Speeds(Table):
 
 
 def _number_or_table(value: Any) -> str:
-    """The tag of a terminal velocity; brackets keep it out of the places that messages name."""
-    return "[table]" if isinstance(value, Mapping | Speeds) else "[number]"
+    """The tag of what may be either; brackets keep it out of the places that messages name."""
+    return "[table]" if isinstance(value, Mapping | Table) else "[number]"
 
 
 def _one_diameter(value: Any) -> Any:
     """``size = "4 mm"`` is short for a distribution of one diameter."""
     return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
+
+
+class Rebound(Table):
+    """A restitution law of the normal approach speed: ``law`` and its parameters."""
+
+    law: str = Field(description="one of: " + ", ".join(restitution_laws))
+    value: Annotated[float, Field(ge=0, le=1)] | None = Field(None, description="restitution measured at one speed")
+    at: PositiveSpeed | None = Field(None, description="that speed, normal to the wall")
+    exponent: Annotated[float, Field(ge=1e-3, le=2)] | None = Field(None, description="power: 0.25")
+    most: Annotated[float, Field(ge=1e-3, le=1)] | None = Field(
+        None, description="power, elastic-plastic: largest value, 0.99"
+    )
+    speeds: list[PositiveSpeed] | None = Field(None, description="table: approach speeds, rising")
+    values: list[Annotated[float, Field(ge=0, le=1)]] | None = Field(None, description="table: restitution at each")
+
+    @model_validator(mode="after")
+    def _is_a_law(self) -> Rebound:
+        assert self.of_speed is not None
+        return self
+
+    @property
+    def of_speed(self) -> Restitution:
+        """The law itself. Raises SceneError for parameters that it lacks, has not, or that are out of range."""
+        return Restitution(**self.model_dump(exclude_none=True))
 
 
 class Fraction(Table):
@@ -205,10 +236,19 @@ class Fraction(Table):
         "spreads it over the granules whatever their sizes",
     )
     drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
-    restitution: Annotated[float, Field(ge=0, le=1)] | None = None
+    restitution: (
+        Annotated[
+            Annotated[float, Field(ge=0, le=1), Tag("[number]")] | Annotated[Rebound, Tag("[table]")],
+            Discriminator(_number_or_table),
+        ]
+        | None
+    ) = Field(None, description="a number, or a law of the normal approach speed")
     friction: Annotated[float, Field(ge=0, le=10)] | None = None
-    inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
-        None, description="I / (m r^2): 0.4 sphere, 0.5 disc; default: a point mass, as in the paper, gets no spin"
+    impact: str | None = Field(
+        None, description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default paper: a point mass"
+    )
+    own_inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
+        None, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
     )
     mass_share: Share | None = Field(None, description="of the feed; shares add up to 1; default: equal")
     target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
@@ -225,6 +265,10 @@ class Fraction(Table):
                 raise SceneError(f"without a material give also: {', '.join(missing)}")
         if self.sphericity is not None and self.terminal_velocity is not None:
             raise SceneError("give sphericity or terminal_velocity, not both")
+        if self.impact is not None:
+            impact_models[self.impact]
+            if self.own_inertia is not None:
+                raise SceneError("give impact or inertia, not both")
         if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
             verb = "has no" if self.sphericity is not None else "needs a"
             raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
@@ -248,11 +292,18 @@ class Fraction(Table):
             diameter=float(self.diameters(np.array([0.5]))[0]),
             density=self._or_material("density"),
             terminal_velocity=terminal,
-            restitution=self._or_material("restitution"),
+            restitution=self.restitution.of_speed
+            if isinstance(self.restitution, Rebound)
+            else self._or_material("restitution"),
             friction=self._or_material("friction"),
             confidence="given" if self.material is None else materials[self.material].confidence,
             source="scene" if self.material is None else materials[self.material].source,
         )
+
+    @property
+    def inertia(self) -> float | None:
+        """I / (m r^2): given, or its impact model's; None for a point mass, which does not turn."""
+        return self.own_inertia if self.impact is None else impact_models[self.impact].inertia
 
     @property
     def drag_law(self) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -11,6 +12,7 @@ from pydantic import Field, model_validator
 from ..errors import SceneError
 from ..geometry import is_simple, rounded
 from ..laws.shape import shapes
+from ..laws.vibration import Record, integrated
 from ..quantities import (
     AnyAngle,
     Coordinate,
@@ -25,7 +27,9 @@ from ..quantities import (
 )  # fmt: skip
 from .common import GRAVITY, STANDARD_AIR, Array, Table, takes
 
-__all__ = ["Air", "Body", "Channel", "Inlet", "Vibration"]
+__all__ = ["Air", "Body", "Channel", "Inlet", "Samples", "Vibration"]
+
+MOST_GAMMA = 50.0  # peak acceleration over g
 
 
 class Body(Table):
@@ -36,6 +40,9 @@ class Body(Table):
     slope_angle: SlopeAngle | None = Field(None, description="of the faces, from the horizontal: 10 to 80 deg")
     height: Length | None = Field(None, description="instead of slope_angle")
     apex: Literal["up", "down"] | None = Field(None, description="prism only")
+    length: Length | None = Field(None, description="plate only: along its faces")
+    thickness: Length | None = Field(None, description="plate only")
+    descends: Literal["left", "right"] | None = Field(None, description="plate only: to which side it falls; right")
     points: list[Point] | None = Field(None, description="polygon only: corners in the body's own frame")
     corners: Annotated[int, Field(ge=16, le=720)] | None = Field(None, description="circle only: of its polygon; 120")
     rounding: Length | None = Field(
@@ -115,31 +122,88 @@ class Air(Table):
         return self
 
 
-class Vibration(Table):
-    """[vibration]: harmonic motion of the bodies, displacement = amplitude sin(2 pi f t) along ``direction``."""
+def _or_a_file(schema: dict[str, Any]) -> None:
+    """The name of a file is read before the tables are validated, and allowed in the schema only."""
+    schema["anyOf"].append({"type": "string"})
 
-    frequency: Frequency
+
+class Samples(Table):
+    """A measured acceleration along the vibration's direction: one period, which repeats."""
+
+    time: list[float] = Field(description="s, increasing; the last sample is the first of the next period")
+    acceleration: list[float] = Field(description="m/s2; its mean is taken off")
+
+
+class Vibration(Table):
+    """[vibration]: motion of the bodies along ``direction``: harmonic, displacement = amplitude sin(2 pi f t), or by
+    measured samples of the acceleration.
+    """
+
+    frequency: Frequency | None = None
     amplitude: Length | None = None
-    gamma: Annotated[float, Field(gt=0, le=50)] | None = Field(None, description="peak acceleration over g")
+    gamma: Annotated[float, Field(gt=0, le=MOST_GAMMA)] | None = Field(None, description="peak acceleration over g")
     direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
+    samples: Samples | None = Field(
+        None,
+        description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists",
+        json_schema_extra=_or_a_file,
+    )
 
     @model_validator(mode="after")
-    def _one_strength(self) -> Vibration:
-        if (self.amplitude is None) == (self.gamma is None):
+    def _one_motion(self) -> Vibration:
+        if self.samples is not None:
+            if (self.frequency, self.amplitude, self.gamma) != (None, None, None):
+                raise SceneError("samples say how fast and how far it moves: leave out frequency, amplitude and gamma")
+            if (found := self.record.peak_acceleration / GRAVITY) > MOST_GAMMA:
+                raise SceneError(f"samples: peak acceleration of {found:.3g} g, allowed {MOST_GAMMA:g} g")
+        elif self.frequency is None:
+            raise SceneError("give frequency, and either amplitude or gamma; or samples")
+        elif (self.amplitude is None) == (self.gamma is None):
             raise SceneError("give either amplitude or gamma")
         return self
 
+    @cached_property
+    def record(self) -> Record:
+        """The motion that the samples make. Only where there are samples."""
+        assert self.samples is not None
+        return integrated(self.samples.time, self.samples.acceleration)
+
+    @property
+    def period(self) -> float:
+        """Seconds after which the motion repeats."""
+        if self.samples is not None:
+            return self.record.period
+        assert self.frequency is not None
+        return 1.0 / self.frequency
+
     @property
     def omega(self) -> float:
-        """Angular frequency (rad/s)."""
-        return 2 * math.pi * self.frequency
+        """Angular frequency (rad/s), of samples that of their period."""
+        return 2 * math.pi / self.period
+
+    @property
+    def along(self) -> Array:
+        """Unit vector (2,) of the direction."""
+        return np.array([math.cos(self.direction), math.sin(self.direction)])
 
     @property
     def displacement(self) -> Array:
-        """Amplitude vector (m), shape (2,). From Gamma = a w^2 / g when gamma is given."""
+        """Amplitude vector (m), shape (2,); from Gamma = a w^2 / g when gamma is given, the largest one of samples."""
+        if self.samples is not None:
+            return self.record.reach * self.along
         if self.amplitude is not None:
-            size = self.amplitude
-        else:
-            assert self.gamma is not None
-            size = self.gamma * GRAVITY / self.omega**2
-        return size * np.array([math.cos(self.direction), math.sin(self.direction)])
+            return self.amplitude * self.along
+        assert self.gamma is not None
+        return self.gamma * GRAVITY / self.omega**2 * self.along
+
+    @property
+    def speed(self) -> Array:
+        """Peak velocity vector (m/s), shape (2,)."""
+        return self.displacement * self.omega if self.samples is None else self.record.peak_speed * self.along
+
+    @property
+    def strength(self) -> float:
+        """Gamma: peak acceleration over g."""
+        if self.samples is not None:
+            return self.record.peak_acceleration / GRAVITY
+        return float(np.linalg.norm(self.displacement)) * self.omega**2 / GRAVITY

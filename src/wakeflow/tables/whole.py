@@ -12,7 +12,9 @@ from ..errors import SceneError
 from ..geometry import are_symmetric
 from ..quantities import Coordinate, Name, Point
 from .common import GRAVITY, Array, Table
+from .funnel import Funnel
 from .granules import Feed, Fraction
+from .pictures import AnyPicture
 from .surroundings import Air, Body, Channel, Vibration
 
 __all__ = ["Bin", "Numerics", "SceneTables"]
@@ -80,8 +82,10 @@ class SceneTables(Table):
     air: Air | None = None
     vibration: Vibration | None = None
     feed: Feed
+    funnel: Funnel | None = None
     fraction: Annotated[dict[Name, Fraction], Field(min_length=1)]
     bin: Annotated[dict[Name, Bin], Field(min_length=1)]
+    picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     numerics: Numerics = Numerics()
 
     @property
@@ -115,8 +119,15 @@ class SceneTables(Table):
 
     @property
     def motion(self) -> tuple[Array, float]:
-        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest."""
+        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest. Of samples the
+        largest displacement, and the frequency of their period.
+        """
         return (np.zeros(2), 0.0) if self.vibration is None else (self.vibration.displacement, self.vibration.omega)
+
+    @property
+    def shaking(self) -> Array:
+        """Peak velocity vector (2,) m/s of the bodies; zeros when at rest."""
+        return np.zeros(2) if self.vibration is None else self.vibration.speed
 
     @property
     def symmetric(self) -> bool:
@@ -136,9 +147,8 @@ class SceneTables(Table):
         feed = self.feed
         if not self.body:
             return 0.0, -float(self.entry[1])
-        if feed.height is not None:
-            return feed.height, 0.0
-        assert feed.speed is not None
+        if feed.speed is None:
+            return feed.height or 0.0, 0.0
         above = min(feed.speed**2 / (2 * GRAVITY), self.width)
         return above, math.sqrt(max(0.0, feed.speed**2 - 2 * GRAVITY * above))
 

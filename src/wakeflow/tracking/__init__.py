@@ -1,8 +1,23 @@
-"""The tracker: inertial granules through a field on triangles, past walls that may vibrate, each with its own clock."""
+"""The tracker: inertial granules through a field on triangles, past walls that may vibrate, each with its own clock.
+
+``track`` and its compiler are loaded on first use, so that granules and bodies cost nothing.
+"""
 
 from __future__ import annotations
 
-from .driver import track
+from typing import TYPE_CHECKING, Any
+
 from .granules import Body, Fate, Granules, Motion, Tracks
 
+if TYPE_CHECKING:
+    from .driver import track
+
 __all__ = ["Body", "Fate", "Granules", "Motion", "Tracks", "track"]
+
+
+def __getattr__(name: str) -> Any:
+    if name != "track":
+        raise AttributeError(f"module 'wakeflow.tracking' has no attribute {name!r}")
+    from .driver import track
+
+    return track

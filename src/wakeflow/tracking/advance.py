@@ -29,6 +29,7 @@ from .state import (
     PATIENCE,
     RADIUS,
     REFUSED,
+    SAMPLED,
     STEPS,
     STOKES,
     STUCK,
@@ -38,6 +39,7 @@ from .state import (
     UNSTRIDDEN,
     VX,
     VY,
+    W_END,
     WW,
     T,
     X,
@@ -83,6 +85,8 @@ def longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed
     if hold[KIND] != FREE:
         if hold[WW] != 0.0:
             h = min(h, 0.2 / hold[WW])
+        if hold[SAMPLED] != 0.0:  # the wall's acceleration has a kink there
+            h = min(h, hold[W_END] - state[T])
         if hold[KIND] == ON_VERTEX:
             h = min(h, 0.2 * hold[ARM] / (speed + math.sqrt(hold[ARM] * pull)))
     return h, within

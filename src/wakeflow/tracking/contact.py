@@ -11,6 +11,8 @@ from ..laws.collision import collide
 from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
 from .exponential import along
 from .jit import compiled, inlined
+from .rebound import restitution_of
+from .rest import SLOW, STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .seen import mirror
 from .state import (
     ARM,
@@ -35,17 +37,15 @@ from .state import (
     ON_VERTEX,
     OX,
     OY,
+    PAIR,
+    PAIRED,
     RADIUS,
-    RESTING,
-    RESTITUTION,
     ROLL,
     SIGN,
-    T_END,
-    T_NOISE,
+    STUCK,
     TURN,
     VX,
     VY,
-    WW,
     T,
     X,
     Y,
@@ -56,8 +56,6 @@ from .walls import constrain, grasp, inside
 __all__ = ["ends_of_slide", "friction_turn", "grip", "lets_go", "rescue", "settle", "strike", "takes_hold"]
 
 _collide = compiled(collide)
-SLOW = 1e-6  # m/s, rebounds slower than this are sliding
-STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 
 
 @compiled
@@ -80,17 +78,22 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     """The granule touches a feature: collision, and sliding from then on where no bounce worth following is left."""
     body, off = grasp(hold, walls, kind, which, grain[RADIUS], state[X], state[Y], state[T])
     nx, ny = hold[NX], hold[NY]
-    state[X] -= off * nx
-    state[Y] -= off * ny
-    ints[CONTACT] = FREE
+    before, other = ints[CONTACT], ints[FEATURE]
+    mx, my = nx, ny
+    if before != FREE:  # put right along the wall that it is on, so as not to enter that one
+        mx, my = tangent(walls, before, other, nx, ny, state)
+    state[X] -= off * mx
+    state[Y] -= off * my
+    last, one = (ints[PAIR], ints[PAIRED]) if before == FREE and ints[STUCK] > 1 else (before, other)
+    ints[CONTACT] = ints[PAIR] = FREE
     if walls.members[body, 5] == 1:
         ints[FATE] = CAPTURED
         hold[KIND] = FREE
         return
-    e, f = walls.bodies[body, 8], walls.bodies[body, 9]
-    e = grain[RESTITUTION] if e < 0.0 else e
+    f = walls.bodies[body, 9]
     f = grain[FRICTION] if f < 0.0 else f
     _, _, wx, wy, px, py = displacement(walls.bodies, body, state[T])
+    e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     vx, vy, spin, normal, _ = _collide(
         state[VX], state[VY], state[TURN], nx, ny, wx, wy, e, f, grain[MOBILITY], grain[RADIUS]
     )
@@ -98,6 +101,8 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         mirror(state, ints, nx, ny)
     if normal > 0.0:
         ints[IMPACTS] += 1
+    if last != FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[STUCK]):
+        vx, vy = wx, wy
     state[VX], state[VY], state[TURN] = vx, vy, spin
     fx, fy, _, _, _ = free_force(affine, grain, table, state[X], state[Y], vx, vy, state[T], spin)
     rebound = (vx - wx) * nx + (vy - wy) * ny
@@ -111,61 +116,14 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         state[VX] -= rebound * nx
         state[VY] -= rebound * ny
         state[H_ERROR] = math.inf
+        if before != FREE:
+            wedge(state, ints, hold, walls, rules, fx, fy, before, other, e)
+    elif before != FREE and normal == 0.0:  # it only touches: it stays on the wall that it is on
+        grasp(hold, walls, before, other, grain[RADIUS], state[X], state[Y], state[T])
+        ints[CONTACT] = before
     else:
         hold[KIND] = FREE
-
-
-@compiled
-def _held(hold, grain, press, free):
-    """Whether friction holds a granule at rest against the free tangential acceleration; what can roll, does."""
-    friction = 0.0 if grain[MOBILITY] > 0.0 else hold[MU]
-    return press > 0.0 and abs(free) <= (friction + STATIC) * press
-
-
-@compiled
-def _carried(state, ints, hold, affine, grain, table, walls, dt):
-    """Whether friction still holds after riding with the wall for dt, and where and how fast the granule is then."""
-    t = state[T]
-    x0, y0, _, _, _, _ = displacement(walls.bodies, ints[BODY], t)
-    x1, y1, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], t + dt)
-    x, y = state[X] + x1 - x0, state[Y] + y1 - y0
-    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt, 0.0)
-    _, _, press, free, _ = constrain(hold, fx, fy, x, y, wx, wy, t + dt)
-    return _held(hold, grain, press, free), x, y, wx, wy
-
-
-@compiled
-def _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
-    """A granule at rest on a wall that friction holds: it rests for good, or rides on with the wall while it does."""
-    moving = hold[WW] != 0.0
-    if not moving and not timed and grain[NOISE] == 0.0:
-        ints[FATE] = RESTING
-        return
-    dt = min(rules.until - state[T], 0.1 * rules.coarse)
-    if moving:
-        dt = min(dt, 0.05 / hold[WW])
-    if timed:
-        dt = min(dt, 0.25 / affine[15] if affine[15] != 0.0 else dt, state[T_END] - state[T])
-    if grain[NOISE] != 0.0:
-        dt = min(dt, state[T_NOISE] - state[T])
-    end = state[T] + dt
-    held, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, dt)
-    if not held:  # let go within: find out when
-        low, high = 0.0, dt
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            held, _, _, _, _ = _carried(state, ints, hold, affine, grain, table, walls, middle)
-            if held:
-                low = middle
-            else:
-                high = middle
-        _, x, y, vx, vy = _carried(state, ints, hold, affine, grain, table, walls, high)
-        dt, end = high, state[T] + high
-    state[HELD] += dt
-    if state[HELD] > rules.rest:
-        ints[FATE] = RESTING
-        return
-    state[X], state[Y], state[VX], state[VY], state[T] = x, y, vx, vy, end
+        ints[PAIR], ints[PAIRED] = kind, which
 
 
 @compiled
@@ -177,6 +135,9 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     contact point slips.
     """
     hold[SIGN] = hold[ROLL] = 0.0
+    if ints[PAIR] != FREE and unwedge(state, ints, hold, grain, walls, fx, fy):
+        hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
+        return True
     _, _, press, free, slide = constrain(hold, fx, fy, state[X], state[Y], state[VX], state[VY], state[T])
     if press <= 0.0:
         state[HELD] = 0.0
@@ -186,9 +147,9 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     mobility, around = grain[MOBILITY], grain[RADIUS] * state[TURN]
     slip = slide - around if mobility > 0.0 else slide
     still = 1e-13 * (rules.length + abs(free))
-    if abs(slide) <= still and abs(slip) <= still and _held(hold, grain, press, free):
+    if abs(slide) <= still and abs(slip) <= still and held(hold, grain, press, free):
         state[TURN] = 0.0 if mobility > 0.0 else state[TURN]
-        _hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
+        hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
         return True
     state[HELD] = 0.0
     if abs(slip) <= still + (1e-12 * (abs(slide) + abs(around)) if mobility > 0.0 else 0.0):
@@ -250,6 +211,14 @@ def takes_hold(path, s, state, ints, hold, grain, walls, turn):
 
 
 @compiled
+def _beside(path, s, t0, hold, bodies, body):
+    """Position from the constraint's origin and velocity, both seen from the wall, at time s of the step."""
+    x, y, vx, vy = along(path, s)
+    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
+    return x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
+
+
+@compiled
 def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
     """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
     feature). What can turn does not stop when it stops sliding.
@@ -257,12 +226,8 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
     stops = grain[MOBILITY] == 0.0
     bodies, body, skin = walls.bodies, ints[BODY], 1e-3 * rules.skin
     event, kind, which = NOTHING, FREE, NOBODY
-    x, y, vx, vy = along(path, 0.0)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0)
-    qx, qy, rx, ry = x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
-    x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
-    ex, ey, ux, uy = x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
+    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
+    ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
     sign, feature = hold[SIGN], ints[FEATURE]
     if hold[KIND] == ON_EDGE:
         tx, ty, size = -hold[NY], hold[NX], walls.edges[feature, 6]
@@ -273,6 +238,7 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
             )
             event = HALTED
         for end in range(2):
+            ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
             q0 = 0.0 if end == 0 else size
             dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
             fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
@@ -295,6 +261,7 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
         e = walls.vertex_links[feature, 1 + end]
         if e < 0:
             continue
+        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
         tx, ty = -walls.edges[e, 5], walls.edges[e, 4]
         dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
         fa, fb = dx * qx + dy * qy, dx * ex + dy * ey

@@ -62,7 +62,7 @@ def track(
     motion: Motion | None = None,
     gravity: Sequence[float] = (0.0, -9.81),
     seed: int = 0,
-    record: bool = False,
+    record: bool | int = False,
     march: bool = True,
     workers: int | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -77,15 +77,17 @@ def track(
     line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
     one born outside the mesh ESCAPED with no step. ``seed`` numbers the random streams of dispersion and Brownian
     motion, one a granule, by its place among ``grains``.
-    ``record`` keeps each path, thinned to at most 1024 points. ``march`` False: third-order steps from face to face all
-    the way, slower, and no better than ``tolerance`` either. ``workers`` threads (default: all cores); results do
-    not depend on their number. ``progress(done, total)``. Raises SceneError for an unknown force or drag law, a force
-    that needs what the field has not, or arguments out of range.
+    ``record`` keeps each path, thinned to at most 1024 points, or as many as it says. ``march`` False: third-order
+    steps from face to face all the way, slower, and no better than ``tolerance`` either. ``workers`` threads (default:
+    all cores); results do not depend on their number. ``progress(done, total)``. Raises SceneError for an unknown
+    force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)
     solids = [body if isinstance(body, Body) else Body(np.asarray(body, dtype=float), motion=motion) for body in bodies]
     if length is None:
         length = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
+    if record is not True and not (record == 0 or 16 <= record <= MOST_STEPS):
+        raise SceneError(f"record = {record}: True, or 16 to {MOST_STEPS} points")
     for name, value in (("length", length), ("tolerance", tolerance)):
         if not (np.isfinite(value) and value > 0):
             raise SceneError(f"{name} = {value:g} must be positive and finite")
@@ -93,13 +95,13 @@ def track(
         raise SceneError(f"until = {until:g} s must be finite")
     if not 0 <= seed < 2**63:
         raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
-    reach = 1e-6 * length
+    reach, points = 1e-6 * length, ROOM if record is True else int(record)
     swing = swing_of(field)
-    walls = pack_walls(solids, pack_lines(lines), swing)
+    walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
     tables, table_of = pack_tables(drag, grains.sphericity)
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
-    found = Tracks.empty(len(grains), recorded=record)
+    found = Tracks.empty(len(grains), recorded=bool(record))
 
     def fly(low: int) -> int:
         """One block, packed here so that what the kernel needs of a granule exists for few of them at a time."""
@@ -107,7 +109,7 @@ def track(
         some = to_frame(grains[part], swing)
         floats, ints = pack_state(some, low, field, air, solids, reach)
         constants = pack_granules(some, field, forces, gravity)
-        room = np.zeros((len(some), ROOM if record else 0, 5))
+        room = np.zeros((len(some), points, 5))
         scratch = (np.zeros(PATH), np.zeros(AFFINE), np.zeros(CONSTRAINT))
         fly_block(floats, ints, constants, tables, table_of[part], air, walls, rules, room, *scratch)
         found.time[part], found.spin[part] = floats[:, T], floats[:, TURN]

@@ -12,23 +12,76 @@ import numpy as np
 
 from .exponential import along
 from .jit import compiled
+from .state import MOTION, SAMPLES
 
-__all__ = ["PLANE", "ROUND", "SPEED", "SPIN", "displacement", "first_below", "level"]
+__all__ = [
+    "PLANE", "ROUND", "SPEED", "SPIN", "cubic", "displacement", "first_below", "harmonic", "interval", "level",
+    "next_turn",
+]  # fmt: skip
 
 PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED, SLIPS, GRIPS = range(9)  # what ends a step
+SOON = 1e-3  # of a step: then a function that stands still at its beginning shows where it goes
+SAME = 1e-9  # of a period: times nearer to a crest or sample are on it
+
+
+@compiled
+def harmonic(ax, ay, omega, phase, t):
+    """Displacement, velocity and acceleration of amplitude (ax, ay) sin(omega t + phase)."""
+    angle = omega * t + phase
+    s, c = math.sin(angle), omega * math.cos(angle)
+    w = -omega * omega * s
+    return ax * s, ay * s, ax * c, ay * c, ax * w, ay * w
+
+
+@compiled
+def cubic(ax, ay, x, v, a, jerk, s):
+    """The same of (ax, ay) times what began at x, v, a a time s ago, its acceleration linear in time."""
+    d = x + s * (v + s * (0.5 * a + s * jerk / 6.0))
+    c = v + s * (a + 0.5 * s * jerk)
+    w = a + s * jerk
+    return ax * d, ay * d, ax * c, ay * c, ax * w, ay * w
+
+
+@compiled
+def interval(bodies, body, t):
+    """Column of the sample at or before time t of a body's record, and the time since."""
+    period, count = bodies[body, MOTION + 1], int(bodies[body, MOTION])
+    since = t + bodies[body, 7]
+    since -= math.floor(since / period) * period
+    low, high = 0, count - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if bodies[body, SAMPLES + 5 * middle] <= since:
+            low = middle
+        else:
+            high = middle
+    column = SAMPLES + 5 * low
+    return column, since - bodies[body, column]
 
 
 @compiled
 def displacement(bodies, body, t):
-    """Displacement, velocity and acceleration of a body at time t: harmonic, amplitude sin(omega t + phase)."""
+    """Displacement, velocity and acceleration of a body at time t: a harmonic, or a record of samples."""
     ax, ay, omega = bodies[body, 4], bodies[body, 5], bodies[body, 6]
     if omega == 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    angle = omega * t + bodies[body, 7]
-    s, c = math.sin(angle), omega * math.cos(angle)
-    w = -omega * omega * s
-    return ax * s, ay * s, ax * c, ay * c, ax * w, ay * w
+    if bodies[body, MOTION] == 0.0:
+        return harmonic(ax, ay, omega, bodies[body, 7], t)
+    k, s = interval(bodies, body, t)
+    return cubic(ax, ay, bodies[body, k + 1], bodies[body, k + 2], bodies[body, k + 3], bodies[body, k + 4], s)
+
+
+@compiled
+def next_turn(bodies, body, t):
+    """Time from t to where the body's acceleration may turn: the next crest of a harmonic, the next sample."""
+    omega = bodies[body, 6]
+    if bodies[body, MOTION] == 0.0:
+        turns = (omega * t + bodies[body, 7]) / math.pi - 0.5
+        return (math.floor(turns + SAME) + 1.0 - turns) * math.pi / omega
+    ahead = SAME * bodies[body, MOTION + 1]
+    k, s = interval(bodies, body, t + ahead)
+    return bodies[body, k + 5] - bodies[body, k] - s + ahead
 
 
 @compiled
@@ -92,7 +145,7 @@ def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, 
     both ends.
 
     At most one turning point inside is looked for, so steps must be short enough to be nearly straight. Within ``skin``
-    of zero at ``a`` it falls at once when it goes down, and may rise and fall again when it goes up.
+    of zero at ``a`` it falls at once when it goes down or is about to, and may rise and fall again when it goes up.
     """
     close = 1e-3 * skin
     if fa > skin:
@@ -104,6 +157,8 @@ def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, 
                 return _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, m, fm, close)
         return -1.0
     if ra < 0.0:
+        return a
+    if ra == 0.0 and level(path, a + SOON * (b - a), t0, bodies, body, kind, ox, oy, q0, q1, q2)[0] < fa - 0.1 * close:
         return a
     if fb < 0.0 and fb < fa:
         if rb >= 0.0:

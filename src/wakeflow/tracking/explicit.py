@@ -25,7 +25,8 @@ from .granules import Body, Granules
 from .jit import compiled, entry
 from .locate import anywhere, barycentric, walk
 from .prepare import pack_air, pack_granules, pack_lines, pack_tables, pack_walls
-from .state import CONSTRAINT, FRICTION, GX, GY, MOBILITY, NX, NY, PRESSURE, RADIUS, RESTITUTION
+from .rebound import restitution_of
+from .state import CONSTRAINT, FRICTION, GX, GY, MOBILITY, NX, NY, PRESSURE, RADIUS
 from .step import drag_rate
 from .walls import grasp, inside, overlap
 
@@ -182,8 +183,7 @@ def _bounce(state, t, grain, walls, hold, kind, which):
         return False
     state[0] -= off * nx
     state[1] -= off * ny
-    e, f = walls.bodies[body, 8], walls.bodies[body, 9]
-    e = grain[RESTITUTION] if e < 0.0 else e
+    e, f = restitution_of(state, grain, walls, body, nx, ny, 0.0, 0.0), walls.bodies[body, 9]
     f = grain[FRICTION] if f < 0.0 else f
     state[2], state[3], state[4], _, _ = _collide(
         state[2], state[3], state[4], nx, ny, 0.0, 0.0, e, f, grain[MOBILITY], grain[RADIUS]
@@ -270,7 +270,7 @@ def fly_explicit(
         raise SceneError("the explicit tracker knows steady fields and snapshots: field.snapshots()")
     count = len(grains)
     air = pack_air(field, bodies, 1e-6 * length, tuple(forces))
-    walls = pack_walls(bodies, pack_lines(()))
+    walls = pack_walls(bodies, pack_lines(()), restitution=grains.restitution)
     tables, table_of = pack_tables(drag, grains.sphericity)
     constants = pack_granules(grains, field, forces, gravity)
     states = np.zeros((count, 6))

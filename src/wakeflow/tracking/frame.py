@@ -33,13 +33,18 @@ def swing_of(field: FlowField | None) -> Swing | None:
 def relative(motion: Motion | None, swing: Swing | None) -> list[float]:
     """Amplitude (x, y), angular frequency and phase of a body's motion seen from the mesh; zeros for none.
 
-    Raises SceneError for a body that vibrates otherwise than the mesh: with another frequency or phase.
+    Of samples: the largest displacement, the pace of their fastest change, and the phase as a time (s). Raises
+    SceneError for a body that vibrates otherwise than the mesh: with another frequency or phase, or by samples.
     """
     own = [0.0] * 4
-    if motion is not None and motion.frequency > 0 and np.any(np.asarray(motion.amplitude, dtype=float)):
-        own = [*map(float, motion.amplitude), 2 * math.pi * motion.frequency, float(motion.phase)]
+    if motion is not None and motion.moves:
+        own = [*map(float, motion.amplitude), motion.pace, float(motion.phase)]
+        if motion.record is not None:
+            own[3] *= motion.record.period / (2 * math.pi)
     if swing is None:
         return own
+    if motion is not None and motion.record is not None:
+        raise SceneError("bodies: one moves by samples, the field's mesh vibrates; they must agree, or the body rest")
     if own[2] != 0.0:
         lag = (own[3] - swing.phase + math.pi) % (2 * math.pi) - math.pi
         if abs(own[2] - swing.omega) > SAME * swing.omega or abs(lag) > SAME:

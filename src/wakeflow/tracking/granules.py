@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -11,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
+from ..laws.restitution import Restitution
+from ..laws.vibration import Record, integrated
 from . import state
 
 __all__ = ["Body", "Fate", "Granules", "Motion", "Tracks"]
@@ -79,8 +82,9 @@ class Granules:
 
     ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
     the fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal
-    velocity); ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born. Raises SceneError,
-    naming the count and the first index, for values that are not finite or out of range.
+    velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
+    approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born. Raises
+    SceneError, naming the count and the first index, for values that are not finite or out of range.
     """
 
     position: Array
@@ -104,6 +108,8 @@ class Granules:
         for name in ("position", "velocity"):
             object.__setattr__(self, name, _clean(name, getattr(self, name), shape))
         for name, (allowed, test) in SCALARS.items():
+            if isinstance(getattr(self, name), Restitution):
+                continue
             array = _clean(name, getattr(self, name), shape[:1])
             _refuse(name, array, ~test(array), allowed)
             object.__setattr__(self, name, array)
@@ -120,7 +126,8 @@ class Granules:
 
     def __getitem__(self, chosen: Any) -> Granules:
         """The chosen granules: a slice, indices or a mask."""
-        return Granules(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+        own: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        return self.replace(**{name: v[chosen] for name, v in own.items() if not isinstance(v, Restitution)})
 
     def replace(self, **changes: Any) -> Granules:
         """The same granules with some properties replaced."""
@@ -129,11 +136,48 @@ class Granules:
 
 @dataclass(frozen=True)
 class Motion:
-    """Harmonic translation: displacement(t) = amplitude sin(2 pi frequency t + phase); m, Hz, rad."""
+    """Translation that repeats: displacement(t) = amplitude sin(2 pi frequency t + phase); m, Hz, rad. Or, made by
+    :meth:`sampled`, along ``record``; amplitude is then its largest displacement, frequency 1 / its period.
+    """
 
     amplitude: Sequence[float]
     frequency: float
     phase: float = 0.0
+    record: Record | None = None
+
+    @classmethod
+    def sampled(
+        cls, time: ArrayLike, acceleration: ArrayLike, direction: Sequence[float] = (0.0, 1.0), phase: float = 0.0
+    ) -> Motion:
+        """Motion by one period of measured acceleration (k,) m/s2 at times (k,) s along ``direction`` (2,), any length;
+        ``phase`` rad of the period at t = 0. See :func:`wakeflow.laws.vibration.integrated`, also for what it raises.
+        """
+        size = math.hypot(*direction)
+        if not (math.isfinite(size) and size > 0):
+            raise SceneError(f"motion: direction {direction} must be finite and not zero")
+        record = integrated(time, acceleration)
+        return cls([record.reach * part / size for part in direction], 1.0 / record.period, phase, record)
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is any motion."""
+        return self.frequency > 0 and bool(np.any(np.asarray(self.amplitude, dtype=float)))
+
+    @property
+    def pace(self) -> float:
+        """Angular frequency (rad/s); of samples: that of their fastest change, see ``Record.pace``."""
+        return 2 * np.pi * self.frequency if self.record is None else self.record.pace
+
+    def at(self, time: ArrayLike) -> tuple[Array, Array, Array]:
+        """Displacement (..., 2) m, velocity m/s and acceleration m/s2 at times (...) s."""
+        t, along = np.asarray(time, dtype=float)[..., None], np.asarray(self.amplitude, dtype=float)
+        if self.record is not None:
+            moved = self.record.at(t + self.phase * self.record.period / (2 * np.pi))
+            return (along * (moved[0] / self.record.reach), along * (moved[1] / self.record.reach),
+                    along * (moved[2] / self.record.reach))  # fmt: skip
+        omega = 2 * np.pi * self.frequency
+        s, c = np.sin(omega * t + self.phase), np.cos(omega * t + self.phase)
+        return along * s, along * (omega * c), along * (-(omega**2) * s)
 
     def __post_init__(self) -> None:
         values = np.asarray(self.amplitude, dtype=float)

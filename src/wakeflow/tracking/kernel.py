@@ -251,8 +251,9 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         turn = friction_turn(path, h, state, affine, grain, table, hold)
         s, let_go = lets_go(path, s, state, affine, grain, table, hold)
         event = let_go if let_go != NOTHING else event
-        s, gripped = takes_hold(path, s, state, ints, hold, grain, walls, turn)
-        event = GRIPS if gripped else event
+        if let_go != LIFTED or s > PROGRESS * h:  # what lifts off at once does not grip first
+            s, gripped = takes_hold(path, s, state, ints, hold, grain, walls, turn)
+            event = GRIPS if gripped else event
         s, slid, next_kind, next_which = ends_of_slide(path, ints, hold, grain, walls, rules, s, t0)
         if slid != NOTHING:
             event, kind, which = slid, next_kind, next_which

@@ -14,6 +14,7 @@ from ..errors import SceneError
 from ..field import FlowField, Swing
 from ..laws.drag import drag_laws, drag_table, slip_correction
 from ..laws.forces import forces as forces_known
+from ..laws.restitution import Restitution, restitution_table
 from ..laws.rotation import spin_rate
 from ..laws.turbulence import brownian_diffusivity, lifetime
 from .frame import relative, swing_of
@@ -43,6 +44,7 @@ from .state import (
     RADIUS,
     RESTITUTION,
     REYNOLDS2,
+    SAMPLES,
     SPIN,
     STOKES,
     STREAM,
@@ -73,11 +75,16 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 FORCES = tuple(name for name in forces_known if forces_known[name].computed)
 MOST_TABLES = 4096
+BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach speed
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
-def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing | None = None) -> Walls:
-    """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings."""
+def pack_walls(
+    bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing | None = None, restitution: Any = None
+) -> Walls:
+    """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings;
+    the granules' ``restitution`` where it is a law.
+    """
     edges: list[Any] = []
     vertices: list[Any] = []
     edge_links: list[list[int]] = []
@@ -114,12 +121,27 @@ def pack_walls(bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing 
             edge_links.append([number, at_start[i], at_end[i]])
         low, high = body.outline.min(axis=0), body.outline.max(axis=0)
         own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
-        rows.append([*low, *high, *relative(body.motion, swing), *own])
+        rows.append([*low, *high, *relative(body.motion, swing), *own, *_samples(body)])
         members.append([first_edge, len(edges), first_vertex, len(vertices), not body.open, body.capture])
+    width = max((len(row) for row in rows), default=SAMPLES)
+    rows = [row + [0.0] * (width - len(row)) for row in rows]
+    frame = [0.0] * 4 + relative(None, swing)
     return Walls(
-        _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3),
-        _floats(rows, 10), _ints(members, 6), *lines, _floats([[0.0] * 4 + relative(None, swing) + [0.0] * 2], 10),
+        _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3), _floats(rows, width),
+        _ints(members, 6), *lines, _floats([frame + [0.0] * (SAMPLES - len(frame))], SAMPLES),
+        restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
     )  # fmt: skip
+
+
+def _samples(body: Body) -> list[float]:
+    """Number of a body's samples, their period, and of each time, displacement, velocity, acceleration, its slope."""
+    record = None if body.motion is None or not body.motion.moves else body.motion.record
+    if record is None:
+        return [0.0, 0.0]
+    slope = np.append(np.diff(record.acceleration) / np.diff(record.time), 0.0)
+    parts = np.stack([record.displacement, record.velocity, record.acceleration, slope], axis=1) / record.reach
+    table = np.concatenate([record.time[:, None], parts], axis=1)
+    return [float(len(table)), record.period, *table.ravel().tolist()]
 
 
 def _floats(rows: Sequence[object], width: int) -> Array:
@@ -285,7 +307,8 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     if g.shape != (2,) or not np.all(np.isfinite(g)):
         raise SceneError(f"gravity = {gravity}, expected two finite numbers in m/s2")
     rows[:, RADIUS] = grains.diameter / 2
-    rows[:, RESTITUTION], rows[:, FRICTION] = grains.restitution, grains.friction
+    rows[:, RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
+    rows[:, FRICTION] = grains.friction
     rows[:, MOBILITY] = 1.0 / grains.inertia
     pull = np.tile(g if "gravity" in forces else np.zeros(2), (len(grains), 1))
     if field is None:

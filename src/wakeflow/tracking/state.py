@@ -39,11 +39,16 @@ class Walls(NamedTuple):
     edge_links: Index  # (E, 3) body, vertex at its start, vertex at its end (-1: none)
     vertices: Array  # (V, 2) convex corners and free ends
     vertex_links: Index  # (V, 3) body, edge that ends there, edge that starts there (-1: none)
-    bodies: Array  # (B, 10) box at rest, amplitude, angular frequency, phase, restitution, friction (-1: the granule's)
+    # (B, SAMPLES + 5 K) box at rest, largest displacement (x, y), angular frequency (0: at rest), phase, restitution,
+    # friction (-1: the granule's), number of samples (0: harmonic), their period; then of each sample time,
+    # displacement, velocity, acceleration and its slope, over the largest displacement. With samples the frequency is
+    # that of their fastest change, the phase a time (s)
+    bodies: Array
     members: Index  # (B, 6) first and last + 1 edge, first and last + 1 vertex, closed, captures
     lines: Array  # (K, 4)
     line_ids: Index  # (K,)
-    frame: Array  # (1, 10) as one of the bodies: how the lines move in the mesh's frame
+    frame: Array  # (1, SAMPLES) as one of the bodies: how the lines move in the mesh's frame
+    restitution: Array  # (C, 6) cells of the granules' restitution law, see ``restitution_table``; (0, 6): numbers
 
 
 class Rules(NamedTuple):
@@ -118,14 +123,16 @@ FLOATS = 18
     EVALUATIONS,
     DRAWS,
     STREAM,
-) = range(24)
-INTS = 24
+    PAIR,  # kind of the other wall of a wedged granule, FREE: not wedged; in flight that of the wall last struck
+    PAIRED,  # which one
+) = range(26)
+INTS = 26
 # Constants of a granule. Accelerations are over 1 + chi with added mass; those of terms that are off are zero.
 (
     STOKES,  # 1/s, drag rate of Stokes' law
     REYNOLDS2,  # (Re per m/s)^2
     RADIUS,
-    RESTITUTION,
+    RESTITUTION,  # -1: by the law in the walls
     FRICTION,
     MOBILITY,  # m r^2 / I
     PRESSURE,  # acceleration per pressure gradient
@@ -147,9 +154,15 @@ CONSTANTS = 18
 CUBIC, SWING = 52, 53
 AFFINE = 57
 # Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body,
-# part of the tangential force that friction takes up while rolling (0: sliding)
-KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP, ROLL = range(13)
-CONSTRAINT = 13
+# part of the tangential force that friction takes up while rolling (0: sliding); of a body with samples (SAMPLED 1) the
+# cubic at hand: when it began and ends, its displacement, velocity, acceleration and slope at the beginning; normal of
+# the second wall of a wedged granule
+(
+    KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP, ROLL, SAMPLED, W_BEGIN, W_END, W_OUT, W_SPEED, W_PULL, W_JERK,
+    N2X, N2Y,
+) = range(22)  # fmt: skip
+CONSTRAINT = 22
+MOTION, SAMPLES = 10, 12  # columns of a body: where its samples' number and period stand, and the first sample
 # numpy scalars: numba would compile every helper anew for each literal int it is called with
 FREE: Any = np.int64(0)
 ON_EDGE: Any = np.int64(1)

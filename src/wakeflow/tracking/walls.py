@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from .events import PLANE, ROUND, displacement, first_below
+from .events import PLANE, ROUND, SAME, cubic, displacement, first_below, harmonic, interval
 from .exponential import along
 from .jit import compiled, inlined
 from .state import (
@@ -18,6 +18,7 @@ from .state import (
     FEATURE,
     FREE,
     KIND,
+    MOTION,
     MU,
     NOBODY,
     NX,
@@ -27,17 +28,24 @@ from .state import (
     OX,
     OY,
     ROLL,
+    SAMPLED,
     SIGN,
+    W_BEGIN,
+    W_END,
+    W_JERK,
+    W_OUT,
+    W_PULL,
+    W_SPEED,
     WP,
     WW,
     WX,
     WY,
 )  # fmt: skip
 
-__all__ = ["constrain", "crossing", "first_contact", "grasp", "inside", "overlap"]
+__all__ = ["carry", "constrain", "crossing", "facing", "first_contact", "grasp", "inside", "overlap", "ride"]
 
 STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does not meet it again
-TURN = 0.4  # rad of a body's vibration looked at in one piece
+TURN = 0.4  # rad of a body's vibration looked at in one piece; of samples: change of the acceleration over its peak
 
 
 @compiled
@@ -263,21 +271,61 @@ def grasp(hold, walls, kind, which, r, x, y, t):
     """
     hold[KIND], hold[ARM] = kind, r
     if kind == ON_EDGE:
-        body = walls.edge_links[which, 0]
         hold[OX], hold[OY] = walls.edges[which, 0], walls.edges[which, 1]
     else:
-        body = walls.vertex_links[which, 0]
         hold[OX], hold[OY] = walls.vertices[which, 0], walls.vertices[which, 1]
+    body, nx, ny, height = facing(walls, kind, which, x, y, t)
     for i in range(4):
         hold[WX + i] = walls.bodies[body, 4 + i]
-    dx, dy, _, _, _, _ = displacement(walls.bodies, body, t)
-    qx, qy = x - dx - hold[OX], y - dy - hold[OY]
+    hold[SAMPLED] = 1.0 if walls.bodies[body, MOTION] != 0.0 else 0.0
+    ride(hold, walls, body, t)
+    hold[NX], hold[NY] = nx, ny
+    return body, height - r
+
+
+@compiled
+def facing(walls, kind, which, x, y, t):
+    """The body of a feature, the unit normal from it towards (x, y), and how far that point is from it."""
     if kind == ON_EDGE:
-        hold[NX], hold[NY] = walls.edges[which, 4], walls.edges[which, 5]
-        return body, hold[NX] * qx + hold[NY] * qy - r
+        body = walls.edge_links[which, 0]
+        ox, oy = walls.edges[which, 0], walls.edges[which, 1]
+    else:
+        body = walls.vertex_links[which, 0]
+        ox, oy = walls.vertices[which, 0], walls.vertices[which, 1]
+    dx, dy, _, _, _, _ = displacement(walls.bodies, body, t)
+    qx, qy = x - dx - ox, y - dy - oy
+    if kind == ON_EDGE:
+        nx, ny = walls.edges[which, 4], walls.edges[which, 5]
+        return body, nx, ny, nx * qx + ny * qy
     d = math.sqrt(qx * qx + qy * qy)
-    hold[NX], hold[NY] = (qx / d, qy / d) if d > 0.0 else (0.0, 1.0)
-    return body, d - r
+    nx, ny = (qx / d, qy / d) if d > 0.0 else (0.0, 1.0)
+    return body, nx, ny, d
+
+
+@compiled
+def ride(hold, walls, body, t):
+    """Take up the cubic that a body with samples follows from time t on."""
+    if hold[SAMPLED] == 0.0:
+        return
+    bodies = walls.bodies
+    ahead = SAME * bodies[body, MOTION + 1]
+    k, s = interval(bodies, body, t + ahead)
+    hold[W_BEGIN] = t + ahead - s
+    hold[W_END] = hold[W_BEGIN] + bodies[body, k + 5] - bodies[body, k]
+    hold[W_OUT], hold[W_SPEED], hold[W_PULL], hold[W_JERK] = (
+        bodies[body, k + 1], bodies[body, k + 2], bodies[body, k + 3], bodies[body, k + 4]
+    )  # fmt: skip
+
+
+@compiled
+def carry(hold, t):
+    """Displacement, velocity and acceleration of the wall in hold."""
+    if hold[WW] == 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if hold[SAMPLED] == 0.0:
+        return harmonic(hold[WX], hold[WY], hold[WW], hold[WP], t)
+    s = t - hold[W_BEGIN]
+    return cubic(hold[WX], hold[WY], hold[W_OUT], hold[W_SPEED], hold[W_PULL], hold[W_JERK], s)
 
 
 @compiled
@@ -287,15 +335,7 @@ def constrain(hold, fx, fy, x, y, vx, vy, t):
     Returns (ax, ay, pressing acceleration, free tangential acceleration, sliding speed), relative to the moving wall;
     friction mu times the pressing acceleration opposes sliding; while it rolls, friction is what turns it.
     """
-    omega = hold[WW]
-    px = py = wx = wy = 0.0
-    sx = sy = 0.0
-    if omega != 0.0:
-        angle = omega * t + hold[WP]
-        s, c = math.sin(angle), math.cos(angle)
-        sx, sy = hold[WX] * s, hold[WY] * s
-        wx, wy = omega * hold[WX] * c, omega * hold[WY] * c
-        px, py = -omega * omega * sx, -omega * omega * sy
+    sx, sy, wx, wy, px, py = carry(hold, t)
     nx, ny = hold[NX], hold[NY]
     bend = 0.0
     tx, ty = -ny, nx

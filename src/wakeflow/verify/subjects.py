@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..field import FlowField
 from ..injection import feedstock
+from ..meeting import motion_of
 from ..pipeline import Chain, Listener
 from ..planning import Plan, make_plan
 from ..resources import scene_templates
@@ -71,8 +72,8 @@ def subject(
     plan = make_plan(changed)
     feed = feedstock(changed, plan, fraction, None)
     grains = feed.granules
-    amplitude, omega = changed.motion
-    moved = np.where(feed.injected, np.sin(omega * grains.time), 0.0)[:, None] * amplitude
+    motion = motion_of(changed)
+    moved = np.where(feed.injected[:, None], motion.at(grains.time)[0], 0.0) if motion is not None else 0.0
     grains = grains.replace(
         position=grains.position - moved,  # from the body at rest, with the velocity that the moving one gave
         density=grains.density / grains.drag_scale,

@@ -1,0 +1,50 @@
+"""The chain's answer for a scene, in memory: for searches that try many scenes before any airflow is worth its time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from .flight import Flight, landed
+from .injection import feedstock
+from .planning import Plan, make_plan
+from .scene import Scene
+from .separation import Landings, separate
+
+__all__ = ["Chained", "chain"]
+
+
+@dataclass(frozen=True)
+class Chained:
+    """Where a scene's granules land without its air: the ``plan`` that says what that leaves out, ``landings`` by
+    fraction and the ``separation`` table of result.json.
+    """
+
+    plan: Plan
+    landings: dict[str, Landings]
+    separation: dict[str, Any]
+
+    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
+        """Share of a fraction in a bin, by mass, with its 95 % interval of sampling: (value, low, high)."""
+        row = self.separation["fractions"][fraction][place]
+        return row["share"], row["low"], row["high"]
+
+
+def chain(scene: Scene, *, count: int | None = None) -> Chained:
+    """Fly the granules of ``scene`` from impact to impact without air, ``count`` of each fraction instead of its own.
+
+    The answer of ``wakeflow run --rung none`` without its files: eq. (2) from body to body. Granules, vibration and
+    bins are those of every other rung. Raises SceneError as :func:`wakeflow.plan` does.
+    """
+    if count is not None:
+        scene = scene.replace({"feed.count": count})
+    plan = make_plan(scene, rung="none")
+    flown = scene.flown("none")
+    flight = Flight(flown, plan, None, scene.numerics.tolerance)
+    landings = {}
+    for name in flown.fraction:
+        feed = feedstock(flown, plan, name, None)
+        parts = landed(feed, flight.fly(name, feed.granules), len(flown.bin))
+        parts.pop("injected")
+        landings[name] = Landings(**parts)
+    return Chained(plan, landings, separate(flown, landings))

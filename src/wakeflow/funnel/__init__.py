@@ -1,0 +1,81 @@
+"""The feed funnel: beads in a vibrated cone, computed one by one with LIGGGHTS, and the rate at which they leave it.
+
+Optional: nothing here runs, and LIGGGHTS need not be there, unless a scene has a [funnel] table.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..files import content_key, digest_files
+from ..tables import Funnel
+
+__all__ = ["compute", "estimated_seconds", "notices", "summary"]
+
+HERE = Path(__file__).parent
+CODE = [
+    *(HERE / f"{name}.liggghts" for name in ("beads", "settle", "discharge")),
+    *(HERE / f"{name}.py" for name in ("cone", "engine", "flow", "pour", "rate")),
+    *(HERE.parent / "laws" / f"{name}.py" for name in ("discharge", "hertz")),
+]
+SPEED = 4e6  # beads times steps a second of one core
+DEEP = 0.05  # diameters: softened beads should overlap less
+Make = Callable[[str, str, Callable[[Path], None]], Path]
+
+
+def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str, Any]:
+    """Pour and discharge: the ``funnel`` table of result.json.
+
+    ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by ``work(folder)``. The bed is a
+    stage of its own, since every vibration begins with the same. Raises ProgramError when LIGGGHTS is missing or fails.
+    """
+    from .engine import version
+    from .flow import discharge
+    from .pour import pour
+
+    asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
+    asked |= {"density": funnel.bead_density, "restitution": funnel.bead_restitution, "friction": funnel.bead_friction}
+    asked |= {"count": funnel.beads, "mass": None, "material": None}
+    if not funnel.amplitude:
+        asked["frequency"] = None
+    code = (digest_files(CODE), version())
+    still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
+    bed_key = content_key("bed", still, code)
+    bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))
+    done = make("funnel", content_key("funnel", bed_key, asked, code), lambda part: discharge(funnel, bed, part, tell))
+    table: dict[str, Any] = json.loads((done / "funnel.json").read_text())
+    return table
+
+
+def estimated_seconds(funnel: Funnel) -> float:
+    """Core-seconds of pouring and discharge, by Beverloo's law; good to a factor 3."""
+    from .pour import steps_of
+
+    time = 0.3 + (0.6 * funnel.total_mass / funnel.expected_rate if funnel.expected_rate else 1.0)
+    return funnel.beads * time / steps_of(funnel).dt / SPEED
+
+
+def summary(funnel: Funnel) -> str:
+    """The plan's line."""
+    how = "at rest" if not funnel.amplitude else f"at {funnel.frequency:g} Hz, Gamma {funnel.gamma:g}"
+    return (
+        f"feed funnel: {funnel.beads} beads through {1e3 * funnel.orifice:.3g} mm {how} with LIGGGHTS, about "
+        f"{estimated_seconds(funnel):.0f} s; Beverloo's law for one at rest says {1e3 * funnel.expected_rate:.3g} g/s"
+    )
+
+
+def notices(table: dict[str, Any]) -> list[str]:
+    """What a user must know of a finished discharge, the ``funnel`` table of result.json."""
+    lines = []
+    if table["verdict"] != "emptied":
+        lines.append(f"funnel: the flow stopped with {table['left']} of {table['beads']} beads still inside")
+    if table["rate"] is not None and table["rate"]["low"] is None:
+        lines.append("funnel: emptied within a few periods of its vibration: the rate has no interval; use more mass")
+    if table["overlap"] > DEEP:
+        lines.append(
+            f"funnel: beads overlap by up to {table['overlap']:.1%} of their diameter; raise funnel.youngs_modulus"
+        )
+    return lines

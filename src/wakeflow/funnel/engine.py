@@ -1,0 +1,95 @@
+"""LIGGGHTS, the granular engine: which one is installed, its files, one run of it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ProgramError
+from ..files import atomic_write
+from ..process import capture, run, tail
+
+__all__ = ["INSTALL", "PROGRAM", "read_dump", "run_script", "version", "write_beads", "write_settings"]
+
+Array = NDArray[np.float64]
+PROGRAM = "liggghts"
+INSTALL = "apt-get install --no-install-recommends liggghts    # or: sh cases/setup.sh funnel"
+SCRIPTS = Path(__file__).parent
+
+
+@cache
+def version() -> str:
+    """Version of the installed LIGGGHTS, "3.8.0". Raises ProgramError when there is none."""
+    where = shutil.which(PROGRAM)
+    if where is None:
+        raise ProgramError(f"a [funnel] needs LIGGGHTS: {INSTALL}", command=PROGRAM, ended="missing")
+    _, text = capture([where, "-help"])  # ends with code 1 after its help
+    found = re.search(r"Version LIGGGHTS-PUBLIC ([\d.]+)", text)
+    if found is None:
+        raise ProgramError(f"{PROGRAM} does not start; {INSTALL}", command=f"{PROGRAM} -help", tail=text[-500:])
+    return found[1]
+
+
+def write_settings(folder: Path, values: Mapping[str, float | int | str]) -> None:
+    """Write the variables of a script, ``settings.liggghts``."""
+    with atomic_write(folder / "settings.liggghts") as stream:
+        for name, value in values.items():
+            text = f"{value:.12g}" if isinstance(value, float) else value
+            stream.write(f"variable {name} string {text}\n")
+
+
+def write_beads(folder: Path, centres: Array, diameters: Array, velocities: Array, density: float, box: Array) -> None:
+    """Write ``beads.data``: centres (n, 3) m, diameters (n,) m, velocities (n, 3) m/s, in a ``box`` (3, 2) m."""
+    with atomic_write(folder / "beads.data") as stream:
+        stream.write(f"beads at rest or poured\n\n{len(centres)} atoms\n2 atom types\n\n")
+        for axis, (low, high) in zip("xyz", box, strict=True):
+            stream.write(f"{low:.9g} {high:.9g} {axis}lo {axis}hi\n")
+        stream.write("\nAtoms\n\n")
+        for i, (diameter, (x, y, z)) in enumerate(zip(diameters, centres, strict=True), 1):
+            stream.write(f"{i} 1 {diameter:.12g} {density:.12g} {x:.12g} {y:.12g} {z:.12g}\n")
+        stream.write("\nVelocities\n\n")
+        for i, (u, v, w) in enumerate(velocities, 1):
+            stream.write(f"{i} {u:.9g} {v:.9g} {w:.9g} 0 0 0\n")
+
+
+def run_script(folder: Path, name: str, on_line: Callable[[str], None] | None = None) -> None:
+    """Run the script ``name`` in ``folder``, beside its settings, beads and walls; log.NAME and NAME.log there hold
+    what it says.
+
+    The scripts are copied, so that the folder can be run again by hand. Raises ProgramError, with LIGGGHTS' own words.
+    """
+    for script in (name, "beads"):
+        shutil.copyfile(SCRIPTS / f"{script}.liggghts", folder / f"{script}.liggghts")
+    log, own = folder / f"log.{name}", folder / f"{name}.log"
+    command = [PROGRAM, "-in", f"{name}.liggghts", "-log", own.name, "-echo", "none"]
+    try:
+        run(command, cwd=folder, log=log, on_line=on_line, hint=INSTALL)
+    except ProgramError as problem:
+        # its own log: what it prints is lost where MPI aborts it
+        said = re.findall(r"ERROR.*", tail(own, 40))
+        if problem.ended == "failed" and said:
+            raise ProgramError(
+                f"{PROGRAM}: {said[-1]}; log: {own}", command=" ".join(command), log=own, tail=tail(own), ended="failed"
+            ) from None
+        raise
+
+
+def read_dump(path: Path) -> list[tuple[int, Array]]:
+    """Snapshots: step and rows (n, 5) of id, radius, x, y, z (m), sorted by id; an unfinished last one is left out."""
+    lines = path.read_text().splitlines()
+    found, at = [], 0
+    while at + 9 <= len(lines):
+        step, count = int(lines[at + 1]), int(lines[at + 3])
+        rows = lines[at + 9 : at + 9 + count]
+        if len(rows) < count:
+            break
+        table = np.array([row.split() for row in rows], dtype=float).reshape(count, 5)
+        found.append((step, table[np.argsort(table[:, 0])]))
+        at += 9 + count
+    return found

@@ -1,0 +1,81 @@
+"""Recorded tracks at any time, and what pictures need to know of them: contact with a body, a fall of some depth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import distance_to
+
+if TYPE_CHECKING:
+    from ...scene import Scene
+
+__all__ = ["Path2D", "displacement"]
+
+Array = NDArray[np.float64]
+TOUCH = 1e-3  # of its radius: a recorded point nearer than that to a body is a contact
+
+
+def displacement(scene: Scene, time: Array) -> Array:
+    """Where the bodies are off the middle of their vibration, (n, 2) m at times (n,) s."""
+    amplitude, omega = scene.motion
+    return np.sin(omega * np.asarray(time))[:, None] * amplitude
+
+
+@dataclass(frozen=True)
+class Path2D:
+    """One recorded track: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, the granule's diameter (m).
+
+    Between two points the acceleration is taken as constant, from the velocity after the first to the position of the
+    second: exact in free flight without air, and right up to an impact, which is a point.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    diameter: float
+
+    @classmethod
+    def of(cls, track: Mapping[str, Any]) -> Path2D:
+        return cls(track["time"], track["position"], track["velocity"], float(track["diameter"]))
+
+    def at(self, time: Array) -> tuple[Array, Array]:
+        """Positions (k, 2) m and velocities (k, 2) m/s at ``time`` (k,) s; before and after the track, its ends."""
+        moments = np.clip(time, self.time[0], self.time[-1])
+        if len(self.time) < 2:
+            return np.tile(self.position[0], (len(moments), 1)), np.tile(self.velocity[0], (len(moments), 1))
+        i = np.clip(np.searchsorted(self.time, moments, side="right") - 1, 0, len(self.time) - 2)
+        span, s = (self.time[i + 1] - self.time[i])[:, None], (moments - self.time[i])[:, None]
+        start = self.velocity[i]
+        mean = np.divide(self.position[i + 1] - self.position[i], span, out=start.copy(), where=span > 0)
+        part = np.divide(s, span, out=np.zeros_like(s), where=span > 0)
+        return self.position[i] + s * (start + part * (mean - start)), start + 2.0 * part * (mean - start)
+
+    def touches(self, scene: Scene) -> NDArray[np.bool_]:
+        """Which recorded points (m,) touch a body."""
+        shift = displacement(scene, self.time)
+        near = np.full(len(self.time), np.inf)
+        for body in scene.body.values():
+            near = np.minimum(near, distance_to(self.position - shift, body.outline()))
+        return near <= (1.0 + TOUCH) * self.diameter / 2
+
+    def separation(self, scene: Scene) -> int | None:
+        """The recorded point at which it last touches a body; None where it never does."""
+        touching = np.flatnonzero(self.touches(scene))
+        return int(touching[-1]) if len(touching) else None
+
+    def falls_to(self, level: float, first: int) -> float | None:
+        """Time (s) at which it first comes down to y = ``level`` (m) after recorded point ``first``; None: never."""
+        below = np.flatnonzero(self.position[first:, 1] <= level)
+        if not len(below) or below[0] == 0:
+            return None
+        low, high = self.time[first + below[0] - 1], self.time[first + below[0]]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            above = self.at(np.array([middle]))[0][0, 1] > level
+            low, high = (middle, high) if above else (low, middle)
+        return float(high)

@@ -1,0 +1,69 @@
+"""What every kind of picture is handed and hands back."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...files import atomic_write
+from ...registry import Registry
+from .paths import Path2D
+
+if TYPE_CHECKING:
+    from ...scene import Scene
+    from ...tables import Picture
+    from .. import Outcome
+
+__all__ = ["Drawn", "View", "pictures"]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What a picture left: its files, the PNG first; a sentence with its numbers; the numbers for result.json."""
+
+    files: list[Path]
+    text: str = ""
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class View:
+    """One picture of a run: its name, the folder it goes to, its table, and the run."""
+
+    name: str
+    folder: Path
+    picture: Picture
+    outcome: Outcome
+
+    @property
+    def scene(self) -> Scene:
+        return self.outcome.scene
+
+    @cached_property
+    def paths(self) -> dict[str, list[Path2D]]:
+        """The recorded tracks that this picture draws, by fraction."""
+        shown = self.outcome.shown[self.name]
+        return {name: [Path2D.of(track) for track in part] for name, part in shown.items()}
+
+    def file(self, suffix: str) -> Path:
+        return self.folder / f"{self.name}{suffix}"
+
+    def write_csv(self, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
+        """The data of the picture; ``columns`` carry their units."""
+        with atomic_write(self.file(".csv")) as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows([_cell(value) for value in row] for row in rows)
+        return self.file(".csv")
+
+
+def _cell(value: Any) -> Any:
+    """Nine digits; what is below 1e-12 of a unit is round-off."""
+    return f"{round(value, 12):.9g}" if isinstance(value, float) else value
+
+
+pictures = Registry[Callable[[View], Drawn]]("kind of picture")

@@ -1,0 +1,107 @@
+"""[picture.NAME]: pictures that a scene asks for beside the usual ones, and the data behind them.
+
+Every kind is a table of its own here and a drawing function of the same name in ``report.pictures``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from ..errors import SceneError
+from ..quantities import Duration, Length, Speed
+from .common import Table
+
+__all__ = ["DRAWN", "Animation", "AnyPicture", "Curves", "Density", "Picture", "Streamlines", "picture_tables"]
+
+DRAWN = 48  # tracks of each fraction that are drawn one by one
+Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]
+
+
+class Picture(Table):
+    """What all kinds share."""
+
+    kind: str
+    caption: str | None = Field(None, description="written under the picture in the report")
+    fractions: list[str] | None = Field(None, description="those that are drawn; default: all")
+
+    @property
+    def flown(self) -> tuple[int, float | None] | None:
+        """How many granules of each fraction are flown for it, in full detail where they are few, and the upward speed
+        (m/s) of the body that one more of them meets; None: it draws no tracks.
+        """
+        return None
+
+    def chosen(self, names: list[str]) -> list[str]:
+        """Which of the fractions are drawn."""
+        return names if self.fractions is None else self.fractions
+
+
+class Curves(Picture):
+    """kind = "curves": one quantity of each granule over another."""
+
+    kind: Literal["curves"]
+    granules: Annotated[int, Field(ge=1, le=4096)] = Field(DRAWN, description="of each fraction")
+    x: Quantity = Field("time", description="of the horizontal axis")
+    y: Quantity = Field("x", description="of the vertical axis")
+    origin: Literal["separation", "scene"] = Field(
+        "separation", description="separation: time and place are counted from the last contact with a body"
+    )
+    drop: Length | None = Field(None, description="curves end this far below the separation; compared there")
+    body_speed: Speed | None = Field(
+        None, description="upward speed of the body: beside all phases, one granule of the feed that met nearly this"
+    )
+
+    @model_validator(mode="after")
+    def _drop_needs_an_origin(self) -> Curves:
+        if self.drop is not None and self.origin != "separation":
+            raise SceneError("drop is counted from the separation: leave origin out")
+        if self.x == self.y:
+            raise SceneError(f"x and y are both {self.x}")
+        return self
+
+    @property
+    def flown(self) -> tuple[int, float | None]:
+        return self.granules, self.body_speed
+
+
+class Animation(Picture):
+    """kind = "animation": granules on the moving body in time, as a GIF and as a strip of stills."""
+
+    kind: Literal["animation"]
+    granules: Annotated[int, Field(ge=1, le=DRAWN)] = Field(1, description="of each fraction")
+    duration: Duration | None = Field(None, description="of the motion shown; default: until all have landed")
+    frames: Annotated[int, Field(ge=2, le=240)] = Field(80, description="of the GIF")
+    stills: Annotated[int, Field(ge=1, le=12)] = Field(6, description="of the strip, evenly in time; 1: the start")
+
+    @property
+    def flown(self) -> tuple[int, float | None]:
+        return DRAWN, None
+
+
+class Streamlines(Picture):
+    """kind = "streamlines": pressure and streamlines of the mean air, with the zones marked and numbered."""
+
+    kind: Literal["streamlines"]
+
+
+class Density(Picture):
+    """kind = "density": where the mass of each fraction flows, over the suction zone's outline."""
+
+    kind: Literal["density"]
+    granules: Annotated[int, Field(ge=1, le=4096)] = Field(512, description="tracks that are added up")
+    cell: Length | None = Field(None, description="edge of a cell of the map; default: an eighth of the body's width")
+
+    @property
+    def flown(self) -> tuple[int, float | None]:
+        return self.granules, None
+
+
+AnyPicture = Annotated[Curves | Animation | Streamlines | Density, Field(discriminator="kind")]
+
+
+def picture_tables() -> dict[str, type[Picture]]:
+    """The kinds of pictures by name."""
+    kinds = get_args(get_args(AnyPicture)[0])
+    return {get_args(kind.model_fields["kind"].annotation)[0]: kind for kind in kinds}

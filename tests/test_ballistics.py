@@ -1,0 +1,262 @@
+"""The chain: exact answers of one body, the tracker's answers for many, nothing entered, no energy made."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from wakeflow.ballistics import follow
+from wakeflow.ballistics.roots import falls_below, rises_above
+from wakeflow.errors import SceneError
+from wakeflow.geometry import contains, distance_to
+from wakeflow.laws.restitution import Restitution
+from wakeflow.laws.shape import shapes
+from wakeflow.tracking import Body, Fate, Granules, Motion
+
+G = 9.81
+D = 0.05  # m, width of the first body
+FLOOR = Body(np.array([(-2.0, -1.0), (2.0, -1.0), (2.0, 0.0), (-2.0, 0.0)]))
+
+
+def one(x: float, y: float, vx: float = 0.0, vy: float = 0.0, **properties: object) -> Granules:
+    """One granule of 2 mm."""
+    given = {"diameter": 2e-3, "density": 1000.0, "restitution": 0.0, "friction": 0.0, **properties}
+    return Granules(position=np.array([(x, y)]), velocity=np.array([(vx, vy)]), **given)
+
+
+def slope(angle: float, length: float = 1.0) -> Body:
+    """A slope that descends towards +x from the origin."""
+    end = length * np.array([math.cos(angle), -math.sin(angle)])
+    return Body(np.array([(0.0, 0.0), (0.0, end[1] - 1.0), (end[0], end[1] - 1.0), tuple(end)]))
+
+
+def on_slope(angle: float, along: float, speed: float, **properties: object) -> Granules:
+    """A granule that touches the slope ``along`` (m) from its upper end and moves down it at ``speed``."""
+    t, n = np.array([math.cos(angle), -math.sin(angle)]), np.array([math.sin(angle), math.cos(angle)])
+    (x, y), (vx, vy) = along * t + 1e-3 * n, speed * t
+    return one(x, y, vx, vy, **properties)
+
+
+def test_a_parabola_passes_a_level_downward_at_its_root() -> None:
+    rng = np.random.default_rng(5)
+    g0, g1, g2 = rng.normal(size=(3, 4000)) * 10.0 ** rng.uniform(-6, 1, (3, 4000))
+    down, up = falls_below(g0, g1, g2), rises_above(g0, g1, g2)
+    for time, sign in ((down, -1.0), (up, 1.0)):
+        soon = np.isfinite(time) & (time > 0)
+        value, rate = g0 + time * (g1 + 0.5 * time * g2), g1 + time * g2
+        size = np.abs(g0) + np.abs(time * g1) + np.abs(time**2 * g2)
+        assert np.all(np.abs(value[soon]) <= 1e-14 * size[soon])
+        assert np.all(sign * rate[soon] >= 0.0)
+    late = 0.5 * np.minimum(np.where(down > 0, down, np.inf), np.where(up > 0, up, np.inf))
+    late = np.where(np.isfinite(late), late, 1e3)
+    assert np.all(np.sign(g0 + late * (g1 + 0.5 * late * g2)) == np.sign(g0))  # no crossing before the first
+
+
+def test_a_ball_on_a_floor_comes_to_rest_in_its_time() -> None:
+    e, h = 0.9, 0.5
+    end = follow(one(0.0, h + 1e-3, restitution=e), until=100.0, tolerance=1e-12, length=1.0, bodies=[FLOOR])
+    assert end.fate[0] == Fate.RESTING
+    assert end.time[0] == pytest.approx(math.sqrt(2 * h / G) * (1 + e) / (1 - e), rel=1e-5)
+    assert end.position[0, 1] == pytest.approx(1e-3, abs=1e-15)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_sliding_down_a_slope_is_constant_acceleration(friction: float) -> None:
+    angle, length = math.radians(40), 1.0
+    a = G * (math.sin(angle) - friction * math.cos(angle))
+    line = np.array([(0.5, -5.0), (5.0, -5.0)])
+    end = follow(on_slope(angle, 0.2, 0.0, friction=friction), until=9.0, bodies=[slope(angle)], lines=[line])
+    speed = math.sqrt(2 * a * (length - 0.2))
+    vx, vy = speed * math.cos(angle), speed * math.sin(angle)
+    drop = 5.0 - length * math.sin(angle) + 1e-3 * math.cos(angle)
+    fall = (math.sqrt(vy**2 + 2 * G * drop) - vy) / G
+    assert end.fate[0] == Fate.BINNED
+    assert end.time[0] == pytest.approx(speed / a + fall, rel=1e-9)
+    x = length * math.cos(angle) + 1e-3 * math.sin(angle) + vx * fall
+    assert end.position[0] == pytest.approx([x, -5.0], abs=1e-9)
+
+
+def test_friction_stops_and_holds_what_slides_uphill() -> None:
+    angle, friction = math.radians(20), 0.5
+    end = follow(on_slope(angle, 0.8, -1.0, friction=friction), until=9.0, bodies=[slope(angle)])
+    way = 1.0 / (2 * G * (math.sin(angle) + friction * math.cos(angle)))
+    assert end.fate[0] == Fate.RESTING
+    along = end.position[0] @ [math.cos(angle), -math.sin(angle)]
+    assert along == pytest.approx(0.8 - way, abs=1e-12)
+
+
+@pytest.mark.parametrize(("inertia", "share"), [(0.4, 5 / 7), (0.5, 2 / 3)])
+def test_a_ball_grips_and_rolls(inertia: float, share: float) -> None:
+    angle = math.radians(30)
+    end = follow(on_slope(angle, 0.1, 0.0, friction=1.0, inertia=inertia), until=0.2, bodies=[slope(angle)])
+    speed = share * G * math.sin(angle) * 0.2
+    assert np.linalg.norm(end.velocity[0]) == pytest.approx(speed, rel=1e-9)
+    assert end.spin[0] == pytest.approx(-speed / 1e-3, rel=1e-9)
+    # thrown on a floor without spin it slips until the contact point has stopped: 5/7 of its speed is left
+    end = follow(one(0.0, 1e-3, 1.0, friction=0.3, inertia=inertia), until=1.0, bodies=[FLOOR])
+    assert end.velocity[0] == pytest.approx([share, 0.0], abs=1e-9)
+
+
+def test_round_a_corner_it_leaves_where_the_pressure_ends() -> None:
+    """Without friction a granule slides off a round top at cos(angle) = 2/3, having started there at rest."""
+    spike = Body(shapes["rhombus"](width=0.02, slope_angle=math.radians(80)))
+    top, r = spike.outline[:, 1].max(), 5e-3
+    start = 1e-3
+    grain = one(r * math.sin(start), top + r * math.cos(start), diameter=2 * r)
+    end = follow(grain, until=9.0, tolerance=1e-9, bodies=[spike], lines=[np.array([(0.0, 0.0), (9.0, 0.0)])])
+    cosine = 2 / 3 * math.cos(start)
+    speed = math.sqrt(r * G * cosine)
+    vx, vy = speed * cosine, speed * math.sqrt(1 - cosine**2)
+    fall = (math.sqrt(vy**2 + 2 * G * (top + r * cosine)) - vy) / G
+    assert end.position[0, 0] == pytest.approx(r * math.sqrt(1 - cosine**2) + vx * fall, rel=1e-6)
+
+
+def test_granules_born_inside_or_touching() -> None:
+    box = Body(np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]))
+    assert follow(one(0.0, 0.5), until=1.0, bodies=[box]).fate[0] == Fate.STOPPED
+    assert follow(one(0.0, 1.0005, 0.0, -1.0), until=1.0, bodies=[box]).fate[0] == Fate.RESTING
+    caught = follow(one(0.0, 2.0), until=9.0, bodies=[Body(box.outline, capture=True)])
+    assert caught.fate[0] == Fate.CAPTURED
+    assert caught.position[0, 1] == pytest.approx(1.001)
+
+
+# -- many bodies ------------------------------------------------------------------------------------------------------
+
+
+def maze(motion: Motion | None) -> tuple[list[Body], list[np.ndarray]]:
+    """A rhombus, two prisms, a plate, walls, and two bins below."""
+    bodies = [Body(shapes["rhombus"](width=D, slope_angle=math.pi / 4), motion=motion)]
+    prism = shapes["prism"](width=D, slope_angle=math.pi / 3)
+    bodies += [Body(prism + np.array(at), motion=motion) for at in ((-0.06, -0.08), (0.06, -0.08))]
+    plate = shapes["plate"](length=0.1, thickness=3e-3, slope_angle=math.radians(27))
+    plate = plate + np.array((-0.14, -0.17))
+    bodies += [Body(plate), Body(plate * np.array((-1.0, 1.0)))]
+    wall = np.array([(0.2, -1.0), (0.25, -1.0), (0.25, 1.0), (0.2, 1.0)])
+    bodies += [Body(wall), Body(wall * [-1, 1])]
+    return bodies, [np.array([(-0.3, -0.3), (0.0, -0.3)]), np.array([(0.0, -0.3), (0.3, -0.3)])]
+
+
+def curtain(count: int, **properties: object) -> Granules:
+    rng = np.random.default_rng(1)
+    given = {
+        "diameter": rng.uniform(1e-3, 4e-3, count), "density": 1000.0, "restitution": rng.uniform(0, 0.9, count),
+        "friction": 0.3, "time": rng.uniform(0, 0.2, count), **properties,
+    }  # fmt: skip
+    position = np.stack([rng.uniform(-0.02, 0.02, count), np.full(count, 0.1)], axis=1)
+    return Granules(position=position, velocity=np.zeros((count, 2)), **given)
+
+
+@pytest.mark.parametrize("inertia", [None, 0.4])
+def test_it_meets_what_the_tracker_meets(inertia: float | None) -> None:
+    """Two programs with nothing in common but the law of impact; bodies vibrate, granules bounce, slide, roll."""
+    bodies, lines = maze(Motion((0.3e-3, 2e-3), 30.0, 0.3))
+    grains = curtain(300, inertia=inertia)
+    how = {"until": 3.0, "bodies": bodies, "lines": lines, "length": D}
+    ours, theirs = follow(grains, **how), wf.track(None, grains, forces=("gravity",), **how)
+    off = np.linalg.norm(ours.position - theirs.position, axis=1) / D
+    assert np.mean(off < 1e-6) > 0.98  # of the rest a grazed corner or a hop more or less makes another path
+    assert np.mean(ours.impacts == theirs.impacts) > 0.98
+    assert np.median(off) < 1e-12
+    np.testing.assert_allclose(ours.counts()[Fate.BINNED], theirs.counts()[Fate.BINNED], atol=3)
+
+
+def test_a_restitution_law_is_looked_up_at_each_impact() -> None:
+    """Bounces of e = 0.6 v^-1/4: each rises by its own speed, 0.6 v^3/4."""
+    law = Restitution("power", value=0.6, at=1.0)
+    grain, line = one(0.0, 0.5 + 1e-3, restitution=law), np.array([(-1.0, 0.3), (1.0, 0.3)])
+    speed, time = math.sqrt(2 * G * 0.5), math.sqrt(2 * 0.5 / G)
+    for _ in range(3):
+        speed *= float(law(np.array([speed]))[0])
+        time += 2 * speed / G
+    end = follow(grain, until=time, tolerance=1e-12, length=1.0, bodies=[FLOOR], lines=[line + 1.0])
+    assert end.fate[0] == Fate.AIRBORNE
+    assert end.position[0, 1] == pytest.approx(1e-3, abs=1e-12)  # it just comes back to the floor a fourth time
+    assert abs(end.velocity[0, 1]) == pytest.approx(speed, rel=1e-12) or end.impacts[0] == 4
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 10.0])
+def test_nothing_is_entered_and_no_energy_is_made(friction: float) -> None:
+    bodies, lines = maze(None)
+    rng = np.random.default_rng(2)
+    grains = curtain(48, friction=friction, restitution=rng.choice([0.0, 0.5, 1.0], 48), spin=rng.normal(0, 100, 48))
+    grains = grains.replace(inertia=np.where(np.arange(48) % 2, 0.4, np.inf))
+    end = follow(grains, until=20.0, tolerance=1e-4, bodies=bodies, lines=lines, record=True)
+    assert np.all(end.fate != Fate.STOPPED)
+    for i in range(len(grains)):
+        _, x, v = end.path(i)
+        turning = 0.5 * grains.diameter[i] ** 2 / 4 * (0.4 if i % 2 else 0.0)
+        energy = G * x[:, 1] + 0.5 * (v**2).sum(axis=1)
+        most = energy[0] + turning * grains.spin[i] ** 2
+        assert energy.max() <= most * (1 + 1e-12)
+        if not i % 2:
+            assert np.all(np.diff(energy) <= 1e-8)
+        for body in bodies:
+            assert not contains(body.outline, x).any()
+            assert distance_to(x, body.outline).min() >= 0.5 * grains.diameter[i] * (1 - 1e-9) - 1e-10
+
+
+# -- scenes -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_labyrinth_in_the_chain(cases: Path) -> None:
+    scene = wf.Scene.load(cases / "labyrinth.toml")
+    found = wf.chain(scene, count=512)
+    for name, row in found.separation["fractions"].items():
+        assert sum(entry["share"] for entry in row.values()) == pytest.approx(1.0, abs=1e-12)
+        (left, *_), (right, *_) = found.share(name, "left"), found.share(name, "right")
+        assert abs(left - right) <= 2 * (row["left"]["high"] - row["left"]["low"])
+    assert found.share("wheat", "middle")[0] > 0.95
+    assert found.share("chaff", "middle")[0] < 0.05
+    assert found.landings["wheat"].impacts.mean() > 2.0  # the rhombus, then a plate
+    rows = {row.fraction: row.bound for row in found.plan.left_out if row.name == "air"}
+    assert set(rows) == set(scene.fraction)
+    assert rows["chaff"] > rows["straw"] > rows["wheat"] > 0.1
+    warned = [line for line in found.plan.warnings if "leaves the air out" in line]
+    assert len(warned) == 3
+
+
+def test_upward_air_that_carries_a_fraction_is_said_to_be_missing(cases: Path) -> None:
+    plan = wf.plan(wf.Scene.load(cases / "prism.toml"), rung="none")
+    carried = {row.fraction for row in plan.left_out if "carry it up" in row.why}
+    assert carried == {"dust", "chaff"}
+    assert plan.flown_by == "chain"
+    assert plan.airflow.stepping is None
+
+
+def test_rung_none_starts_no_compiler(cases: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys, json; from wakeflow.cli import main\n"
+        f"code = main(['run', {str(cases / 'labyrinth.toml')!r}, '--rung', 'none', '--quiet', '--set',"
+        f" 'feed.count=64', '--out', {str(tmp_path / 'run')!r}])\n"
+        f"table = json.load(open({str(tmp_path / 'run' / 'result.json')!r}))\n"
+        "assert code == 0 and table['airflow'] is None and table['scene']['air']['speed'] == 3.0\n"
+        "assert table['plan']['flown_by'] == 'chain' and (table['plan']['left_out'][0]['name'] == 'air')\n"
+        "assert not {'numba', 'gmsh', 'foamlib'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_plate_lies_as_it_says() -> None:
+    right = shapes["plate"](length=2.0, thickness=0.2, slope_angle=math.radians(30))
+    left = shapes["plate"](length=2.0, thickness=0.2, slope_angle=math.radians(30), descends="left")
+    np.testing.assert_allclose(
+        np.ptp(right, axis=0), [2 * math.cos(math.pi / 6) + 0.1, 1.0 + 0.2 * math.cos(math.pi / 6)]
+    )
+    assert right[np.argmax(right[:, 0]), 1] < 0 < left[np.argmax(left[:, 0]), 1]
+    assert {tuple(p) for p in (left * [-1, 1]).round(12)} == {tuple(p) for p in right.round(12)}
+    with pytest.raises(SceneError, match=r"thickness = 3 m is more than length"):
+        shapes["plate"](length=2.0, thickness=3.0, slope_angle=0.5)
+
+
+def test_a_plate_keeps_clear_of_the_wall(cases: Path) -> None:
+    scene = wf.Scene.load(cases / "labyrinth.toml")
+    with pytest.raises(SceneError, match=r"body.left-plate .*leave a gap"):
+        scene.replace({"body.left-plate.at": [-0.131, -0.14]})
+    with pytest.raises(SceneError, match=r"plate.* lacks thickness"):
+        scene.replace({"body.left-plate": {"shape": "plate", "length": 0.06, "slope_angle": 0.9}})
