@@ -45,7 +45,8 @@ def without_air(scene: wf.Scene) -> None:
     print("|---|---|---|---|---|---|")
     for label, changed in (("at rest", {}), ("30 Hz, Gamma 1.5", SHAKEN)):
         one = scene.replace(changed) if changed else scene
-        vacuum = wf.Scene.parse({key: table for key, table in one.tables().items() if key != "air"})
+        tables = {key: table for key, table in one.tables().items() if key not in ("air", "numerics")}
+        vacuum = wf.Scene.parse({**tables, "numerics": {"tolerance": one.numerics.tolerance}})
         for name in scene.fraction:
             (ours, spent), (theirs, other) = flown(one, name), flown(vacuum, name)
             off = np.linalg.norm(ours.position - theirs.position, axis=1) / scene.width

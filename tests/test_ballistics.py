@@ -152,6 +152,20 @@ def curtain(count: int, **properties: object) -> Granules:
     return Granules(position=position, velocity=np.zeros((count, 2)), **given)
 
 
+def test_a_body_moved_by_samples_throws_as_the_harmonic_one_does() -> None:
+    """A sine given by 200 samples: exact cubics between them are the sine to 1e-6 of its amplitude."""
+    time = np.linspace(0.0, 1 / 30, 201)
+    omega = 60 * math.pi
+    sampled = Motion.sampled(time, -1e-3 * omega**2 * np.sin(omega * time))
+    grains, ends = curtain(100, friction=0.0), []
+    for motion in (Motion((0.0, 1e-3), 30.0), sampled):
+        bodies, lines = maze(motion)
+        ends.append(follow(grains, until=0.25, bodies=bodies[:1], lines=lines, length=D))
+    off = np.linalg.norm(ends[0].position - ends[1].position, axis=1) / D
+    assert np.mean(off < 1e-3) > 0.9
+    assert np.median(off) < 1e-5
+
+
 @pytest.mark.parametrize("inertia", [None, 0.4])
 def test_it_meets_what_the_tracker_meets(inertia: float | None) -> None:
     """Two programs with nothing in common but the law of impact; bodies vibrate, granules bounce, slide, roll."""

@@ -312,6 +312,6 @@ def test_no_bead_passes_the_wall() -> None:
 @needs_engine
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
-    with pytest.raises(ProgramError, match=r"ERROR.*plate\.log") as caught:
+    with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:
         engine.run_script(tmp_path, "plate")
     assert caught.value.tail

@@ -126,7 +126,7 @@ def make_plan(
     airflow, switches = choose_airflow(scene, rung or scene.numerics.rung, target), dict(force or {})
     motion = None
     if airflow.stepping == "time-resolved":
-        motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
+        motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
     asked, scene = scene, scene.flown(airflow.rung)
     check_switches(scene, switches, airflow.turbulence)

@@ -40,7 +40,7 @@ def follow(
     Arguments and answer are those of :func:`wakeflow.track`, and so is the physics; a bounce that rises by less than
     0.01 ``tolerance`` x ``length`` (m; default: width of the first body, else 1 m) is sliding from then on. Places of
     impacts are found to round-off. Granules born inside a body are STOPPED. Raises SceneError for a gravity
-    that is not vertical or a vibration that is not harmonic.
+    that is not vertical.
     """
     if gravity[0] != 0.0:
         raise SceneError(f"gravity = {tuple(gravity)}: the chain needs it vertical")
