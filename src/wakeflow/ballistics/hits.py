@@ -13,7 +13,7 @@ from .surfaces import Array, Index, Surfaces
 __all__ = ["CORNER", "FACE", "LINE", "NONE", "Falling", "Hit", "first_hits"]
 
 NONE, FACE, CORNER, LINE = range(4)
-TURN = 0.4  # rad of a body's vibration looked at in one piece
+TURN = 0.3  # rad of a body's vibration looked at in one piece
 PIECES = 8  # of a passage by a corner at rest
 STILL = 1e-12  # m/s: approaches slower than this are round-off
 CHUNK = 2**18  # pairs of granules and features looked at in one table
