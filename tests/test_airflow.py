@@ -454,6 +454,20 @@ class TestFailure:
         assert alive_in(case) == []
 
 
+@pytest.mark.parametrize("name", ["rhombus", "plate-left", "B2_x"])
+def test_every_name_of_a_body_makes_a_wall(name: str, tmp_path: Path) -> None:
+    boundary = tmp_path / "constant" / "polyMesh" / "boundary"
+    boundary.parent.mkdir(parents=True)
+    entry = "type            patch;\n        physicalType    patch;\n        nFaces          4;"
+    patches = ("front", f"body_{name}", "inlet")
+    rows = [f"    {patch}\n    {{\n        {entry}\n    }}\n" for patch in patches]
+    boundary.write_text("3\n(\n" + "".join(rows) + ")\n")
+    set_patch_types(tmp_path, walls="slip")
+    text = boundary.read_text()
+    assert re.findall(r"type +(\w+);", text) == ["empty", "wall", "patch"]
+    assert "physicalType" not in text
+
+
 def test_missing_openfoam_tells_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nonexistent")
     with pytest.raises(FoamError, match=r"gmshToFoam.*not installed.*sh cases/setup\.sh"):

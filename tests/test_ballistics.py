@@ -15,6 +15,7 @@ from wakeflow.ballistics import follow
 from wakeflow.ballistics.roots import falls_below, rises_above
 from wakeflow.errors import SceneError
 from wakeflow.geometry import contains, distance_to
+from wakeflow.laws.restitution import Restitution
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion
 
@@ -151,6 +152,20 @@ def curtain(count: int, **properties: object) -> Granules:
     return Granules(position=position, velocity=np.zeros((count, 2)), **given)
 
 
+def test_a_body_moved_by_samples_throws_as_the_harmonic_one_does() -> None:
+    """A sine given by 200 samples: exact cubics between them are the sine to 1e-6 of its amplitude."""
+    time = np.linspace(0.0, 1 / 30, 201)
+    omega = 60 * math.pi
+    sampled = Motion.sampled(time, -1e-3 * omega**2 * np.sin(omega * time))
+    grains, ends = curtain(100, friction=0.0), []
+    for motion in (Motion((0.0, 1e-3), 30.0), sampled):
+        bodies, lines = maze(motion)
+        ends.append(follow(grains, until=0.25, bodies=bodies[:1], lines=lines, length=D))
+    off = np.linalg.norm(ends[0].position - ends[1].position, axis=1) / D
+    assert np.mean(off < 1e-3) > 0.9
+    assert np.median(off) < 1e-5
+
+
 @pytest.mark.parametrize("inertia", [None, 0.4])
 def test_it_meets_what_the_tracker_meets(inertia: float | None) -> None:
     """Two programs with nothing in common but the law of impact; bodies vibrate, granules bounce, slide, roll."""
@@ -163,6 +178,20 @@ def test_it_meets_what_the_tracker_meets(inertia: float | None) -> None:
     assert np.mean(ours.impacts == theirs.impacts) > 0.98
     assert np.median(off) < 1e-12
     np.testing.assert_allclose(ours.counts()[Fate.BINNED], theirs.counts()[Fate.BINNED], atol=3)
+
+
+def test_a_restitution_law_is_looked_up_at_each_impact() -> None:
+    """Bounces of e = 0.6 v^-1/4: each rises by its own speed, 0.6 v^3/4."""
+    law = Restitution("power", value=0.6, at=1.0)
+    grain, line = one(0.0, 0.5 + 1e-3, restitution=law), np.array([(-1.0, 0.3), (1.0, 0.3)])
+    speed, time = math.sqrt(2 * G * 0.5), math.sqrt(2 * 0.5 / G)
+    for _ in range(3):
+        speed *= float(law(np.array([speed]))[0])
+        time += 2 * speed / G
+    end = follow(grain, until=time, tolerance=1e-12, length=1.0, bodies=[FLOOR], lines=[line + 1.0])
+    assert end.fate[0] == Fate.AIRBORNE
+    assert end.position[0, 1] == pytest.approx(1e-3, abs=1e-12)  # it just comes back to the floor a fourth time
+    assert abs(end.velocity[0, 1]) == pytest.approx(speed, rel=1e-12) or end.impacts[0] == 4
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3, 10.0])

@@ -106,6 +106,9 @@ def test_the_shipped_scene_runs_whole_and_solves_nothing(aspirator: Scene, tmp_p
     assert result.share("straw", "light")[0] > 0.99
     unknown = {part["source"] for row in table["budget"] for part in row["parts"] if part["how"] == "unknown"}
     assert unknown == {"airflow-model", "impact-parameters"}
+    meetings = [p for row in table["budget"] for p in row["parts"] if p["source"].startswith("collisions")]
+    assert meetings
+    assert all(part["error"] > 0.1 for part in meetings)  # a dense curtain: nobody knows what it does to a granule
 
 
 @pytest.mark.parametrize(

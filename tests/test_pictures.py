@@ -272,3 +272,20 @@ def replace_inlets(scene: Scene) -> Scene:
     tables = scene.tables()
     del tables["channel"]["inlet"]
     return Scene.parse(tables)
+
+
+def test_resting_granules_on_a_measured_vibration_begin_where_it_stands_still_at_its_lowest() -> None:
+    t = np.linspace(0.0, 0.08, 161)
+    acceleration = 20.0 * np.sin(2 * np.pi * t / 0.08) + 9.0 * np.cos(4 * np.pi * t / 0.08 + 0.4)
+    samples = {"time": t.tolist(), "acceleration": acceleration.tolist()}
+    tables = scene_of("fig6", COARSE).tables()
+    tables["vibration"] = {"samples": samples}
+    scene = Scene.parse(tables)
+    feed = feedstock(scene, make_plan(scene), "hard", None)
+    moments = np.linspace(0.0, 0.08, 20001)
+    lowest = displacement(scene, moments)[:, 1].min()
+    np.testing.assert_allclose(displacement(scene, feed.granules.time)[:, 1], lowest, atol=1e-9)
+    shift = displacement(scene, feed.granules.time[:1] + np.array([-1e-6, 1e-6]))
+    assert abs(shift[1, 1] - shift[0, 1]) / 2e-6 < 1e-4  # m/s: it stands still
+    gap = distance_to(feed.granules.position - displacement(scene, feed.granules.time), scene.body["prism"].outline())
+    np.testing.assert_allclose(gap, feed.granules.diameter / 2, atol=1e-12)

@@ -166,7 +166,11 @@ def together(rows: Sequence[Mapping[str, Any]], target: float) -> list[str]:
 
 
 def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[dict[str, Any]]]:
-    """Parts of the budget for every bin of fraction ``name``: what each left-out term could change its share by."""
+    """Parts of the budget for every bin of fraction ``name``: what each left-out term could change its share by.
+
+    The bound times the landing density at the bin's ends; without a body, where whole floor and top are bins and no end
+    is near, a term that could matter counts by its bound, as of granules spread over one channel width.
+    """
     rows = [row for row in plan.left_out if row.fraction == name and row.bound is not None]
     ends = free_ends(scene)
     parts: dict[str, list[dict[str, Any]]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
@@ -180,6 +184,8 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
         for place, found in parts.items():
             error = min(1.0, sum(moved[point] for point in ends[place]))
             kind = "left-out" if row.bound <= limit else "not-computed"
+            if kind == "not-computed" and not scene.body:  # it may turn back a granule on its way to either end
+                error = max(error, min(1.0, row.bound))
             found.append(_part(row, error, kind, scene.unit))
     return parts
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .geometry import contains, distance, edges, segments_cross
 from .registry import nearest
 from .tables import SceneTables
-from .tables.pictures import Curves, Streamlines
+from .tables.pictures import Streamlines
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
 
@@ -194,11 +194,10 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
                 yield f"{key}.fractions: no fraction {one!r}{nearest(one, known)} (known: {', '.join(known)})"
         if isinstance(picture, Streamlines) and (scene.air is None or not scene.body):
             yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
-        if isinstance(picture, Curves) and picture.body_speed is not None:
-            amplitude, omega = scene.motion
-            if picture.body_speed > omega * abs(amplitude[1]):
-                peak = f"the body rises by at most {omega * abs(amplitude[1]):.3g} m/s"
-                yield f"{key}.body_speed = {picture.body_speed:g} m/s: {peak}; change [vibration]"
+        asked, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))
+        if asked is not None and asked > most:
+            peak = f"the body rises by at most {most:.3g} m/s"
+            yield f"{key}.body_speed = {asked:g} m/s: {peak}; change [vibration]"
 
 
 def _rung_fits(scene: SceneTables) -> Iterator[str]:

@@ -145,16 +145,36 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
     if scene.vibration is None:
         return points[:, 0] * (field_period or 0.0)
     period = scene.vibration.period
-    if scene.feed.start == "resting":  # from the lower dead point: displacement -amplitude, no velocity
-        points = np.stack([np.full(len(points), 0.75), points[:, 1]], axis=1)
+    if scene.feed.start == "resting":
+        points = np.stack([np.full(len(points), _dead_point(scene) / period), points[:, 1]], axis=1)
     whole = int(np.ceil(MIXING * field_period / period)) if field_period else 1
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
+
+
+def _dead_point(scene: Scene) -> float:
+    """Time (s) within the first period at which the vibrating body stands still at its lowest along the vibration."""
+    motion = motion_of(scene)
+    assert motion is not None
+    assert scene.vibration is not None
+    period, along = scene.vibration.period, scene.vibration.along
+    if scene.vibration.samples is None:
+        return 0.75 * period
+    times = np.linspace(0.0, period, 4097)
+    lowest = int(np.argmin(motion.at(times)[0] @ along))
+    low, high = times[max(lowest - 1, 0)], times[min(lowest + 1, len(times) - 1)]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        falls = motion.at(middle)[1] @ along < 0.0
+        low, high = (middle, high) if falls else (low, middle)
+    return float(high)
 
 
 def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
     """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
     height, _ = contact_points(outline, x, radius)
-    return np.stack([x, height], axis=1) - scene.motion[0]
+    motion = motion_of(scene)
+    shift = np.zeros(2) if motion is None else motion.at(_dead_point(scene))[0]
+    return np.stack([x, height], axis=1) + shift
 
 
 def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:

@@ -30,12 +30,13 @@ PHASES = 64  # of the vibration's period
 
 
 def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
-    """The ``impact`` table of result.json, of the first body; None where none stands. Per slope that is met, from left
+    """The ``impact`` table of result.json, of the first body; None where none stands, or another may be met before
+    it. Per slope that is met, from left
     to right, per fraction, and in total, in SI units: ``mass_flow``; ``fall_speed`` of arrival; ``normal`` force into
     the slope and ``tangential`` force down it; ``force`` on the body (x, y); ``power`` that the vibration gives to the
     stream; ``velocity`` of the centre of mass after the impact.
     """
-    if not scene.body:
+    if not scene.body or scene.obstacles:
         return None
     name, body = next(iter(scene.body.items()))
     outline = body.outline()
@@ -81,6 +82,7 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
     (NaN: they do not), unit ``normal`` (n, 2) and velocity of the ``wall`` (n, 2) m/s there.
     """
     release, motion = scene.level + scene.release[0], motion_of(scene)
+    swing = 0.0 if scene.vibration is None else float(np.linalg.norm(scene.vibration.displacement))
     fraction, middles, parts = scene.fraction[name], _middles(SIZES), []
     settling = fraction.settling(np.roll(middles, 3))
     grains = granules_of(fraction, how, fraction.diameters(middles), settling)
@@ -94,14 +96,18 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
         met = np.isfinite(height)
         if how.deflection is not None:
             met &= how.deflection.meets(np.full(len(x), diameter), x - axis(scene))
-        fall, wall = np.full(len(x), np.nan), np.zeros((len(x), 2))
+        fall, later, wall = np.full(len(x), np.nan), np.full(len(x), np.nan), np.zeros((len(x), 2))
         if met.any():
             drop = np.maximum(release - height[met], 0.0)
-            fall[met] = fall_speeds(scene, name, how.drag, float(factor), float(diameter), drop)
+            drops = np.concatenate([drop, drop + swing])
+            speeds = fall_speeds(scene, name, how.drag, float(factor), float(diameter), drops)
+            fall[met], later[met] = speeds.reshape(2, -1)
         met = fall > 0.0
         if scene.vibration is not None and met.any():
             passing = scene.vibration.period * phase[met]
-            _, wall[met] = first_contact(fall[met], normal[met], passing, motion)
+            pull = np.nan_to_num((later[met] ** 2 - fall[met] ** 2) / (2.0 * swing), nan=0.0)
+            time, wall[met] = first_contact(fall[met], normal[met], passing, motion, pull)
+            fall[met] += pull * (time - passing)
         parts.append((_slope_below(outline, x), fall, normal, wall))
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     return dict(zip(("slope", "fall", "normal", "wall"), columns, strict=True))

@@ -16,7 +16,7 @@ from .scene import Scene
 __all__ = ["AirMotion", "frequency_ratios", "vibration_of_air", "vibration_of_scene"]
 
 SMALL = 0.1  # a w / U above which the body's motion is never left out
-ANYWHERE = 0.9  # largest change of mean drag or base pressure over a w / U, locked or not, up to SMALL
+ANYWHERE = 1.3  # largest change of mean drag or base pressure over a w / U, locked or not, up to SMALL
 BESIDE = 0.3  # the same outside the bands
 BANDS = {1.0: (0.05, 1.0), 2.0: (0.1, 2.0)}  # half width of the band about f / fs: constant, and per a w / U
 STROUHAL = (0.12, 0.21)  # f D / U_gap, U_gap = U / (1 - blockage): plate 0.123 to 0.145, square 0.13 to 0.146,

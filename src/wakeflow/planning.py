@@ -126,7 +126,7 @@ def make_plan(
     airflow, switches = choose_airflow(scene, rung or scene.numerics.rung, target), dict(force or {})
     motion = None
     if airflow.stepping == "time-resolved":
-        motion = vibration_of_scene(scene, asked=switches.get(VIBRATION))
+        motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
     asked, scene = scene, scene.flown(airflow.rung)
     check_switches(scene, switches, airflow.turbulence)
@@ -182,17 +182,19 @@ def _leave_air_out(scene: Scene, plan: Plan) -> None:
     assert scene.air is not None
     air, widest = scene.air, scene.channel.width / scene.width
     for name in scene.fraction:
-        how = _fraction_plan(scene, name, plan.target_error)
+        how = plan.fractions[name]
         found = flights(scene, name, how.drag, how.drag_scale, straight=False, turbulent=True)
+        middle = found[len(found) // 2]
         shift = min(widest, max(moved_by_air(flight) for flight in found))
-        carried = air.direction == "up" and (how.terminal_velocity or 0.0) < air.speed
-        fate = "the air would carry it up" if carried else f"Stokes number of its fall {how.stokes:.2g}"
-        why = f"drag on the way at the largest slip, {found[0].slip:.2g} m/s; {fate}"
+        carried = air.direction == "up" and middle.settling < air.speed
+        stokes = middle.tau * middle.arrival / (0.5 * scene.width)
+        fate = "the air would carry it up" if carried else f"Stokes number of its fall {stokes:.2g}"
+        why = f"drag on the way at the largest slip, {middle.slip:.2g} m/s; {fate}"
         plan.left_out.append(LeftOut("air", shift, why, name))
         if carried or shift > MATTERS:
             plan.warnings.append(
-                f"{name}: rung none leaves the air out, which could move it by {shift:.2g} body widths (terminal "
-                f"velocity {how.terminal_velocity:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
+                f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
+                f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
             )
 
 

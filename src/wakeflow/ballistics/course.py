@@ -40,7 +40,7 @@ def follow(
     Arguments and answer are those of :func:`wakeflow.track`, and so is the physics; a bounce that rises by less than
     0.01 ``tolerance`` x ``length`` (m; default: width of the first body, else 1 m) is sliding from then on. Places of
     impacts are found to round-off. Granules born inside a body are STOPPED. Raises SceneError for a gravity
-    that is not vertical or a vibration that is not harmonic.
+    that is not vertical.
     """
     if gravity[0] != 0.0:
         raise SceneError(f"gravity = {tuple(gravity)}: the chain needs it vertical")
@@ -139,16 +139,14 @@ class _Chain:
         normal[corner] = arm[corner] / np.linalg.norm(arm[corner], axis=1, keepdims=True)
         off = (arm * normal).sum(axis=1) - self.radius[who]
         tracks.position[who] -= off[:, None] * normal
-        captured = surfaces.captures[body]
-        tracks.fate[who[captured]] = Fate.CAPTURED
         (vx, vy), (nx, ny), (wx, wy) = tracks.velocity[who].T, normal.T, wall.T
         law = self.grains.restitution
-        approach = approach_speed(vx, vy, nx, ny, wx, wy)
-        own = restitution_at(law if isinstance(law, Restitution) else law[who], approach), self.grains.friction[who]
-        restitution, friction = (
-            np.where(np.isnan(of[body]), mine, of[body])
-            for of, mine in zip((surfaces.restitution, surfaces.friction), own, strict=True)
-        )
+        own = law if isinstance(law, Restitution) else law[who]
+        restitution = restitution_at(own, approach_speed(vx, vy, nx, ny, wx, wy))
+        restitution = np.where(np.isnan(surfaces.restitution[body]), restitution, surfaces.restitution[body])
+        friction = np.where(np.isnan(surfaces.friction[body]), self.grains.friction[who], surfaces.friction[body])
+        captured = surfaces.captures[body]
+        tracks.fate[who[captured]] = Fate.CAPTURED
         vx, vy, spin, impulse, _ = collide(
             vx, vy, tracks.spin[who], nx, ny, wx, wy, restitution, friction, self.mobility[who], self.radius[who]
         )

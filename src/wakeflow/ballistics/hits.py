@@ -63,7 +63,7 @@ def first_hits(fall: Falling, surfaces: Surfaces, left: Array, length: float) ->
 def _first(fall: Falling, surfaces: Surfaces, left: Array, skin: float) -> Hit:
     best = Hit(left.copy(), np.full(len(left), NONE), np.full(len(left), -1))
     _lines(fall, surfaces, best)
-    moving = surfaces.omega[surfaces.face_body] > 0.0
+    moving = surfaces.pace[surfaces.face_body] > 0.0
     _faces(fall, surfaces, best, np.flatnonzero(~moving), skin)
     pairs = [_moving_faces(fall, surfaces, best, np.flatnonzero(moving), skin), *_corners(fall, surfaces, best)]
     _search(fall, surfaces, best, pairs, skin)
@@ -175,7 +175,7 @@ def _moving_faces(fall: Falling, surfaces: Surfaces, best: Hit, faces: Index, sk
         feet = np.stack([((one.at(t)[0] - start) * direction).sum(axis=1) for t in (a, turn, b)])
         size = surfaces.size[faces[column]]
         k = (feet.max(axis=0) >= -margin[column]) & (feet.min(axis=0) <= size + margin[column])
-        step = TURN / surfaces.omega[body[column[k]]]
+        step = TURN / surfaces.pace[body[column[k]]]
         found.append((row[k], faces[column[k]], np.full(k.sum(), FACE), a[k], b[k], step))
     return _Pairs(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
@@ -205,8 +205,8 @@ def _corners(fall: Falling, surfaces: Surfaces, best: Hit) -> list[_Pairs]:
     for low, high in windows:
         row, column = np.nonzero((low < high) & ~beside & np.isfinite(low))
         a, b = low[row, column], high[row, column]
-        omega = surfaces.omega[body[column]]
-        step = np.minimum((b - a) / PIECES, TURN / np.where(omega > 0.0, omega, 1e-300))
+        pace = surfaces.pace[body[column]]
+        step = np.minimum((b - a) / PIECES, TURN / np.where(pace > 0.0, pace, 1e-300))
         found.append(_Pairs(row, column, np.full(len(row), CORNER), a, b, step))
     return found
 
@@ -225,25 +225,20 @@ def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], s
     normal = surfaces.normal[face]
     who = pairs.granule
     x, y = (fall.position[who] - origin).T
-    columns = (x, y, *fall.velocity[who].T, fall.radius[who], fall.clock[who], *surfaces.swings(body), *normal.T)
+    columns = (x, y, *fall.velocity[who].T, fall.radius[who], fall.clock[who], *normal.T)
     table, g = np.ascontiguousarray(columns), float(fall.gravity[1])
 
     def relative(k: Index, t: Array) -> tuple[Array, Array, Array, Array]:
         """Place and velocity in the body's frame, from the face's start or the corner."""
-        x, y, vx, vy, _, clock, ax, ay, omega, phase = table[:10, k]
-        angle = omega * (clock + t) + phase
-        sine, cosine = np.sin(angle), omega * np.cos(angle)
-        return (
-            x + t * vx - ax * sine,
-            y + t * (vy + 0.5 * g * t) - ay * sine,
-            vx - ax * cosine,
-            vy + g * t - ay * cosine,
-        )
+        x, y, vx, vy, _, clock = table[:6, k]
+        moved, speed, _ = surfaces.moved(body[k], clock + t)
+        x, y = x + t * vx - moved[:, 0], y + t * (vy + 0.5 * g * t) - moved[:, 1]
+        return x, y, vx - speed[:, 0], vy + g * t - speed[:, 1]
 
     def gap(k: Index, t: Array) -> tuple[Array, Array]:
         x, y, vx, vy = relative(k, t)
         distance = np.maximum(np.sqrt(x * x + y * y), 1e-300)
-        nx, ny = np.where(is_face[k], table[10:, k], (x / distance, y / distance))
+        nx, ny = np.where(is_face[k], table[6:, k], (x / distance, y / distance))
         return x * nx + y * ny - table[4, k], vx * nx + vy * ny
 
     times = first_roots(gap, who, pairs.low, np.minimum(pairs.high, best.time[who]), pairs.step, skin, STILL)

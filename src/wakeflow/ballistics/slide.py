@@ -128,12 +128,12 @@ def slide(c: Contact, surfaces: Surfaces, gravity: Array, until: float, eps: flo
     on = np.flatnonzero(c.state == STAYS)
     d = c.part(on)
     way = _Way(surfaces, gravity, until, eps, d, _pieces(d, surfaces))
-    omega = surfaces.omega[way.piece.body]
+    period = surfaces.period[way.piece.body]
     held = way.mode == HELD
     way.d.state = np.where(
         way.press <= 0.0,
         FLIES,
-        np.where(held & ((omega == 0.0) | (d.held * omega > PATIENCE * 2 * np.pi)), RESTS, STAYS),
+        np.where(held & ((period == 0.0) | (d.held > PATIENCE * period)), RESTS, STAYS),
     )
     step = np.where(d.state == STAYS, way.step(), 0.0)
     after = way.after(step)
@@ -183,7 +183,6 @@ class _Way:
 
     def __post_init__(self) -> None:
         d = self.d
-        self.swings = self.surfaces.swings(self.piece.body)
         self.free, self.press = self.forces(d.s, d.u, d.clock)
         still = 1e-13 * (1.0 + np.abs(self.free))
         slips, rolls = np.abs(d.slip) > still, d.mobility > 0.0
@@ -196,7 +195,7 @@ class _Way:
         self.slips, self.goes = (self.mode == SLIPS) * 1.0, (self.mode != HELD) * 1.0
         self.yields = np.where(self.mode == ROLLS, 1.0 - self.share(d), self.slips)
         self.rub, self.grinds = self.slips * self.sign * d.friction, 1.0 + d.mobility
-        self.exact = (self.surfaces.omega[self.piece.body] == 0.0) & (d.where == FACE)
+        self.exact = (self.surfaces.pace[self.piece.body] == 0.0) & (d.where == FACE)
 
     @staticmethod
     def share(d: Contact) -> Array:
@@ -212,9 +211,7 @@ class _Way:
         """Free tangential acceleration and what presses the granule on (n,), m/s2."""
         angle = self.piece.angle + self.piece.bend * s
         nx, ny = np.cos(angle), np.sin(angle)
-        ax, ay, omega, phase = self.swings
-        shaken = omega * omega * np.sin(omega * t + phase)
-        px, py = self.gravity[0] + ax * shaken, self.gravity[1] + ay * shaken
+        px, py = (self.gravity - self.surfaces.moved(self.piece.body, t)[2]).T
         return nx * py - ny * px, -nx * px - ny * py - self.piece.bend * u * u
 
     def rates(self, s: Array, u: Array, t: Array) -> tuple[Array, Array, Array]:
@@ -252,9 +249,9 @@ class _Way:
             halt = np.where((self.mode == SLIPS) & (dslip * self.sign < 0.0), -d.slip / dslip, np.inf)
         ends = [rises_above(d.s - piece.length - self.eps, d.u, du), falls_below(d.s + self.eps, d.u, du), halt]
         exact = np.min([np.where(end >= 0.0, end, np.inf) for end in ends], axis=0)
-        omega = np.maximum(surfaces.omega[piece.body], 1e-300)
+        pace = np.maximum(surfaces.pace[piece.body], 1e-300)
         pull = float(np.hypot(*self.gravity)) + 1e-300
         with np.errstate(divide="ignore"):
             turn = ROUND * np.minimum(np.sqrt(d.radius / pull), d.radius / np.abs(d.u))
-        short = np.minimum(SWING / omega, np.where(d.where == CORNER, turn, np.inf))
+        short = np.minimum(SWING / pace, np.where(d.where == CORNER, turn, np.inf))
         return np.minimum(np.where(self.exact, exact, short), np.maximum(self.until - d.clock, 0.0))

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
 from ..tracking import Body, Motion
 from ..tracking.prepare import pack_lines, pack_walls
 
@@ -31,8 +30,8 @@ class Surfaces:
     ``start`` (m, 2), ``normal`` (m, 2) outward, ``size`` (m,) of the faces; ``face_body`` (m,) whose they are;
     ``face_ends`` (m, 2) the corner at their start and end, -1 where it turns inwards; ``corner`` (c, 2),
     ``corner_body`` (c,), ``corner_faces`` (c, 2) the faces before and after; of bodies ``swing`` (b, 2) amplitude (m),
-    ``omega`` (b,) rad/s, ``phase`` (b,) rad, ``restitution`` and ``friction`` (b,), NaN where the granule's own count,
-    ``captures``. ``line`` (k, 4) segments with ``line_of`` (k,).
+    ``pace`` (b,) rad/s of its fastest change and ``period`` (b,) s, 0 at rest, ``motions``, ``restitution`` and
+    ``friction`` (b,), NaN where the granule's own count, ``captures``. ``line`` (k, 4) segments with ``line_of`` (k,).
     """
 
     start: Array
@@ -44,8 +43,9 @@ class Surfaces:
     corner_body: Index
     corner_faces: Index
     swing: Array
-    omega: Array
-    phase: Array
+    pace: Array
+    period: Array
+    motions: tuple[Motion, ...]
     restitution: Array
     friction: Array
     captures: NDArray[np.bool_]
@@ -54,17 +54,19 @@ class Surfaces:
 
     @classmethod
     def of(cls, bodies: Sequence[Body], lines: Sequence[Any]) -> Surfaces:
-        """The tables of ``bodies`` and polylines ``lines``. Raises SceneError for a motion that is not harmonic."""
+        """The tables of ``bodies`` and polylines ``lines``."""
         segments, owner = pack_lines(lines)
         walls = pack_walls(bodies, (segments, owner))
-        motions = [_harmonic(body.motion) for body in bodies]
+        still = Motion((0.0, 0.0), 0.0)
+        motions = tuple(still if body.motion is None or not body.motion.moves else body.motion for body in bodies)
         return cls(
             walls.edges[:, 0:2], walls.edges[:, 4:6], walls.edges[:, 6],
             walls.edge_links[:, 0], walls.edge_links[:, 1:3],
             walls.vertices, walls.vertex_links[:, 0], walls.vertex_links[:, 1:3],
             np.array([motion.amplitude for motion in motions], dtype=float).reshape(-1, 2),
-            np.array([2 * np.pi * motion.frequency for motion in motions]),
-            np.array([motion.phase for motion in motions]),
+            np.array([motion.pace for motion in motions]),
+            np.array([1.0 / motion.frequency if motion.moves else 0.0 for motion in motions]),
+            motions,
             np.array([np.nan if body.restitution is None else body.restitution for body in bodies]),
             np.array([np.nan if body.friction is None else body.friction for body in bodies]),
             np.array([body.capture for body in bodies], dtype=bool),
@@ -73,19 +75,10 @@ class Surfaces:
 
     def moved(self, body: Index, t: Array) -> tuple[Array, Array, Array]:
         """Displacement (m), velocity (m/s) and acceleration (m/s2), (n, 2) each, of bodies (n,) at times t (n,)."""
-        omega, swing = self.omega[body], self.swing[body]
-        angle = omega * t + self.phase[body]
-        sine = np.sin(angle)[:, None] * swing
-        return sine, (omega * np.cos(angle))[:, None] * swing, -((omega**2)[:, None]) * sine
-
-    def swings(self, body: Index) -> tuple[Array, Array, Array, Array]:
-        """Amplitudes across and up (m), angular frequency and phase (n,) of bodies (n,), for inner loops."""
-        return self.swing[body, 0], self.swing[body, 1], self.omega[body], self.phase[body]
-
-
-def _harmonic(motion: Motion | None) -> Motion:
-    if motion is None or motion.frequency == 0.0:
-        return Motion((0.0, 0.0), 0.0)
-    if motion.record is not None:
-        raise SceneError("the chain (rung none) follows harmonic vibration only; choose another rung for samples")
-    return motion
+        found = np.zeros((3, len(t), 2))
+        for motion in {id(motion): motion for motion in self.motions if motion.moves}.values():
+            its = np.array([other is motion for other in self.motions])[body]
+            if its.all():
+                return motion.at(t)
+            found[:, its] = motion.at(t[its])
+        return found[0], found[1], found[2]

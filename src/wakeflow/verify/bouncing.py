@@ -72,7 +72,7 @@ def _flown(
 @number(
     "period-doubling-on-a-table", "Gamma from which on a ball on a vibrating table bounces at two heights in turn",
     "Tufillaro, N.B., Abbott, T. & Reilly, J. 1992, ch. 1; Luck, J.M. & Mehta, A. 1993, Phys. Rev. E 48, 3988",
-    "walls ballistic", tuple(f"e = {e:g}" for e in RESTITUTIONS),
+    "walls ballistic gravity", tuple(f"e = {e:g}" for e in RESTITUTIONS),
     doubling(RESTITUTIONS) * (1 - 2e-5), doubling(RESTITUTIONS) * (1 + 2e-5), doubling(RESTITUTIONS),
 )  # fmt: skip
 def period_doubling(tolerance: float) -> Array:
@@ -96,7 +96,7 @@ def period_doubling(tolerance: float) -> Array:
 
 @number(
     "periods-on-a-table", "after how many periods a ball's bounces repeat, just below and above that Gamma",
-    "the same", "walls ballistic",
+    "the same", "walls ballistic gravity",
     tuple(f"e = {e:g}, {share:g} Gamma'" for e in RESTITUTIONS for share in ABOUT), np.tile([1.0, 2.0], 7),
     np.tile([1.0, 2.0], 7), np.tile([1.0, 2.0], 7),
 )  # fmt: skip
@@ -114,7 +114,7 @@ BOUNCY = RESTITUTIONS[1:]
 
 @number(
     "first-period-on-a-table", "distance from the bounce of period one after 300 periods, in amplitudes, just "
-    "below and above the Gamma from which on there is one", "the same", "walls ballistic",
+    "below and above the Gamma from which on there is one", "the same", "walls ballistic gravity",
     tuple(f"e = {e:g}, {share:g} Gamma_1" for e in BOUNCY for share in ABOUT),
     np.tile([1e-2, 0.0], len(BOUNCY)), np.tile([math.inf, 1e-7], len(BOUNCY)),
 )  # fmt: skip
@@ -130,7 +130,7 @@ LIFTS = np.array([1.01, 1.5, 3.0, 10.0, 50.0])
 @number(
     "lift-off-from-a-table", "Gamma sin(phase) where a ball at rest on the table leaves it; and without restitution "
     "the flight's length in periods at Gamma = sqrt(1 + pi^2)", "balance of forces; Mehta, A. & Luck, J.M. 1990, Phys. "
-    "Rev. Lett. 65, 393", "walls ballistic", (*(f"Gamma = {gamma:g}" for gamma in LIFTS), "flight"),
+    "Rev. Lett. 65, 393", "walls ballistic gravity", (*(f"Gamma = {gamma:g}" for gamma in LIFTS), "flight"),
     1 - 1e-7, 1 + 1e-7, np.ones(len(LIFTS) + 1),
 )  # fmt: skip
 def lift_off(tolerance: float) -> Array:

@@ -93,8 +93,7 @@ def _spread(paths: dict[str, list[Path2D]], count: int) -> dict[str, list[Path2D
 
 def _actor(scene: Scene, fraction: str, number: int, path: Path2D) -> _Actor:
     """Its clock set back by whole periods of the vibration, so that all begin within the first one."""
-    omega = scene.motion[1]
-    period = 2 * np.pi / omega if omega > 0 else 0.0
+    period = 0.0 if scene.vibration is None else scene.vibration.period
     late = period * np.floor(path.time[0] / period + 1e-9) if period else float(path.time[0])
     last, rides = path.separation(scene), bool(path.touches(scene)[-1])
     if last is None:
@@ -167,7 +166,7 @@ def _actuator(axes: Axes, scene: Scene) -> None:
     if scene.vibration is None:
         return
     outline = next(iter(scene.body.values())).outline()
-    along = scene.motion[0] / np.linalg.norm(scene.motion[0])
+    along = scene.vibration.along
     foot = np.array([outline[:, 0].mean(), outline[:, 1].min()])
     size = 0.2 * float(np.ptp(outline[:, 0]))
     near, far = (tuple(MM * (foot - part * size * along)) for part in (0.15, 1.15))
@@ -206,8 +205,8 @@ def _name_actors(figure: Figure, scene: Scene, actors: list[_Actor]) -> None:
     handles = [Line2D([], [], marker="o", linewidth=0.7, color=colours[name], label=name) for name in names]
     handles.append(Line2D([], [], marker="v", linewidth=0, color=INK, markersize=4, label="separation point"))
     if scene.vibration is not None:
-        peak = np.linalg.norm(scene.motion[0]) * scene.motion[1]
-        text = f"vibration: {scene.vibration.frequency:g} Hz, peak speed {peak:.2g} m/s"
+        peak = np.linalg.norm(scene.shaking)
+        text = f"vibration: {1.0 / scene.vibration.period:.3g} Hz, peak speed {peak:.2g} m/s"
         handles.append(Line2D([], [], linewidth=0, marker="$\\updownarrow$", color=INK, markersize=8, label=text))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...meeting import motion_of
 from ...tables.pictures import Curves
 from ..canvas import MM, fraction_colours, new_figure, save
 from .paths import Path2D
@@ -59,7 +60,7 @@ def draw_curves(view: View) -> Drawn:
 
 def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iterator[_Curve]:
     """What there is of each granule of one fraction; none of those that never met a body, from the separation on."""
-    scene = view.scene
+    scene, motion = view.scene, motion_of(view.scene)
     for i, path in enumerate(paths):
         first: int | None = 0 if picture.origin == "scene" else path.separation(scene)
         if first is None:
@@ -68,8 +69,7 @@ def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iter
         origin = np.zeros(2)
         if picture.origin == "separation":
             origin = path.position[first]
-            omega = scene.motion[1]
-            met = float(omega * np.cos(omega * start) * scene.motion[0][1])
+            met = 0.0 if motion is None else float(motion.at(start)[1][1])
         if picture.drop is not None:
             found = path.falls_to(origin[1] - picture.drop, first)
             if found is not None:

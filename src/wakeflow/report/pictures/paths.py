@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import distance_to
+from ...meeting import motion_of
 
 if TYPE_CHECKING:
     from ...scene import Scene
@@ -22,8 +23,8 @@ TOUCH = 1e-3  # of its radius: a recorded point nearer than that to a body is a 
 
 def displacement(scene: Scene, time: Array) -> Array:
     """Where the bodies are off the middle of their vibration, (n, 2) m at times (n,) s."""
-    amplitude, omega = scene.motion
-    return np.sin(omega * np.asarray(time))[:, None] * amplitude
+    motion = motion_of(scene)
+    return np.zeros((len(time), 2)) if motion is None else motion.at(time)[0]
 
 
 @dataclass(frozen=True)

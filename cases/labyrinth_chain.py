@@ -1,0 +1,92 @@
+"""The chain beside the tracker on cases/labyrinth.toml, printed as the tables of docs/validation.md:
+
+.venv/bin/python cases/labyrinth_chain.py [count of granules a fraction, 1024] [mesh_scale of the airflow, 2]
+
+Without air both must agree, granule by granule; in the labyrinth's steady airflow they differ by what the air does.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import wakeflow as wf
+from wakeflow.flight import Flight, compile_tracker
+from wakeflow.injection import feedstock
+from wakeflow.pipeline import Chain
+from wakeflow.planning import make_plan
+
+SHAKEN = {"vibration.frequency": 30.0, "vibration.gamma": 1.5}
+
+
+def timed(work: Callable[[], Any]) -> tuple[Any, float]:
+    """What ``work`` returns, and the processor time (s) it took."""
+    start = time.process_time()
+    found = work()
+    return found, time.process_time() - start
+
+
+def flown(scene: wf.Scene, name: str) -> tuple[Any, float]:
+    """Tracks of one fraction without air, by whom the plan says, and the processor time of flying them."""
+    plan = make_plan(scene, rung="none")
+    still = scene.flown("none")
+    feed = feedstock(still, plan, name, None)
+    return timed(lambda: Flight(still, plan, None, scene.numerics.tolerance).fly(name, feed.granules))
+
+
+def without_air(scene: wf.Scene) -> None:
+    """Landing by landing: the same granules by the chain and by the tracker, bodies at rest and vibrating."""
+    print("| bodies | fraction | within 1e-6 widths | same bin | chain, us a granule | tracker, us a granule |")
+    print("|---|---|---|---|---|---|")
+    for label, changed in (("at rest", {}), ("30 Hz, Gamma 1.5", SHAKEN)):
+        one = scene.replace(changed) if changed else scene
+        tables = {key: table for key, table in one.tables().items() if key not in ("air", "numerics")}
+        vacuum = wf.Scene.parse({**tables, "numerics": {"tolerance": one.numerics.tolerance}})
+        for name in scene.fraction:
+            (ours, spent), (theirs, other) = flown(one, name), flown(vacuum, name)
+            off = np.linalg.norm(ours.position - theirs.position, axis=1) / scene.width
+            same, bins = np.mean(off < 1e-6), np.mean(ours.line == theirs.line)
+            costs = " | ".join(f"{1e6 * s / len(off):.3g}" for s in (spent, other))
+            print(f"| {label} | {name} | {100 * same:.1f} % | {100 * bins:.1f} % | {costs} |")
+
+
+def with_air(scene: wf.Scene, mesh_scale: float) -> None:
+    """Shares by the chain and in the airflow of all bodies, and how far the air moves a granule's landing."""
+    chained, spent = timed(lambda: wf.chain(scene))
+    asked = scene.replace({"numerics.mesh_scale": mesh_scale})
+    whole = Chain(asked, make_plan(asked, rung="draft"))
+    landed = whole.tracks().landings
+    print("\n| fraction | bin | chain | in the airflow |\n|---|---|---|---|")
+    from wakeflow.separation import separate
+
+    air = separate(asked, landed)["fractions"]
+    for name, row in chained.separation["fractions"].items():
+        for place, own in row.items():
+            cells = [
+                f"{100 * e['share']:.1f} ({100 * e['low']:.1f} to {100 * e['high']:.1f})"
+                for e in (own, air[name][place])
+            ]
+            print(f"| {name} | {place} | {' | '.join(cells)} |")
+    print("\n| fraction | moved by the air, median | 95 % | bound of the plan (body widths) |\n|---|---|---|---|")
+    bounds = {row.fraction: row.bound for row in chained.plan.left_out if row.name == "air"}
+    for name, landing in landed.items():
+        off = np.linalg.norm(landing.position - chained.landings[name].position, axis=1) / scene.width
+        print(f"| {name} | {np.median(off):.2g} | {np.percentile(off, 95):.2g} | {bounds[name]:.2g} |")
+    slow = {stage: f"{row['seconds']:.1f}" for stage, row in whole.seconds.items()}
+    print(f"\nchain: {spent:.2f} s of processor; stages of the other, s on the clock: {slow}")
+
+
+def main(count: int, mesh_scale: float) -> None:
+    scene = wf.Scene.load(Path(__file__).with_name("labyrinth.toml")).replace({"feed.count": count})
+    compile_tracker()
+    without_air(scene)
+    with_air(scene, mesh_scale)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1024, float(sys.argv[2]) if len(sys.argv) > 2 else 2.0)

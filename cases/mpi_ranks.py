@@ -1,0 +1,76 @@
+"""Measure from how many cells a second MPI rank pays: the shipped rhombus' steady airflow on finer and finer meshes.
+
+.venv/bin/python cases/mpi_ranks.py runs/mpi-ranks
+
+Prints the table of docs/validation.md: median seconds an iteration of simpleFoam on one rank and on two. A machine with
+less than two idle cores says nothing about MPI.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from wakeflow.flows import flow_spec, mesh_spec
+from wakeflow.foam.case import FlowSpec, write_parameters
+from wakeflow.foam.parallel import scatter
+from wakeflow.foam.programs import call
+from wakeflow.foam.solve import prepare
+from wakeflow.meshing import build_mesh
+from wakeflow.planning import make_plan
+from wakeflow.scene import Scene
+
+SCALES = (0.5, 0.35, 0.25, 0.18)  # of every cell edge of the whole channel's draft
+ITERATIONS, FIRST = 60, 10  # run, and left out
+
+
+@dataclass
+class Clock:
+    """Hears a solver's lines and notes when each iteration begins (s)."""
+
+    beats: list[float] = field(default_factory=list)
+
+    def __call__(self, line: str) -> None:
+        if line.startswith("Time = "):
+            self.beats.append(time.monotonic())
+
+    @property
+    def seconds(self) -> float:
+        """Median of an iteration."""
+        return float(np.median(np.diff(self.beats[FIRST:])))
+
+
+def iteration(spec: FlowSpec, msh: Path, folder: Path) -> float:
+    """Seconds of one iteration."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    prepare(spec, msh, folder)
+    write_parameters(folder, {"endTime": ITERATIONS, "deltaT": 1, "writeControl": "timeStep", "writeInterval": 1000})
+    launcher, options = scatter(folder)
+    clock = Clock()
+    call(folder, ["simpleFoam", *options], clock, launcher=launcher)
+    return clock.seconds
+
+
+def main(folder: Path, tell: Callable[[str], None] = print) -> None:
+    scene = Scene.load(Path(__file__).with_name("rhombus.toml"))
+    plan = make_plan(scene, rung="draft")
+    tell("| cells | one rank, s an iteration | two ranks | gain |\n|---|---|---|---|")
+    for scale in SCALES:
+        finer = scene.replace({"numerics.mesh_scale": scale})
+        mesh = replace(mesh_spec(finer, plan), half=False)
+        here = folder / f"{scale:g}"
+        cells = build_mesh(mesh, here).cells
+        spec = flow_spec(finer, plan, mesh)
+        one, two = (iteration(replace(spec, ranks=ranks), here / "mesh.msh", here / "case") for ranks in (1, 2))
+        tell(f"| {cells} | {one:.3f} | {two:.3f} | {one / two:.2f} |")
+
+
+if __name__ == "__main__":
+    main(Path((sys.argv[1:] or ["runs/mpi-ranks"])[0]))
