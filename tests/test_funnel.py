@@ -310,6 +310,14 @@ def test_no_bead_passes_the_wall() -> None:
 
 
 @needs_engine
+def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    engine.version.cache_clear()
+    assert engine.version().split(".")[0] == "3"
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_engine
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
     with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:
