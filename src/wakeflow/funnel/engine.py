@@ -29,7 +29,7 @@ def version() -> str:
     where = shutil.which(PROGRAM)
     if where is None:
         raise ProgramError(f"a [funnel] needs LIGGGHTS: {INSTALL}", command=PROGRAM, ended="missing")
-    _, text = capture([where, "-help"])  # ends with code 1 after its help
+    _, text = capture([where, "-log", "none", "-help"])  # ends with code 1 after its help
     found = re.search(r"Version LIGGGHTS-PUBLIC ([\d.]+)", text)
     if found is None:
         raise ProgramError(f"{PROGRAM} does not start; {INSTALL}", command=f"{PROGRAM} -help", tail=text[-500:])
