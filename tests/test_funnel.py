@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from wakeflow import doctor
 from wakeflow.cli import main
-from wakeflow.doctor import examine
 from wakeflow.errors import ProgramError, SceneError
 from wakeflow.files import Store, cache_root
 from wakeflow.funnel import compute, engine
@@ -207,7 +207,7 @@ def test_without_the_engine_one_line_says_what_to_install(
         assert main(["run", str(cases / "funnel.toml"), "--out", str(tmp_path), "--until", "funnel", "--quiet"]) == 3
         line = capsys.readouterr().err.splitlines()[0]
         assert "apt-get install --no-install-recommends liggghts" in line
-        (finding,) = [found for found in examine() if found.name == "liggghts"]
+        finding = doctor._funnel()
         assert (finding.ok, finding.optional, finding.mend) == (False, True, engine.INSTALL)
     finally:
         engine.version.cache_clear()
@@ -310,8 +310,16 @@ def test_no_bead_passes_the_wall() -> None:
 
 
 @needs_engine
+def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    engine.version.cache_clear()
+    assert engine.version().split(".")[0] == "3"
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_engine
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
-    with pytest.raises(ProgramError, match=r"ERROR.*plate\.log") as caught:
+    with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:
         engine.run_script(tmp_path, "plate")
     assert caught.value.tail

@@ -29,7 +29,7 @@ def version() -> str:
     where = shutil.which(PROGRAM)
     if where is None:
         raise ProgramError(f"a [funnel] needs LIGGGHTS: {INSTALL}", command=PROGRAM, ended="missing")
-    _, text = capture([where, "-help"])  # ends with code 1 after its help
+    _, text = capture([where, "-log", "none", "-help"])  # ends with code 1 after its help
     found = re.search(r"Version LIGGGHTS-PUBLIC ([\d.]+)", text)
     if found is None:
         raise ProgramError(f"{PROGRAM} does not start; {INSTALL}", command=f"{PROGRAM} -help", tail=text[-500:])
@@ -59,23 +59,22 @@ def write_beads(folder: Path, centres: Array, diameters: Array, velocities: Arra
 
 
 def run_script(folder: Path, name: str, on_line: Callable[[str], None] | None = None) -> None:
-    """Run the script ``name`` in ``folder``, beside its settings, beads and walls; log.NAME and NAME.log there hold
-    what it says.
+    """Run the script ``name`` in ``folder``, beside its settings, beads and walls; log.NAME there holds what it says.
 
     The scripts are copied, so that the folder can be run again by hand. Raises ProgramError, with LIGGGHTS' own words.
     """
     for script in (name, "beads"):
         shutil.copyfile(SCRIPTS / f"{script}.liggghts", folder / f"{script}.liggghts")
-    log, own = folder / f"log.{name}", folder / f"{name}.log"
-    command = [PROGRAM, "-in", f"{name}.liggghts", "-log", own.name, "-echo", "none"]
+    log = folder / f"log.{name}"
+    # line by line: what stands in its buffer is lost where MPI aborts it, its reason first of all
+    command = ["stdbuf", "-oL", PROGRAM, "-in", f"{name}.liggghts", "-log", "none", "-echo", "none"]
     try:
         run(command, cwd=folder, log=log, on_line=on_line, hint=INSTALL)
     except ProgramError as problem:
-        # its own log: what it prints is lost where MPI aborts it
-        said = re.findall(r"ERROR.*", tail(own, 40))
+        said = re.findall(r"\bERROR\b.*", tail(log, 40))
         if problem.ended == "failed" and said:
             raise ProgramError(
-                f"{PROGRAM}: {said[-1]}; log: {own}", command=" ".join(command), log=own, tail=tail(own), ended="failed"
+                f"{PROGRAM}: {said[-1]}; log: {log}", command=" ".join(command), log=log, tail=tail(log), ended="failed"
             ) from None
         raise
 
