@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from .events import PLANE, ROUND, SAME, cubic, displacement, first_below, harmonic, interval
+from .events import PLANE, ROUND, SAME, cubic, displacement, first_below, harmonic, interval, level
 from .exponential import along
 from .jit import compiled, inlined
 from .state import (
@@ -45,6 +45,7 @@ from .state import (
 __all__ = ["carry", "constrain", "crossing", "facing", "first_contact", "grasp", "inside", "overlap", "ride"]
 
 STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does not meet it again
+BEND, BENDS = 0.05, 64  # sagitta over a granule's radius in which its path near a corner counts as straight; most pieces
 TURN = 0.4  # rad of a body's vibration looked at in one piece; of samples: change of the acceleration over its peak
 
 
@@ -94,9 +95,21 @@ def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):
     ra, rb = (ax * qa[2] + ay * qa[3]) / da, (bx * qb[2] + by * qb[3]) / db
     body = walls.vertex_links[v, 0]
     ra = 0.0 if abs(ra) < STILL else ra
-    return first_below(
-        path, t0, walls.bodies, body, ROUND, px, py, r, 0.0, 0.0, sa, da - r, ra, sb, db - r, rb, skin
-    )  # fmt: skip
+    pieces = 1
+    if ra >= 0.0 and rb >= 0.0:  # a path that bends may leave the circle, come back through it and leave again
+        bend = math.hypot(qb[2] - qa[2], qb[3] - qa[3]) * (sb - sa) / 8.0
+        pieces = min(BENDS, 1 + int(math.sqrt(bend / (BEND * r))))
+    s0, f0, r0 = sa, da - r, ra
+    for piece in range(1, pieces + 1):
+        s1, f1, r1 = sb, db - r, rb
+        if piece < pieces:
+            s1 = sa + (sb - sa) * piece / pieces
+            f1, r1 = level(path, s1, t0, walls.bodies, body, ROUND, px, py, r, 0.0, 0.0)
+        s = first_below(path, t0, walls.bodies, body, ROUND, px, py, r, 0.0, 0.0, s0, f0, r0, s1, f1, r1, skin)
+        if s >= 0.0:
+            return s
+        s0, f0, r0 = s1, f1, r1
+    return -1.0
 
 
 @compiled
