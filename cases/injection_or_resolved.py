@@ -28,7 +28,7 @@ HERE = Path(__file__).parent
 
 def straight(plan: Plan) -> Plan:
     """The plan with every granule injected that would fall on the body without air."""
-    return replace(plan, fractions={n: replace(how, deflection=None) for n, how in plan.fractions.items()})
+    return replace(plan, fractions={n: replace(how, impaction=None) for n, how in plan.fractions.items()})
 
 
 def calm(plan: Plan) -> Plan:
@@ -60,7 +60,7 @@ def rows(path: Path, count: int) -> Iterator[str]:
         shares(ways["resolved"], resolved),
     ]
     for name, how in chosen.fractions.items():
-        turned = how.deflection
+        turned = how.impaction
         air = "–" if turned is None else f"{turned.efficiency:.2f}, {turned.missed:.2f}, {turned.shift:.2g}"
         for place in found[0][name]:
             cells = [f"{100 * one[name][place]['share']:.1f}" for one in found]

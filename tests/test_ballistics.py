@@ -174,8 +174,8 @@ def test_it_meets_what_the_tracker_meets(inertia: float | None) -> None:
     how = {"until": 3.0, "bodies": bodies, "lines": lines, "length": D}
     ours, theirs = follow(grains, **how), wf.track(None, grains, forces=("gravity",), **how)
     off = np.linalg.norm(ours.position - theirs.position, axis=1) / D
-    assert np.mean(off < 1e-6) > 0.98  # of the rest a grazed corner or a hop more or less makes another path
-    assert np.mean(ours.impacts == theirs.impacts) > 0.98
+    assert np.mean(off < 1e-6) > 0.99  # a grazed corner or a hop more or less makes another path
+    assert np.mean(ours.impacts == theirs.impacts) > 0.99
     assert np.median(off) < 1e-12
     np.testing.assert_allclose(ours.counts()[Fate.BINNED], theirs.counts()[Fate.BINNED], atol=3)
 

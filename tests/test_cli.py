@@ -15,7 +15,7 @@ def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.Captur
     plan = json.loads(capsys.readouterr().out)
     assert plan["rung"] == "standard"
     assert plan["fractions"]["wheat"]["mode"] == "resolved"  # the air before the body moves it by more than 1 % allows
-    met = {name: row["deflection"]["efficiency"] for name, row in plan["fractions"].items()}
+    met = {name: row["impaction"]["efficiency"] for name, row in plan["fractions"].items()}
     assert met["wheat"] > 0.9 > met["chaff"] > 0.8 > met["dust"]
     names = {row["name"] for row in plan["left_out"]}
     assert {"buoyancy", "basset-history", "lift", "brownian", "vibration-of-the-air"} <= names

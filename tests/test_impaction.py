@@ -99,7 +99,7 @@ def rhombus() -> Scene:
 
 
 def of(scene: Scene, name: str) -> Deflection:
-    found = make_plan(scene).fractions[name].deflection
+    found = make_plan(scene).fractions[name].impaction
     assert found is not None
     return found
 
@@ -118,11 +118,11 @@ def test_the_plan_injects_what_the_accuracy_lets_it() -> None:
     assert {name for name, how in modes[0.05].items() if how.mode == "injected"} == {"wheat"}
     plan = make_plan(rhombus(), target_error=0.05)
     [row] = [row for row in plan.left_out if row.name == TURNING]
-    assert (row.fraction, row.bound) == ("wheat", plan.fractions["wheat"].deflection.shift)  # type: ignore[union-attr]
+    assert (row.fraction, row.bound) == ("wheat", plan.fractions["wheat"].impaction.shift)  # type: ignore[union-attr]
     calm = make_plan(rhombus().replace({"air.speed": 1.0}))
     assert calm.fractions["wheat"].mode == "injected"
     upward = make_plan(Scene.load(CASES / "prism.toml"))
-    assert {(how.mode, how.deflection) for how in upward.fractions.values()} == {("resolved", None)}
+    assert {(how.mode, how.impaction) for how in upward.fractions.values()} == {("resolved", None)}
 
 
 def test_forced_injection_leaves_those_that_the_air_carries_round_to_the_tracker() -> None:

@@ -436,7 +436,7 @@ def test_the_meetings_of_granules_are_not_underestimated() -> None:
     tried = trial()
     for name, counted in meetings_counted(tried).items():
         how = tried.plan.fractions[name]
-        straight = how.deflection is not None and how.deflection.straight
+        straight = how.impaction is not None and how.impaction.straight
         found = flights(tried.scene, name, how.drag, how.drag_scale, straight=straight, turbulent=True)
         assert counted <= max(f.meetings for f in found) <= IDLE * counted
 

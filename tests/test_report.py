@@ -577,7 +577,7 @@ def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
     assert [row[:2] for row in found["impaction"][1:]] == [
         [name, row["mode"]] for name, row in plan["fractions"].items()
     ]
-    wheat = plan["fractions"]["wheat"]["deflection"]
+    wheat = plan["fractions"]["wheat"]["impaction"]
     assert found["impaction"][-1][4:] == [f"{wheat[key]:.3g}" for key in ("efficiency", "missed", "shift")]
     loading = {row[0]: row for row in found["validity"]}
     assert set(loading) == {"number", *(row["name"] for row in plan["validity"])}

@@ -69,8 +69,6 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
         yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
     x = next(iter(scene.body.values())).outline()[:, 0]
     left, right = feed.position - feed.width / 2, feed.position + feed.width / 2
-    if feed.start == "resting" and scene.vibration is not None and scene.vibration.samples is not None:
-        yield "feed.start = 'resting': granules lie still at a dead point, which samples need not have; give frequency"
     if feed.start == "resting" and (left < x.min() or right > x.max()):
         yield f"feed: granules lie from x = {left:g} to {right:g} m, the body reaches from {x.min():g} to {x.max():g} m"
     level = min(scene.level + scene.release[0], scene.channel.top)

@@ -227,8 +227,8 @@ def feedstock(
     if how.mode == "injected":
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
-        if how.deflection is not None:
-            meets &= how.deflection.meets(diameter, x - axis(scene))
+        if how.impaction is not None:
+            meets &= how.impaction.meets(diameter, x - axis(scene))
         fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
         i = np.flatnonzero(injected)

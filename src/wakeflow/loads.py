@@ -94,8 +94,8 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
         x = scene.feed.places(place)
         height, normal = contact_points(outline, x, np.full(len(x), diameter / 2))
         met = np.isfinite(height)
-        if how.deflection is not None:
-            met &= how.deflection.meets(np.full(len(x), diameter), x - axis(scene))
+        if how.impaction is not None:
+            met &= how.impaction.meets(np.full(len(x), diameter), x - axis(scene))
         fall, later, wall = np.full(len(x), np.nan), np.full(len(x), np.nan), np.zeros((len(x), 2))
         if met.any():
             drop = np.maximum(release - height[met], 0.0)

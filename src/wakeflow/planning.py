@@ -57,7 +57,7 @@ class FractionPlan:
     relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
     stokes: float  # approach Stokes number: relaxation time x arrival speed / half width; inf without a body or air
     arrival_speed: float  # m/s at the top of the body, drag included; negative where the air carries it up
-    deflection: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
+    impaction: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
     forces: tuple[str, ...] = ()  # the terms it is flown with
     bounds: dict[str, float] = field(default_factory=dict)  # body widths each term could move it by
     limit: float | None = None  # body widths: what a term must be able to move to be used
@@ -65,9 +65,9 @@ class FractionPlan:
     @property
     def tracked(self) -> dict[str, Any]:
         """What its tracks depend on: everything but the bounds that chose the forces."""
-        table = {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit", "deflection")}
-        if self.mode == "injected" and self.deflection is not None:
-            table["reach"] = self.deflection.diameters, self.deflection.reach
+        table = {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit", "impaction")}
+        if self.mode == "injected" and self.impaction is not None:
+            table["reach"] = self.impaction.diameters, self.impaction.reach
         return table
 
 
@@ -160,7 +160,7 @@ def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Fl
     if scene.air is None:
         plan.fractions[name] = replace(how, forces=("gravity",))
         return None
-    straight = how.deflection is not None and how.deflection.straight and not scene.obstacles
+    straight = how.impaction is not None and how.impaction.straight and not scene.obstacles
     found = flights(
         scene, name, how.drag, how.drag_scale, straight=straight,
         turbulent=plan.airflow.turbulence in ("kOmegaSST", "given"),
@@ -171,9 +171,9 @@ def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Fl
     )
     plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
     plan.left_out.extend(gate.left_out)
-    if how.mode == "injected" and how.deflection is not None:
+    if how.mode == "injected" and how.impaction is not None:
         why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
-        plan.left_out.append(LeftOut(TURNING, how.deflection.shift, why, name))
+        plan.left_out.append(LeftOut(TURNING, how.impaction.shift, why, name))
     return gate
 
 
@@ -283,7 +283,7 @@ def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
 
 def _turned(how: FractionPlan) -> str:
     """What the air does to the fraction before the body."""
-    turned = how.deflection
+    turned = how.impaction
     if turned is None:
         return ", the slopes lie in the wake"
     return (
@@ -372,7 +372,7 @@ def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[st
     """A line where injection was asked for and does not hold."""
     if how.mode != "injected":
         return
-    turned = how.deflection
+    turned = how.impaction
     if turned is None and how.stokes < math.inf:
         yield f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
     elif turned is not None and (turned.missed > target or turned.shift > (how.limit or 0.0)):

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .roots import falls_below, first_roots, rises_above
 from .surfaces import Array, Index, Surfaces
 
 __all__ = ["CORNER", "FACE", "LINE", "NONE", "Falling", "Hit", "first_hits"]
 
+Mask = NDArray[np.bool_]
 NONE, FACE, CORNER, LINE = range(4)
-TURN = 0.4  # rad of a body's vibration looked at in one piece
+TURN = 0.3  # rad of a body's vibration looked at in one piece
 PIECES = 8  # of a passage by a corner at rest
 STILL = 1e-12  # m/s: approaches slower than this are round-off
 CHUNK = 2**18  # pairs of granules and features looked at in one table
@@ -241,13 +243,16 @@ def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], s
         nx, ny = np.where(is_face[k], table[6:, k], (x / distance, y / distance))
         return x * nx + y * ny - table[4, k], vx * nx + vy * ny
 
-    times = first_roots(gap, who, pairs.low, np.minimum(pairs.high, best.time[who]), pairs.step, skin, STILL)
+    def counts(k: Index, t: Array) -> Mask:
+        x, y, vx, vy = relative(k, t)
+        nx, ny = normal[k].T
+        foot, onward, size = nx * y - ny * x, nx * vy - ny * vx, surfaces.size[face[k]]
+        on_face = (foot >= np.where(onward >= 0.0, 0.0, skin)) & (foot <= np.where(onward <= 0.0, size, size - skin))
+        return ~is_face[k] | on_face
+
+    high = np.minimum(pairs.high, best.time[who])
+    times = first_roots(gap, counts, who, pairs.low, high, pairs.step, skin, STILL)
     met = np.flatnonzero(np.isfinite(times))
-    x, y, vx, vy = relative(met, times[met])
-    nx, ny = normal[met].T
-    foot, onward, size = nx * y - ny * x, nx * vy - ny * vx, surfaces.size[face[met]]
-    on_face = (foot >= np.where(onward >= 0.0, 0.0, skin)) & (foot <= np.where(onward <= 0.0, size, size - skin))
-    met = met[~is_face[met] | on_face]
     met = met[times[met] < best.time[pairs.granule[met]]]
     met = met[np.argsort(-times[met], kind="stable")]  # of one granule's the earliest is written last
     i = pairs.granule[met]

@@ -17,6 +17,7 @@ __all__ = ["falls_below", "first_roots", "rises_above"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Gap = Callable[[Index, Array], tuple[Array, Array]]  # (which pairs, times) to value and rate
+Counts = Callable[[Index, Array], NDArray[np.bool_]]  # (which pairs, times) to whether a root there is a contact
 ITERATIONS = 60  # of Newton's method, which needs about six
 HALVINGS = 26  # of a piece: a turning point need not be known better
 
@@ -40,9 +41,12 @@ def rises_above(g0: Any, g1: Any, g2: Any) -> Any:
     return falls_below(-g0, -g1, -g2)
 
 
-def first_roots(gap: Gap, owner: Index, low: Array, high: Array, step: Array, skin: float, still: float) -> Array:
+def first_roots(
+    gap: Gap, counts: Counts, owner: Index, low: Array, high: Array, step: Array, skin: float, still: float
+) -> Array:
     """First time (n,) in [low, high] at which each gap falls below zero by more than ``skin``; inf where none does, or
-    another of the same ``owner`` (n,) does before.
+    another of the same ``owner`` (n,) does before. Only roots that ``counts`` accepts are any: a crossing of a face's
+    plane beyond its ends hides nothing.
 
     The interval is searched in pieces of ``step``, each with at most one turning point. A gap at most ``skin`` at
     ``low`` is touched at once when its rate is below -``still``, else it must rise first.
@@ -51,6 +55,7 @@ def first_roots(gap: Gap, owner: Index, low: Array, high: Array, step: Array, sk
     at = np.arange(len(low))
     f, r = gap(at, low)
     touching = (f <= skin) & (r < -still)
+    touching[touching] = counts(at[touching], low[touching])
     found[touching] = low[touching]
     soonest = np.full(int(owner.max(initial=-1)) + 1, np.inf)
     np.minimum.at(soonest, owner[touching], low[touching])
@@ -70,7 +75,8 @@ def first_roots(gap: Gap, owner: Index, low: Array, high: Array, step: Array, sk
             a[turns[~dip]], fa[turns[~dip]] = turn[~dip], value[~dip]
         hits = (fb < -skin) & (fa >= -skin)
         if hits.any():
-            found[at[hits]] = _root(gap, at[hits], a[hits], b[hits])
+            times = _root(gap, at[hits], a[hits], b[hits])
+            found[at[hits]] = np.where(counts(at[hits], times), times, np.inf)
             np.minimum.at(soonest, owner[at[hits]], found[at[hits]])
         on = ~hits & (end < high[at]) & (end < soonest[owner[at]])
         at, now, f, r = at[on], end[on], fe[on], re[on]

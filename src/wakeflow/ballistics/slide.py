@@ -28,8 +28,8 @@ __all__ = ["FLIES", "RESTS", "Contact", "arc_length", "place", "slide"]
 
 STAYS, FLIES, RESTS = 0, 1, 2  # what becomes of it
 SLIPS, ROLLS, HELD = 0, 1, 2  # how it moves there
-SWING = 0.4  # rad of a vibration in one step
-ROUND = 0.1  # of a corner's radius, or of the time of a pendulum as long as it, in one step
+SWING = 0.2  # rad of a vibration in one step
+ROUND = 0.05  # of a corner's radius, or of the time of a pendulum as long as it, in one step
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 HALVINGS = 40  # of a step, to find when its way ends
 PATIENCE = 1.05  # vibrations: what is held that long stays

@@ -84,10 +84,12 @@ def draw_animation(view: View) -> Drawn:
 def _spread(paths: dict[str, list[Path2D]], count: int) -> dict[str, list[Path2D]]:
     """``count`` granules of each fraction, those that begin nearest to evenly spread places, fractions in turn."""
     found: dict[str, list[Path2D]] = {}
+    starts = {name: np.array([path.position[0, 0] for path in part]) for name, part in paths.items()}
+    low, high = (f(np.concatenate(list(starts.values()))) for f in (np.min, np.max))
     for k, (name, part) in enumerate(paths.items()):
-        ranked = sorted(part, key=lambda path: float(path.position[0, 0]))
-        places = (np.arange(min(count, len(part))) * len(paths) + k + 0.5) / (count * len(paths))
-        found[name] = [ranked[min(len(ranked) - 1, int(place * len(ranked)))] for place in places]
+        places = low + (high - low) * (np.arange(count) * len(paths) + k + 0.5) / (count * len(paths))
+        chosen = dict.fromkeys(int(np.argmin(np.abs(starts[name] - place))) for place in places)
+        found[name] = [part[i] for i in chosen]
     return found
 
 
