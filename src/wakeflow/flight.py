@@ -118,14 +118,14 @@ class Flight:
         self.tell(f"{text} after {done}, of {count}")
 
     def _fly_ensemble(self, name: str, feed: Feedstock, stream: int) -> Tracks:
-        """Every granule of some replicates; in a time-resolved symmetric airflow odd ones fly in its mirror image.
+        """Every granule of some replicates; in a symmetric channel computed whole, odd ones fly in its mirror image.
 
-        A few periods of shedding are a small sample, and their mean wake may lean to one side. In a symmetric channel
-        its mirror image is as likely: the mean over both does not lean, and the spread between replicates shows how
-        much either does.
+        A few periods of shedding are a small sample, and their mean wake may lean to one side; so may a steady one of
+        several bodies. Its mirror image is as likely: the mean over both does not lean, and the spread between
+        replicates shows how much either does.
         """
         odd = feed.replicate % 2 == 1
-        if self.field is None or self.field.times is None or not self.plan.airflow.symmetric:
+        if self.field is None or not self.plan.airflow.mirrored:
             return self.fly(name, feed.granules, stream=stream)
         other = replace(self, field=self.field.reflected())
         even_tracks = self.fly(name, feed.granules[~odd], stream=stream)

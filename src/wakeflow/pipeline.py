@@ -243,8 +243,8 @@ class Chain:
         code = _sources("laws", "tracking", "ballistics", "field", "tables", *files)
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
-        symmetric = self.plan.airflow.symmetric
-        return content_key("tracks", tables, order, self.plan.flown_by, symmetric, repr(how), upstream, code, versions)
+        mirrored = self.plan.airflow.mirrored
+        return content_key("tracks", tables, order, self.plan.flown_by, mirrored, repr(how), upstream, code, versions)
 
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""

@@ -311,7 +311,7 @@ def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
     if airflow.stepping is None:
         return
     part = ", half of the channel mirrored" if airflow.half else ""
-    if airflow.symmetric and not airflow.half:
+    if airflow.mirrored:
         part = "; half of the granules fly in its mirror image"
     yield f"airflow: rung {airflow.rung}, {airflow.stepping}, {airflow.turbulence}{part} ({airflow.why})"
     cells = typical_cells(airflow, bodies)

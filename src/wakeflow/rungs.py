@@ -68,6 +68,13 @@ class AirflowPlan:
     moving: bool = False
     accuracy: float = 0.02
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether half of the granules fly in the airflow's mirror image: it is as likely where nothing tells left
+        from right, and a wake, computed whole, may lean.
+        """
+        return self.stepping is not None and self.symmetric and not self.half
+
 
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
     """The airflow of a rung asked for; ``auto`` goes by Reynolds number and the accuracy asked for (a share).

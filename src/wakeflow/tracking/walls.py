@@ -45,7 +45,10 @@ from .state import (
 __all__ = ["carry", "constrain", "crossing", "facing", "first_contact", "grasp", "inside", "overlap", "ride"]
 
 STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does not meet it again
-BEND, BENDS = 0.05, 64  # sagitta over a granule's radius in which its path near a corner counts as straight; most pieces
+BEND, BENDS = (
+    0.05,
+    64,
+)  # sagitta over a granule's radius in which its path near a corner counts as straight; most pieces
 TURN = 0.4  # rad of a body's vibration looked at in one piece; of samples: change of the acceleration over its peak
 
 
