@@ -48,7 +48,7 @@ STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does no
 BEND, BENDS = (
     0.05,
     64,
-)  # sagitta over a granule's radius in which its path near a corner counts as straight; most pieces
+)  # sagitta over a granule's radius up to which its path by a corner counts as straight; pieces
 TURN = 0.4  # rad of a body's vibration looked at in one piece; of samples: change of the acceleration over its peak
 
 
