@@ -20,7 +20,8 @@ from typing import Any
 
 import wakeflow as wf
 from wakeflow.pipeline import Chain
-from wakeflow.planning import Plan, make_plan
+from wakeflow.planning import make_plan
+from wakeflow.plans import Plan
 from wakeflow.separation import separate
 
 HERE = Path(__file__).parent

@@ -12,7 +12,8 @@ from wakeflow.companions import COMPUTED, Comparison, compared, differences, mes
 from wakeflow.files import Store
 from wakeflow.flows import flow_spec, mesh_spec, nearest, remember
 from wakeflow.pipeline import Chain, Companion
-from wakeflow.planning import COMPARED, REPLICATES, make_plan
+from wakeflow.planning import make_plan
+from wakeflow.plans import COMPARED, REPLICATES
 from wakeflow.scene import Scene
 
 

@@ -16,7 +16,8 @@ from wakeflow.errors import SceneError
 from wakeflow.injection import feedstock
 from wakeflow.laws.profile import crowding, profiles
 from wakeflow.loading import COUPLING, INDEPENDENT, LOADED, MODULATING
-from wakeflow.planning import Plan, make_plan
+from wakeflow.planning import make_plan
+from wakeflow.plans import Plan
 from wakeflow.scene import Scene
 
 CASES = Path(__file__).parents[1] / "cases"

@@ -27,7 +27,8 @@ from wakeflow.injection import feedstock
 from wakeflow.laws.drag import drag_laws, slip_correction
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline import Chain
-from wakeflow.planning import Plan, make_plan
+from wakeflow.planning import make_plan
+from wakeflow.plans import Plan
 from wakeflow.scales import flights
 from wakeflow.scene import Scene
 from wakeflow.separation import Landings, separate

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from .laws.collision import impact
     from .laws.layer import layer, layers
     from .laws.restitution import Restitution
-    from .planning import Plan
     from .planning import make_plan as plan
+    from .plans import Plan
     from .runs import Result, run
     from .scene import Scene
     from .tracking import Body, Fate, Granules, Motion, Tracks, track
@@ -29,7 +29,7 @@ _HOME = {
     "Granules": "tracking",
     "MeshError": "errors",
     "Motion": "tracking",
-    "Plan": "planning",
+    "Plan": "plans",
     "ProgramError": "errors",
     "Restitution": "laws.restitution",
     "Result": "runs",

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .companions import HALVED, Comparison, airflows, compared, differences, finer_steps, grids, mesh_error
 from .gate import TYPICAL
 from .pipeline import Chain
-from .planning import LeftOut, Plan
+from .plans import LeftOut, Plan
 from .rungs import SHEDDING_ABOVE
 from .scene import RESERVED_BIN, Scene
 from .separation import Landings

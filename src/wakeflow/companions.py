@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .grids import GridEstimate, estimate
 from .pipeline import Chain, Companion
-from .planning import COMPARED
+from .plans import COMPARED
 from .scene import RESERVED_BIN
 from .separation import Landings
 

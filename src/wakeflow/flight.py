@@ -19,7 +19,7 @@ from .field import FlowField
 from .files import atomic_write
 from .injection import Feedstock, feedstock
 from .meeting import motion_of
-from .planning import AT_ONCE, REPLICATES, Plan, replicate_size
+from .plans import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import GRAVITY, Scene
 from .separation import Landings
 from .tables.pictures import DRAWN

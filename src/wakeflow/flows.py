@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .files import Store, write_json
-from .planning import Plan
+from .plans import Plan
 from .scene import Scene
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from .laws.collision import approach_speed, collide
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from .laws.restitution import restitution_at
 from .meeting import first_contact, motion_of
-from .planning import REPLICATES, FractionPlan, Plan, replicate_size
+from .plans import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
 from .tracking import Granules
 

@@ -17,7 +17,7 @@ from .geometry import edges, normals
 from .injection import contact_points, granules_of
 from .laws.layer import Load, load
 from .meeting import first_contact, motion_of
-from .planning import FractionPlan, Plan
+from .plans import FractionPlan, Plan
 from .scales import fall_speeds
 from .scene import Scene
 

@@ -20,7 +20,8 @@ from .errors import ProgramError
 from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
 from .flows import flow_spec, mesh_spec, nearest, remember
 from .funnel import compute as compute_funnel
-from .planning import COMPARED, REPLICATES, Plan, make_plan
+from .planning import make_plan
+from .plans import COMPARED, REPLICATES, Plan
 from .process import call_in_child, cores
 from .resources import case_template
 from .rungs import ranks_for

@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from .bounds import Flight, moved_by_air
-from .deflection import Deflection, deflection
+from .deflection import deflection
 from .errors import SceneError
 from .funnel import estimated_seconds, summary
 from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
@@ -24,86 +23,19 @@ from .laws.drag import (
     slip_correction,
     terminal_velocity,
 )
-from .loading import Limit, limits, strained
-from .locking import AirMotion, vibration_of_scene
-from .process import cores
-from .resting import standing
-from .rungs import SHEDDING_ABOVE, AirflowPlan, choose_airflow, ranks_for, typical_cells, typical_seconds
+from .loading import limits
+from .locking import vibration_of_scene
+from .plans import AT_ONCE, COMPARED, REPLICATES, FractionPlan, Plan, replicate_size
+from .rungs import choose_airflow, typical_cells, typical_seconds
 from .scales import arrival_speed, flights
 from .scene import GRAVITY, STANDARD_AIR, Scene
+from .wording import missing_lines, used_lines, warning_lines
 
-__all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "make_plan", "replicate_size"]
+__all__ = ["TURNING", "make_plan"]
 
 TURNING = "turning-before-the-impact"  # the term that injection leaves out
 MATTERS = 0.1  # body widths that the air moves a fraction by when it is left out: beyond, a warning
-REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
-LAMINAR_CHANNEL = (
-    1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
-)
-AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
 RARE = 1e-3  # mass below and above which a measured terminal velocity may be anything
-COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
-
-
-@dataclass(frozen=True)
-class FractionPlan:
-    """How one fraction is computed, and the scales that decide it (SI units, of the median size)."""
-
-    mode: str  # injected | resolved
-    drag: str  # name of the drag law
-    drag_scale: float  # factor on the law that gives the measured terminal velocity; 1 without one. A granule's own
-    # slip correction divides it
-    terminal_velocity: float | None  # m/s in the scene's air, of the median; None in a vacuum
-    relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
-    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width; inf without a body or air
-    arrival_speed: float  # m/s at the top of the body, drag included; negative where the air carries it up
-    impaction: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
-    forces: tuple[str, ...] = ()  # the terms it is flown with
-    bounds: dict[str, float] = field(default_factory=dict)  # body widths each term could move it by
-    limit: float | None = None  # body widths: what a term must be able to move to be used
-
-    @property
-    def tracked(self) -> dict[str, Any]:
-        """What its tracks depend on: everything but the bounds that chose the forces."""
-        table = {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit", "impaction")}
-        if self.mode == "injected" and self.impaction is not None:
-            table["reach"] = self.impaction.diameters, self.impaction.reach
-        return table
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What will be computed and what will not."""
-
-    airflow: AirflowPlan
-    target_error: float  # of a bin's share: what the bounds were compared with
-    force: dict[str, bool]  # terms switched by hand
-    fractions: dict[str, FractionPlan]
-    used: list[str]
-    left_out: list[LeftOut]
-    estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
-    warnings: list[str] = field(default_factory=list)
-    flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
-    validity: list[Limit] = field(default_factory=list)  # what the feed rate strains, and from which rate on
-    unit: str = "body widths"  # of lengths: of the channel where nothing stands
-
-    @property
-    def rung(self) -> str:
-        """none | analytic | draft | standard | reference | given"""
-        return self.airflow.rung
-
-    def with_forces(self, forces: Sequence[str]) -> Plan:
-        """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
-        rows = {name: replace(how, forces=tuple(forces)) for name, how in self.fractions.items()}
-        return replace(self, fractions=rows)
-
-    def summary(self) -> dict[str, Any]:
-        """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
-        table = asdict(self)
-        table = {**table.pop("airflow"), **table}
-        for row in [*table["fractions"].values(), *table["validity"]]:
-            row.update({key: None for key, value in row.items() if isinstance(value, float) and math.isinf(value)})
-        return table
 
 
 def make_plan(
@@ -138,17 +70,17 @@ def make_plan(
     gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name, found)) is not None}
     arrivals = {name: how.arrival_speed for name, how in plan.fractions.items()}
     plan.validity.extend(limits(scene, arrivals, found, limit_of(scene, target)))
-    plan.warnings.extend(_missing(gates, scene.unit))
+    plan.warnings.extend(missing_lines(gates, scene.unit))
     plan.estimate.update(_estimate(scene, plan))
     if asked is not scene:
         _leave_air_out(asked, plan)
     elif scene.air is None:
         plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
-    plan.used.extend(_used(scene, plan, motion))
+    plan.used.extend(used_lines(scene, plan, motion))
     if scene.funnel is not None:
         plan.estimate["seconds"] += estimated_seconds(scene.funnel)
         plan.used.append(summary(scene.funnel))
-    plan.warnings.extend(_warnings(scene, plan))
+    plan.warnings.extend(warning_lines(scene, plan))
     return plan
 
 
@@ -198,14 +130,6 @@ def _leave_air_out(scene: Scene, plan: Plan) -> None:
             )
 
 
-def _missing(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
-    """A line for each term that could matter and is not computed, with what it could move."""
-    terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
-    for term, why in terms:
-        moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
-        yield f"{term}, left out, could move {', '.join(moved)} {unit}: {why}"
-
-
 def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
     """The factor on the drag law that gives a measured terminal velocity. Raises SceneError where none can be."""
     if density <= STANDARD_AIR[0]:
@@ -253,86 +177,6 @@ def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
     return FractionPlan(mode, law, scale, settling, tau, stokes, fall, turned)
 
 
-def _used(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
-    lines = list(_airflow_lines(plan.airflow, len(scene.body)))
-    if plan.flown_by == "chain":
-        lines.append("no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM")
-    if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
-        brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
-        share = brought / (scene.air.speed * scene.channel.width)
-        lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
-    for name, how in plan.fractions.items():
-        resolved = "released above the body, impacts resolved" if scene.body else f"enters at y = {scene.level:.3g} m"
-        impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
-        stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g}{_turned(how)})"
-        drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
-        fall = f", arrives at {how.arrival_speed:.3g} m/s"
-        lines.append(f"{name}: {impact}{stokes}{fall}{drag}{_spread(scene, name)}; forces {', '.join(how.forces)}")
-    rows = ", ".join(f"{row.name} {row.value:.2g}" for row in plan.validity if row.limit is not None)
-    lines.append(f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {rows}")
-    if scene.vibration is not None:
-        peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
-        seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
-        why = "" if motion is None else f" ({motion.why})"
-        lines.append(
-            f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
-            f"impacts; {seen}{why}"
-        )
-    return lines
-
-
-def _turned(how: FractionPlan) -> str:
-    """What the air does to the fraction before the body."""
-    turned = how.impaction
-    if turned is None:
-        return ", the slopes lie in the wake"
-    return (
-        f", impaction efficiency {turned.efficiency:.2g}: {turned.missed:.2g} carried round the body, the landing of "
-        f"the rest moved by up to {turned.shift:.2g} body widths"
-    )
-
-
-def _spread(scene: Scene, name: str) -> str:
-    """Between which terminal velocities nine in ten granules of a fraction lie, where a distribution was measured."""
-    ends = scene.fraction[name].settling(np.array([0.05, 0.95]))
-    return (
-        ""
-        if ends is None
-        else f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
-    )
-
-
-def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
-    """The airflow that is computed, why, and what is computed beside it."""
-    if airflow.rung == "given":
-        yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
-    if airflow.rung == "analytic":
-        yield f"airflow: {airflow.why}"
-    if airflow.stepping is None:
-        return
-    part = ", half of the channel mirrored" if airflow.half else ""
-    if airflow.mirrored:
-        part = "; half of the granules fly in its mirror image"
-    yield f"airflow: rung {airflow.rung}, {airflow.stepping}, {airflow.turbulence}{part} ({airflow.why})"
-    cells = typical_cells(airflow, bodies)
-    yield f"about {cells:.0f} cells: {ranks_for(round(cells), cores())[1]}"
-    if airflow.brackets:
-        yield (
-            f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in the steady "
-            "wake, the mean wake and with half of its fluctuation"
-        )
-    if len(airflow.scales) > 1:
-        sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)
-        yield f"beside it, for the error of the mesh: grids with cell edges of {sizes} times the usual"
-
-
-def replicate_size(count: int) -> int:
-    """Granules in each of the REPLICATES when ``count`` are asked for: the next power of two, since Sobol sets are
-    balanced for these.
-    """
-    return int(2 ** max(0, math.ceil(math.log2(count / REPLICATES))))
-
-
 def _estimate(scene: Scene, plan: Plan) -> dict[str, float]:
     """Seconds, memory and disk, from runs of the shipped scenes on two cores of 2020s hardware; good to a factor 3."""
     count = REPLICATES * replicate_size(scene.feed.count)
@@ -347,49 +191,3 @@ def _estimate(scene: Scene, plan: Plan) -> dict[str, float]:
         "memory": 4e8 + 1500.0 * at_once + 120.0 * count,
         "disk": 1e6 + cells * (1500.0 + 80.0 * snapshots) + 80.0 * count * len(plan.fractions),
     }
-
-
-def _warnings(scene: Scene, plan: Plan) -> list[str]:
-    """Where the model's assumptions strain, with numbers."""
-    lines = []
-    for name, fraction in scene.fraction.items():
-        size = float(fraction.diameters(np.array([0.95]))[0])
-        if size > 0.1 * scene.width:
-            lines.append(
-                f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
-                "treated as points in the air"
-            )
-        if fraction.properties.confidence == "low":
-            lines.append(f"{name}: material data of low confidence; measure your own terminal velocity")
-        how = plan.fractions[name]
-        if how.drag_scale < 0.9:
-            lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
-        lines.extend(_injected_beyond(name, how, plan.target_error))
-    return [*lines, *standing(scene), *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
-
-
-def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[str]:
-    """A line where injection was asked for and does not hold."""
-    if how.mode != "injected":
-        return
-    turned = how.impaction
-    if turned is None and how.stokes < math.inf:
-        yield f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
-    elif turned is not None and (turned.missed > target or turned.shift > (how.limit or 0.0)):
-        yield (
-            f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
-            f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"
-        )
-
-
-def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
-    reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
-    if airflow.rung == "analytic" and parabolic and reynolds > LAMINAR_CHANNEL:
-        yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
-    if airflow.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
-        yield "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
-    if airflow.brackets:
-        yield (
-            f"{airflow.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
-            "truth lies between it and the draft"
-        )

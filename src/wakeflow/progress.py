@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from .planning import LeftOut, Plan
+    from .plans import LeftOut, Plan
     from .runs import Result
 
 __all__ = ["live", "show_plan", "show_result"]

@@ -17,7 +17,8 @@ from ..field import FlowField
 from ..injection import feedstock
 from ..meeting import motion_of
 from ..pipeline import Chain, Listener
-from ..planning import Plan, make_plan
+from ..planning import make_plan
+from ..plans import Plan
 from ..resources import scene_templates
 from ..scene import Scene
 from ..tracking import Body, Granules
