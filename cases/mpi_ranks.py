@@ -26,7 +26,7 @@ from wakeflow.meshing import build_mesh
 from wakeflow.planning import make_plan
 from wakeflow.scene import Scene
 
-SCALES = (0.5, 0.35, 0.25, 0.18)  # of every cell edge of the whole channel's draft
+SCALES = (0.5, 0.4, 0.3)  # of every cell edge of the whole channel's draft
 ITERATIONS, FIRST = 60, 10  # run, and left out
 
 
