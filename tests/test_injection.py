@@ -140,3 +140,12 @@ def test_carried_up_granules_are_not_injected(cases: Path) -> None:
     feed = feedstock(scene, make_plan(scene), "chaff", None)
     assert not feed.injected.any()
     np.testing.assert_allclose(feed.granules.position[:, 1], feed.granules.position[0, 1])
+
+
+def test_a_granule_that_the_air_brakes_on_its_way_still_meets_the_slope_in_finite_time() -> None:
+    """Slower than the crest is high: it would stop before it came down to the lowest place of the slope."""
+    motion = Motion((0.0, 5e-3), 30.0)
+    passing = np.linspace(0.0, 1 / 30.0, 50, endpoint=False)
+    time, wall = first_contact(np.full(50, 0.1), np.tile([0.0, 1.0], (50, 1)), passing, motion, -5.0)
+    assert np.isfinite(time).all()
+    assert np.isfinite(wall).all()

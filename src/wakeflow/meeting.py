@@ -61,7 +61,7 @@ class _Gap:
         crest = np.abs(self.normal @ np.asarray(self.motion.amplitude, dtype=float)) / self.normal[:, 1]
         v2, more = self.fall_speed**2, 2 * self.pull * crest
         before = 2 * crest / (self.fall_speed + np.sqrt(np.maximum(v2 - more, 0.0)))
-        return self.passing - before, self.passing + 2 * crest / (self.fall_speed + np.sqrt(v2 + more))
+        return self.passing - before, self.passing + 2 * crest / (self.fall_speed + np.sqrt(np.maximum(v2 + more, 0.0)))
 
 
 def first_contact(

@@ -12,14 +12,13 @@ from ..geometry import contains
 from ..laws.collision import approach_speed, collide
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
+from ..tracking.state import MOST_IMPACTS, SLOW
 from .hits import CORNER, FACE, LINE, NONE, Falling, Hit, first_hits
 from .slide import FLIES, RESTS, Contact, arc_length, place, slide
 from .surfaces import Array, Index, Surfaces
 
 __all__ = ["follow"]
 
-SLOW = 1e-6  # m/s, rebounds slower than this are sliding
-MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good
 FLYING = -1
 POINTS = 17  # of a recorded flight between two impacts
 

@@ -12,7 +12,7 @@ from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN
 from .exponential import along
 from .jit import compiled, inlined
 from .rebound import restitution_of
-from .rest import SLOW, STATIC, caught, held, hold_still, tangent, unwedge, wedge
+from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .seen import mirror
 from .state import (
     ARM,
@@ -42,6 +42,7 @@ from .state import (
     RADIUS,
     ROLL,
     SIGN,
+    SLOW,
     STUCK,
     TURN,
     VX,

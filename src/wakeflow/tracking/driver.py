@@ -24,6 +24,7 @@ from .state import (
     FATE,
     IMPACTS,
     LINE,
+    MOST_IMPACTS,
     STEPS,
     STORED,
     TURN,
@@ -45,7 +46,6 @@ ROOM = 1024  # points kept of a recorded track
 NOISE_STEP = 0.1  # of an eddy's lifetime: an interval of noise
 EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
 MOST_STEPS = 1_000_000
-MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good
 
 
 def track(

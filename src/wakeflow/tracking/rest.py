@@ -31,6 +31,7 @@ from .state import (
     RESTING,
     SAMPLED,
     SIGN,
+    SLOW,
     T_END,
     T_NOISE,
     TURN,
@@ -44,9 +45,8 @@ from .state import (
 from .step import free_force
 from .walls import STILL, carry, constrain, facing, grasp, ride
 
-__all__ = ["SLOW", "STATIC", "caught", "held", "hold_still", "tangent", "unwedge", "wedge"]
+__all__ = ["STATIC", "caught", "held", "hold_still", "tangent", "unwedge", "wedge"]
 
-SLOW = 1e-6  # m/s, rebounds slower than this are sliding
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 STEEP = 0.05  # the same, of two walls along one of which a granule is put onto the other
 FOR_EVER = 40  # strikes in no time; an elastic granule leaves a corner of 4.5 degrees within as many

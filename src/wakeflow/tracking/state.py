@@ -170,3 +170,6 @@ ON_VERTEX: Any = np.int64(2)
 NOBODY: Any = np.int64(-1)
 FLYING = -1
 BINNED, ESCAPED, RESTING, CAPTURED, AIRBORNE, STOPPED = range(6)
+# shared with the chain (wakeflow.ballistics), so that both follow the same bounces
+SLOW = 1e-6  # m/s, rebounds slower than this are sliding
+MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good
