@@ -26,6 +26,7 @@ from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, build_mesh, plan_mesh
 from wakeflow.resources import case_template
 from wakeflow.rungs import LAMINAR_BELOW
+from wakeflow.sources import code_key
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000
@@ -137,8 +138,7 @@ def flow_of(case: Case, mesh: MeshSpec) -> FlowSpec:
 
 def outcome(case: Case) -> dict[str, Any]:
     """Solve a case, or take its outcome from the cache: the airflow's table, or ``error`` with the one line said."""
-    package = Path(shedding.__file__).parents[1]
-    code = digest_files([package / "foam", *package.glob("meshing*"), case_template(), Path(__file__)])
+    code = [code_key("wakeflow.meshing", "wakeflow.foam.airflow"), digest_files([case_template(), Path(__file__)])]
 
     def work(folder: Path) -> None:
         before = _processor_seconds()

@@ -11,8 +11,8 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
 ORDER = [
-    "errors", "registry", "files", "process", "resources", "laws", "quantities", "geometry", "grids", "opencase",
-    "recording", "tables", "checks", "scene", "bounds", "scales", "deflection", "loading", "resting", "gate",
+    "errors", "registry", "files", "sources", "process", "resources", "laws", "quantities", "geometry", "grids",
+    "opencase", "recording", "tables", "checks", "scene", "bounds", "scales", "deflection", "loading", "resting", "gate",
     "rungs", "locking", "funnel", "plans", "wording", "planning", "meshing", "reconstruction", "foam", "field",
     "duct", "tracking", "ballistics", "meeting", "injection", "loads", "separation", "flight", "cascade", "flows",
     "pipeline", "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .files import Store, write_json
 from .plans import Plan
@@ -89,7 +89,7 @@ def nearest(store: Store, mesh_key: str, spec: FlowSpec) -> Path | None:
     return None
 
 
-def _cards(store: Store) -> Iterator[tuple[Path, dict[str, float | str]]]:
+def _cards(store: Store) -> Iterator[tuple[Path, dict[str, Any]]]:
     for path in sorted((store.root / "airflow").glob(f"*/{CARD}")):
         if path.parent.suffix != ".part":
             yield path.parent, json.loads(path.read_text())

@@ -26,6 +26,7 @@ from .process import call_in_child, cores
 from .resources import case_template
 from .rungs import ranks_for
 from .scene import Scene
+from .sources import code_key
 
 if TYPE_CHECKING:
     from .field import FlowField
@@ -37,7 +38,15 @@ if TYPE_CHECKING:
 __all__ = ["Chain", "Companion", "Listener", "silent"]
 
 Listener = Callable[[str, str], None]  # (stage, text)
-CODE = Path(__file__).parent
+# What computes each stage: its key covers these modules and everything that they import.
+CODE = {
+    "mesh": ("wakeflow.meshing.build",),
+    "airflow": ("wakeflow.foam.airflow",),
+    "given": ("wakeflow.foam.given",),
+    "field": ("wakeflow.field",),
+    "duct": ("wakeflow.duct",),
+    "tracks": ("wakeflow.flight",),
+}
 
 
 def silent(stage: str, text: str) -> None:
@@ -92,7 +101,7 @@ class Chain:
         """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
         from .meshing import build_mesh
 
-        key = content_key("mesh", repr(self.mesh_spec), _sources("meshing", "geometry.py"), _version("gmsh"))
+        key = content_key("mesh", repr(self.mesh_spec), _code("mesh"), _version("gmsh"))
         folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", Path("meshes"), key)
         return key, folder
@@ -123,7 +132,7 @@ class Chain:
             return self._measured(self.given)
         mesh_key, mesh_folder = self.mesh
         spec = flow_spec(self.scene, self.plan, self.mesh_spec)
-        code = content_key(_sources("foam", "reconstruction.py"), digest_files([case_template()]), version())
+        code = content_key(_code("airflow"), digest_files([case_template()]), version())
         asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
         key = content_key("airflow", mesh_key, asked, code)
 
@@ -152,8 +161,7 @@ class Chain:
         air, spec = self.scene.air, flow_spec(self.scene, self.plan, self.mesh_spec)
         assert air is not None
         time = air.time or "latest"
-        code = _sources("foam", "reconstruction.py")
-        key = content_key("given", repr(spec), time, digest_files(case_files(case, time)), code)
+        key = content_key("given", repr(spec), time, digest_files(case_files(case, time)), _code("given"))
 
         def work(part: Path) -> None:
             self._tell("airflow", f"measuring {case}")
@@ -194,8 +202,7 @@ class Chain:
         if self.plan.rung == "analytic":
             return self._duct()
         key, folder = self.solution
-        code = _sources("foam/read.py", "foam/polymesh.py", "reconstruction.py", "field")
-        key = content_key("field", key, code, _version("foamlib"))
+        key = content_key("field", key, _code("field"), _version("foamlib"))
 
         def work(part: Path) -> None:
             self._tell("field", "reading the airflow")
@@ -214,7 +221,7 @@ class Chain:
 
         air, channel = self.scene.air, self.scene.channel
         asked = (repr(air), channel.width, channel.top, channel.bottom, self.plan.airflow.turbulence)
-        key = content_key("duct", asked, _sources("duct.py", "field"))
+        key = content_key("duct", asked, _code("duct"))
         return key, duct_field(self.scene, turbulent=self.plan.airflow.turbulence == "decaying")
 
     @property
@@ -240,12 +247,12 @@ class Chain:
         del tables["numerics"], tables["picture"], tables["funnel"]
         upstream = None if self.scene.air is None else self.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        files = ("scales.py", "deflection.py", "meeting.py", "injection.py", "flight.py", "geometry.py")
-        code = _sources("laws", "tracking", "ballistics", "field", "tables", *files)
         versions = [_version(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored = self.plan.airflow.mirrored
-        return content_key("tracks", tables, order, self.plan.flown_by, mirrored, repr(how), upstream, code, versions)
+        return content_key(
+            "tracks", tables, order, self.plan.flown_by, mirrored, repr(how), upstream, _code("tracks"), versions
+        )
 
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
@@ -323,8 +330,8 @@ def _compile(log: Path) -> None:
         call_in_child("wakeflow.flight:compile_tracker", None, log=log)
 
 
-def _sources(*names: str) -> str:
-    return digest_files(CODE / name for name in names)
+def _code(stage: str) -> str:
+    return code_key(*CODE[stage])
 
 
 def _version(package: str) -> str:

@@ -6,7 +6,13 @@ Imports happen on first use, so that reading a user's case does not load what so
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .airflow import AirflowResult, solve_airflow
+    from .case import FlowSpec, Stream
+    from .read import read_flow
+    from .solve import Progress
 
 _HOMES = {
     "AirflowResult": "airflow",

@@ -10,17 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..files import content_key, digest_files
+from ..files import content_key
+from ..sources import code_key
 from ..tables import Funnel
 
 __all__ = ["compute", "estimated_seconds", "notices", "summary"]
 
-HERE = Path(__file__).parent
-CODE = [
-    *(HERE / f"{name}.liggghts" for name in ("beads", "settle", "discharge")),
-    *(HERE / f"{name}.py" for name in ("cone", "engine", "flow", "pour", "rate")),
-    *(HERE.parent / "laws" / f"{name}.py" for name in ("discharge", "hertz")),
-]
+CODE = ("wakeflow.funnel.pour", "wakeflow.funnel.flow")  # with LIGGGHTS' own scripts beside them
 SPEED = 4e6  # beads times steps a second of one core
 DEEP = 0.05  # diameters: softened beads should overlap less
 Make = Callable[[str, str, Callable[[Path], None]], Path]
@@ -41,7 +37,7 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str
     asked |= {"count": funnel.beads, "mass": None, "material": None}
     if not funnel.amplitude:
         asked["frequency"] = None
-    code = (digest_files(CODE), version())
+    code = (code_key(*CODE), version())
     still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
     bed_key = content_key("bed", still, code)
     bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))

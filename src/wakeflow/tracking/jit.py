@@ -1,7 +1,5 @@
 """Where compiled kernels are kept: numba's cache does not notice edits in other files, so its folder is named by a
-hash.
-
-The hash is over all sources that enter the kernel; any edit there means another folder.
+hash over everything that the kernel's entry imports. An edit there means another folder.
 """
 
 from __future__ import annotations
@@ -13,22 +11,18 @@ from typing import Any
 
 import numba
 
-from ..files import cache_root, digest_files
+from ..files import cache_root
+from ..sources import code_key
 
 __all__ = ["compiled", "entry", "inlined"]
 
-HERE = Path(__file__).parent
 # No reference counts: the kernel makes no arrays, and counting them at every call would take most of its time.
 OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
-def _folder() -> Path:
-    """A writable folder for this version of the sources; a temporary one where the cache is not writable."""
-    laws = [
-        HERE.parent / "laws" / name for name in ("collision.py", "drag.py", "lift.py", "rotation.py", "turbulence.py")
-    ]
-    name = digest_files([*sorted(HERE.glob("*.py")), *laws])[:20]
-    folder = cache_root() / "numba" / name
+def _folder(module: str) -> Path:
+    """A writable folder for this version of ``module``; a temporary one where the cache is not writable."""
+    folder = cache_root() / "numba" / code_key(module)[:20]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
@@ -56,7 +50,7 @@ def merged(function: Any) -> Any:
 def entry(function: Any) -> Any:
     """The kernel's entry: compiled once per machine and version of the sources, then read from the cache."""
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_folder())
+    numba.config.CACHE_DIR = str(_folder(function.__module__))
     try:
         return numba.njit(cache=True, **OPTIONS)(function)
     finally:

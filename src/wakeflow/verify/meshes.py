@@ -16,7 +16,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from .. import foam, meshing
 from ..files import Store, cache_root, content_key, digest_files, write_json
 from ..foam import FlowSpec, solve_airflow
 from ..foam.cost import core_seconds
@@ -25,6 +24,7 @@ from ..laws.shape import shapes
 from ..meshing import build_mesh, plan_mesh
 from ..meshing.spec import Strategy
 from ..resources import case_template
+from ..sources import code_key
 
 __all__ = ["errors", "flow_of", "run_meshes", "solve_row"]
 
@@ -62,7 +62,7 @@ def solve_row(spec: FlowSpec, store: Store) -> Row:
         write_json(folder / "row.json", row)
         shutil.rmtree(folder / "case")
 
-    code = digest_files([*(Path(str(package.__file__)).parent for package in (meshing, foam)), case_template()])
+    code = content_key(code_key("wakeflow.meshing.build", "wakeflow.foam.airflow"), digest_files([case_template()]))
     folder, _ = store.make("meshes", content_key("meshes", asdict(spec), code), work)
     row: Row = json.loads((folder / "row.json").read_text())
     return row

@@ -1,0 +1,115 @@
+"""The code behind a cached stage: every module that computes it, found by reading imports, and their hash.
+
+A stage's key must change whenever the code that computes it does. Lists kept by hand fall short sooner or later, so a
+key holds the import closure: a module, what it imports from this package at the top or inside a function, and so on.
+Imports for type checking do not run and do not count. A package's ``__init__`` leads on only to the names asked of it.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+from .files import content_key, digest_files
+
+__all__ = ["closure", "code_key"]
+
+NAME = __name__.partition(".")[0]
+ROOT = Path(__file__).parent
+CALL = re.compile(rf"({NAME}(?:\.\w+)*):\w[\w.]*")  # "wakeflow.module:function" in a string: what a child process runs
+Import = tuple[str, str | None, str, bool]  # module, name wanted of it (None: itself), bound as, whether it runs
+
+
+@lru_cache(maxsize=64)
+def code_key(*modules: str) -> str:
+    """sha256 (hex) over the sources of ``modules`` (full names), all that they import from this package, and the data
+    files that lie beside these. Read once a process.
+    """
+    paths = {path for module in closure(*modules) for path in (_path(module), *_data(_path(module).parent))}
+    return content_key({path.relative_to(ROOT).as_posix(): digest_files([path]) for path in paths})
+
+
+def closure(*modules: str) -> frozenset[str]:
+    """Full names of ``modules`` and of every module of this package that running them imports.
+
+    Raises ModuleNotFoundError for a name that is no module of it.
+    """
+    found: set[str] = set()
+    seen: set[tuple[str, str | None]] = set()
+    ahead: list[tuple[str, str | None]] = [(module, None) for module in modules]
+    while ahead:
+        module, name = wanted = ahead.pop()
+        if wanted in seen:
+            continue
+        seen.add(wanted)
+        found.add(module)
+        ahead += _wanted_by(module, name)
+        parent = module.rpartition(".")[0]
+        found.update([parent] if parent else [])
+    return frozenset(found)
+
+
+def _wanted_by(module: str, name: str | None) -> Iterator[tuple[str, str | None]]:
+    """What using ``name`` of a module (None: all of it) makes run: modules, and the names wanted of them."""
+    path = _path(module)
+    imports = _imports(path, module)
+    if path.name != "__init__.py":
+        yield from ((source, inner) for source, inner, _, runs in imports if runs)
+    elif name is None:  # lazy names stand in its imports for type checking
+        yield from ((source, inner) for source, inner, _, _ in imports)
+    elif _exists(f"{module}.{name}"):
+        yield f"{module}.{name}", None
+    elif bound := [(source, inner) for source, inner, as_, _ in imports if as_ == name]:
+        yield from bound
+    else:  # made in the __init__ itself
+        yield from ((source, inner) for source, inner, _, runs in imports if runs)
+
+
+@lru_cache(maxsize=1024)
+def _imports(path: Path, module: str) -> tuple[Import, ...]:
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    return tuple(_read(ast.parse(path.read_bytes()), package, runs=True))
+
+
+def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and isinstance(child.test, ast.Name) and child.test.id == "TYPE_CHECKING":
+            for statement in child.body:
+                yield from _read(ast.Module([statement], []), package, runs=False)
+        elif isinstance(child, ast.Import):
+            for alias in child.names:
+                if alias.name.split(".")[0] == NAME:
+                    yield alias.name, None, alias.asname or NAME, runs
+        elif isinstance(child, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - child.level + 1] if child.level else []
+            source = ".".join([*above, *([child.module] if child.module else [])])
+            if source.split(".")[0] == NAME:
+                yield from ((source, alias.name, alias.asname or alias.name, runs) for alias in child.names)
+        elif isinstance(child, ast.Constant) and isinstance(child.value, str):
+            if call := CALL.fullmatch(child.value):
+                yield call[1], None, "", runs
+        else:
+            yield from _read(child, package, runs=runs)
+
+
+def _exists(module: str) -> bool:
+    return any(path.exists() for path in _places(module))
+
+
+def _path(module: str) -> Path:
+    for path in _places(module):
+        if path.exists():
+            return path
+    raise ModuleNotFoundError(f"{module} is no module of {NAME}", name=module)
+
+
+def _places(module: str) -> tuple[Path, Path]:
+    base = ROOT.joinpath(*module.split(".")[1:])
+    return base / "__init__.py", base.with_suffix(".py")
+
+
+def _data(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.is_file() and path.suffix not in (".py", ".pyc")]

@@ -1,0 +1,93 @@
+"""A stage's key covers all the code that computes it: the import closure, read from the sources."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
+
+import wakeflow
+from wakeflow import Scene, sources
+from wakeflow.flight import Flight
+from wakeflow.funnel import CODE as FUNNEL
+from wakeflow.pipeline import CODE
+from wakeflow.planning import make_plan
+
+STAGES = {**CODE, "funnel": FUNNEL, "kernel": ("wakeflow.tracking.kernel",)}
+
+
+@pytest.fixture
+def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A copy of the sources that may be edited; keys are made of it."""
+    root = tmp_path / "wakeflow"
+    shutil.copytree(sources.ROOT, root, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(sources, "ROOT", root)
+    sources.code_key.cache_clear()
+    yield root
+    sources.code_key.cache_clear()
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: Path) -> None:
+    before = sources.code_key(*STAGES[stage])
+    closure = sources.closure(*STAGES[stage])
+    assert set(STAGES[stage]) <= closure
+    for module in closure:
+        base = copied.joinpath(*module.split(".")[1:])
+        path = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
+        text = path.read_text()
+        path.write_text(f"{text}# touched\n")
+        sources.code_key.cache_clear()
+        assert sources.code_key(*STAGES[stage]) != before, module
+        path.write_text(text)
+    sources.code_key.cache_clear()
+    assert sources.code_key(*STAGES[stage]) == before
+
+
+def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
+    before = sources.code_key(*CODE["airflow"])
+    for name in ("cli.py", "flight.py"):
+        (copied / name).write_text("")
+    sources.code_key.cache_clear()
+    assert sources.code_key(*CODE["airflow"]) == before
+
+
+def test_data_files_of_the_funnel_enter_its_key(copied: Path) -> None:
+    before = sources.code_key(*FUNNEL)
+    (copied / "funnel" / "settle.liggghts").write_text("")
+    sources.code_key.cache_clear()
+    assert sources.code_key(*FUNNEL) != before
+
+
+def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, tmp_path: Path) -> None:
+    scene = Scene.load(cases / "vacuum.toml").replace({"feed.count": 16})
+    flight = Flight(scene, make_plan(scene), None, 1e-4)
+    ran: set[str] = set()
+
+    def note(frame: FrameType, event: str, argument: Any) -> None:
+        ran.add(frame.f_globals.get("__name__", ""))
+
+    sys.setprofile(note)
+    try:
+        flight.fly_all(tmp_path, drawn=True)
+    finally:
+        sys.setprofile(None)
+    own = {module for module in ran if module.startswith("wakeflow.")}
+    assert {"wakeflow.flight", "wakeflow.plans", "wakeflow.laws.collision"} <= own
+    assert own <= sources.closure(*CODE["tracks"])
+
+
+def test_a_name_that_is_no_module_is_refused() -> None:
+    with pytest.raises(ModuleNotFoundError, match="nowhere is no module of wakeflow"):
+        sources.closure("wakeflow.nowhere")
+
+
+def test_names_of_a_package_lead_to_their_modules_only() -> None:
+    assert "wakeflow.field.flow" in sources.closure("wakeflow.field")
+    assert "wakeflow.foam.solve" not in sources.closure("wakeflow.foam.read")
+    assert Path(wakeflow.__file__).parent == sources.ROOT
