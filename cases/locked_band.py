@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wakeflow.files import write_json
+from wakeflow.core.files import write_json
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
 from wakeflow.foam.initial import perturb, start_from

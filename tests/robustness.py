@@ -17,16 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from wakeflow.errors import FoamError, MeshError
-from wakeflow.files import Store, cache_root, content_key, digest_files, write_json
+from wakeflow.core.errors import FoamError, MeshError
+from wakeflow.core.files import Store, cache_root, content_key, digest_files, write_json
+from wakeflow.core.resources import case_template
+from wakeflow.core.sources import code_key
 from wakeflow.foam import shedding
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, build_mesh, plan_mesh
-from wakeflow.resources import case_template
 from wakeflow.rungs import LAMINAR_BELOW
-from wakeflow.sources import code_key
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000

@@ -21,8 +21,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from wakeflow.errors import FoamError, MeshError, SceneError
-from wakeflow.files import Store
+from wakeflow.core.errors import FoamError, MeshError, SceneError
+from wakeflow.core.files import Store
+from wakeflow.core.process import run
+from wakeflow.core.resources import case_template
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import kind_of, upward_crossings
@@ -35,8 +37,6 @@ from wakeflow.foam.solve import Progress, Watch, prepare, run_steady
 from wakeflow.foam.vibration import Vibration
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.process import run
-from wakeflow.resources import case_template
 
 WIDTH, AIR = 0.05, {"density": 1.204, "viscosity": 1.825e-5}
 RHOMBUS = shapes["rhombus"](width=WIDTH, slope_angle=np.pi / 4)

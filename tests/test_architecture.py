@@ -9,21 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from wakeflow import LAYERS
+
 SOURCE = Path(__file__).parents[1] / "src" / "wakeflow"
-ORDER = [
-    "errors", "registry", "files", "sources", "process", "resources", "laws", "quantities", "geometry", "grids",
-    "opencase", "recording", "tables", "checks", "scene", "bounds", "scales", "deflection", "loading", "resting", "gate",
-    "rungs", "locking", "funnel", "plans", "wording", "planning", "meshing", "reconstruction", "foam", "field",
-    "duct", "tracking", "ballistics", "meeting", "injection", "loads", "separation", "flight", "cascade", "flows",
-    "pipeline", "companions", "budget", "report", "runs", "verify", "doctor", "progress", "cli",
-]  # fmt: skip
 ONLY_IN = {
     "gmsh": {"meshing"},
     "numba": {"tracking"},
     "pyvista": {"report"},
     "matplotlib": {"report"},
     "jinja2": {"report"},
-    "subprocess": {"process"},
+    "subprocess": {"core"},
 }
 # pint, which reads the scenes' units, loads scipy's empty shell (8 ms) but none of its parts
 HEAVY = [
@@ -66,11 +61,11 @@ def _imports(path: Path) -> set[str]:
 @pytest.mark.parametrize("path", _modules(), ids=lambda p: p.relative_to(SOURCE).as_posix())
 def test_imports_point_upward(path: Path) -> None:
     home = _home(path)
-    assert home in ORDER, f"{home} has no place in the listing"
+    assert home in LAYERS, f"{home} has no place in the listing"
     for name in _imports(path):
         parts = name.split(".")
         if parts[0] == "wakeflow" and len(parts) > 1 and parts[1] != home:
-            assert ORDER.index(parts[1]) < ORDER.index(home), f"{home} imports {name}"
+            assert LAYERS.index(parts[1]) < LAYERS.index(home), f"{home} imports {name}"
 
 
 @pytest.mark.parametrize("path", _modules(), ids=lambda p: p.relative_to(SOURCE).as_posix())

@@ -13,8 +13,8 @@ import pytest
 import wakeflow as wf
 from wakeflow.ballistics import follow
 from wakeflow.ballistics.roots import falls_below, rises_above
-from wakeflow.errors import SceneError
-from wakeflow.geometry import contains, distance_to
+from wakeflow.core.errors import SceneError
+from wakeflow.core.geometry import contains, distance_to
 from wakeflow.laws.restitution import Restitution
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion

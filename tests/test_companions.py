@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wakeflow.companions import COMPUTED, Comparison, compared, differences, mesh_error
-from wakeflow.files import Store
+from wakeflow.core.files import Store
 from wakeflow.flows import flow_spec, mesh_spec, nearest, remember
 from wakeflow.pipeline import Chain, Companion
 from wakeflow.planning import make_plan

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fluids.drag import Clift_Gauvin, Haider_Levenspiel, v_terminal
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,

@@ -10,8 +10,8 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.cli import main
+from wakeflow.core.errors import SceneError
 from wakeflow.duct import decaying, duct_field
-from wakeflow.errors import SceneError
 from wakeflow.flight import Flight
 from wakeflow.injection import feedstock
 from wakeflow.laws.drag import drag_laws, terminal_velocity

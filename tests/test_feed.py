@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wakeflow.cli import main
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.injection import feedstock
 from wakeflow.laws.profile import crowding, profiles
 from wakeflow.loading import COUPLING, INDEPENDENT, LOADED, MODULATING

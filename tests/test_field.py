@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 
 

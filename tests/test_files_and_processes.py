@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from wakeflow.errors import MeshError, ProgramError, SceneError
-from wakeflow.files import Store, atomic_write, content_key, write_json
-from wakeflow.process import call_in_child, run, tail
+from wakeflow.core.errors import MeshError, ProgramError, SceneError
+from wakeflow.core.files import Store, atomic_write, content_key, write_json
+from wakeflow.core.process import call_in_child, run, tail
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_timeout_ends_the_whole_group(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_children_die_with_their_parent(tmp_path: Path, number: int) -> None:
     code = (
-        "import sys; from pathlib import Path; from wakeflow.process import run\n"
+        "import sys; from pathlib import Path; from wakeflow.core.process import run\n"
         f"here = Path({str(tmp_path)!r})\n"
         "run(['sh', '-c', 'echo $$ > pid; exec sleep 60'], cwd=here, log=here / 'log')"
     )

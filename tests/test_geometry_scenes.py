@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
+from wakeflow.core.geometry import area, distance, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.flight import ends, solids
-from wakeflow.geometry import area, distance, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.laws.shape import shapes
 from wakeflow.opencase import air_of
 from wakeflow.pipeline import Chain

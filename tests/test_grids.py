@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.grids import cell_size, estimate, extrapolate, observed_order
 
 # NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wakeflow.core.errors import SceneError
 from wakeflow.deflection import Deflection, deflection
-from wakeflow.errors import SceneError
 from wakeflow.flight import Flight
 from wakeflow.injection import feedstock, granules_of
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.injection import arrival, feedstock
 from wakeflow.laws.collision import ImpactModel, impact_models
 from wakeflow.laws.layer import load

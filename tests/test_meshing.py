@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wakeflow.errors import MeshError, SceneError
-from wakeflow.geometry import area
+from wakeflow.core.errors import MeshError, SceneError
+from wakeflow.core.geometry import area
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, plan_mesh, read_mesh
 from wakeflow.meshing.outline import to_edges

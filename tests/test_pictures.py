@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from wakeflow.errors import SceneError
-from wakeflow.geometry import distance_to
+from wakeflow.core.errors import SceneError
+from wakeflow.core.geometry import distance_to
 from wakeflow.injection import feedstock
 from wakeflow.pipeline import Chain
 from wakeflow.planning import make_plan

@@ -19,7 +19,7 @@ from wakeflow.bounds import Flight as Scales
 from wakeflow.bounds import bounds, history_kernel, history_time
 from wakeflow.budget import crossing_share, free_ends, left_out_terms, together
 from wakeflow.cli import main
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.flight import Flight, load
 from wakeflow.gate import TYPICAL

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.forces import forces
 from wakeflow.verify.exact import TAGS, accepts, box, fly, ring
 from wakeflow.verify.judge import judge

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
-from wakeflow.geometry import contains
 from wakeflow.loads import impact_loads
 from wakeflow.planning import make_plan
 from wakeflow.report import figures, html, landing, tables, vtk, write_report
@@ -619,7 +619,7 @@ def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
 
 
 def test_the_report_loads_nothing_heavy() -> None:
-    from wakeflow.process import capture
+    from wakeflow.core.process import capture
 
     code = "import sys, wakeflow.report, wakeflow.report.tables, wakeflow.report.figures, wakeflow.report.vtk;" + (
         "print(sorted({'pyvista', 'vtk', 'matplotlib', 'jinja2', 'scipy'} & set(sys.modules)))"

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import wakeflow as wf
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import bounce
 from wakeflow.laws.restitution import restitution_laws, restitution_table
 from wakeflow.tracking import Body, Fate, Granules, Motion, track

@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 
 import robustness
-from wakeflow.errors import FoamError, SceneError
+from wakeflow.core.errors import FoamError, SceneError
+from wakeflow.core.resources import case_template
 from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
 from wakeflow.foam.airflow import solve_airflow
@@ -34,7 +35,6 @@ from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction
 from wakeflow.foam.solve import Progress, Watch, prepare, solver
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.resources import case_template
 from wakeflow.rungs import ranks_for
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]

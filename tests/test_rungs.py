@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.planning import make_plan
 from wakeflow.plans import COMPARED, REPLICATES
 from wakeflow.rungs import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow, typical_seconds

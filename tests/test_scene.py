@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
 from wakeflow.scene import Scene
@@ -159,13 +159,13 @@ SHAPE_PARAMETERS = {
 
 @pytest.mark.parametrize("name", list(shapes))
 def test_outlines_run_counter_clockwise(name: str) -> None:
-    from wakeflow.geometry import area
+    from wakeflow.core.geometry import area
 
     assert area(shapes[name](**SHAPE_PARAMETERS[name])) > 0
 
 
 def test_slope_angle_is_from_the_horizontal() -> None:
-    from wakeflow.geometry import normals
+    from wakeflow.core.geometry import normals
 
     for outline in (shapes["rhombus"](**SHAPE_PARAMETERS["rhombus"]), shapes["prism"](**SHAPE_PARAMETERS["prism"])):
         upward = normals(outline)[normals(outline)[:, 1] > 1e-9]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fluids.particle_size_distribution import PSDRosinRammler
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.laws.size import sizes
 from wakeflow.scene import Scene

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 import wakeflow
-from wakeflow import Scene, sources
+from wakeflow import Scene
+from wakeflow.core import sources
 from wakeflow.flight import Flight
 from wakeflow.funnel import CODE as FUNNEL
 from wakeflow.pipeline import CODE

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from scipy.spatial import Delaunay
 from scipy.special import lambertw
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws
 from wakeflow.tracking import Fate, Granules, Tracks, track

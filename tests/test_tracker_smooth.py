@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from test_tracker import DENSITY, VISCOSITY, field_of, mesh, with_tau
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion, track

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial import Delaunay
 
 from wakeflow import impact
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
+from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
-from wakeflow.geometry import contains
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
 G = 9.81

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from wakeflow.cli import main
-from wakeflow.errors import FoamError, SceneError
+from wakeflow.core.errors import FoamError, SceneError
+from wakeflow.core.resources import verification_scenes
 from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.planning import make_plan
-from wakeflow.resources import verification_scenes
 from wakeflow.scene import Scene
 from wakeflow.verify import airflow, proofs
 from wakeflow.verify.measured import Measured, quantities

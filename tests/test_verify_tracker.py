@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import wakeflow as wf
 from wakeflow.cli import main
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
 from wakeflow.tracking.explicit import fly_explicit

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.special import kv
 
-from wakeflow.errors import FoamError, SceneError
+from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.field import FlowField
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters

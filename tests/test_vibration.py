@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import ks_2samp
 
-from wakeflow.errors import SceneError
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.vibration import integrated
 from wakeflow.meeting import first_contact, motion_of
 from wakeflow.planning import make_plan

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .cascade import chain
-    from .errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
+    from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
     from .laws.collision import impact
     from .laws.layer import layer, layers
@@ -21,22 +21,70 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .tracking import Body, Fate, Granules, Motion, Tracks, track
 
+# The listing is the pipeline: a layer imports only from those before it (held by tests/test_architecture.py).
+LAYERS = (
+    "core",
+    "laws",
+    "quantities",
+    "grids",
+    "opencase",
+    "recording",
+    "tables",
+    "checks",
+    "scene",
+    "bounds",
+    "scales",
+    "deflection",
+    "loading",
+    "resting",
+    "gate",
+    "rungs",
+    "locking",
+    "funnel",
+    "plans",
+    "wording",
+    "planning",
+    "meshing",
+    "reconstruction",
+    "foam",
+    "field",
+    "duct",
+    "tracking",
+    "ballistics",
+    "meeting",
+    "injection",
+    "loads",
+    "separation",
+    "flight",
+    "cascade",
+    "flows",
+    "pipeline",
+    "companions",
+    "budget",
+    "report",
+    "runs",
+    "verify",
+    "doctor",
+    "progress",
+    "cli",
+)
+
 _HOME = {
     "Body": "tracking",
     "Fate": "tracking",
     "FlowField": "field",
-    "FoamError": "errors",
+    "FoamError": "core.errors",
     "Granules": "tracking",
-    "MeshError": "errors",
+    "MeshError": "core.errors",
     "Motion": "tracking",
     "Plan": "plans",
-    "ProgramError": "errors",
+    "ProgramError": "core.errors",
     "Restitution": "laws.restitution",
     "Result": "runs",
     "Scene": "scene",
-    "SceneError": "errors",
+    "SceneError": "core.errors",
     "Tracks": "tracking",
-    "WakeflowError": "errors",
+    "WakeflowError": "core.errors",
     "chain": "cascade",
     "impact": "laws.collision",
     "layer": "laws.layer",

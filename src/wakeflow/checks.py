@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import contains, distance, edges, segments_cross
-from .registry import nearest
+from .core.geometry import contains, distance, edges, segments_cross
+from .core.registry import nearest
 from .tables import SceneTables
 from .tables.pictures import Streamlines
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from .errors import ProgramError, SceneError, WakeflowError
+from .core.errors import ProgramError, SceneError, WakeflowError
 
 __all__ = ["main"]
 
@@ -180,9 +180,9 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     overwrite
         Replace an existing file.
     """
-    from .files import atomic_write
-    from .registry import nearest
-    from .resources import scene_templates
+    from .core.files import atomic_write
+    from .core.registry import nearest
+    from .core.resources import scene_templates
 
     known = scene_templates()
     if kind not in known:
@@ -279,7 +279,7 @@ def clean(*, everything: bool = False) -> None:
     everything
         Remove finished stages as well.
     """
-    from .files import Store, cache_root
+    from .core.files import Store, cache_root
 
     removed, size = Store(cache_root()).clean(everything=everything)
     print(f"{removed} folders removed from {cache_root()}, {size / 1e6:.1f} MB freed")

@@ -19,10 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .errors import ProgramError
-from .files import cache_root
+from .core.errors import ProgramError
+from .core.files import cache_root
+from .core.process import capture, cores
 from .funnel import engine
-from .process import capture, cores
 
 if TYPE_CHECKING:
     from rich.table import Table

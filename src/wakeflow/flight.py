@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from . import tracking
 from .ballistics import follow
-from .errors import SceneError
+from .core.errors import SceneError
+from .core.files import atomic_write
 from .field import FlowField
-from .files import atomic_write
 from .injection import Feedstock, feedstock
 from .meeting import motion_of
 from .plans import AT_ONCE, REPLICATES, Plan, replicate_size

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .files import Store, write_json
+from .core.files import Store, write_json
 from .plans import Plan
 from .scene import Scene
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bounds import Flight, bounds
-from .errors import SceneError
+from .core.errors import SceneError
+from .core.registry import nearest
 from .laws.forces import forces
-from .registry import nearest
 from .scene import Fraction, Scene
 
 __all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "limit_of", "open_gate"]

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import tracking
+from .core.geometry import edges, normals
 from .deflection import axis
 from .field import FlowField
-from .geometry import edges, normals
 from .laws.collision import approach_speed, collide
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from .laws.restitution import restitution_at

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bounds import Flight, bounds
-from .geometry import edges, normals
+from .core.geometry import edges, normals
 from .laws.collision import impact
 from .scales import CROSSED, meetings, packing
 from .scene import GRAVITY, Scene

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .core.geometry import edges, normals
 from .deflection import axis
-from .geometry import edges, normals
 from .injection import contact_points, granules_of
 from .laws.layer import Load, load
 from .meeting import first_contact, motion_of

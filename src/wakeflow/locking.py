@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .errors import SceneError
+from .core.errors import SceneError
 from .gate import VIBRATION
 from .rungs import SHEDDING_ABOVE
 from .scene import Scene

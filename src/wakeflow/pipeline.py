@@ -16,17 +16,17 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from .errors import ProgramError
-from .files import Store, atomic_write, cache_root, content_key, digest_files, write_json
+from .core.errors import ProgramError
+from .core.files import Store, atomic_write, cache_root, content_key, digest_files, write_json
+from .core.process import call_in_child, cores
+from .core.resources import case_template
+from .core.sources import code_key
 from .flows import flow_spec, mesh_spec, nearest, remember
 from .funnel import compute as compute_funnel
 from .planning import make_plan
 from .plans import COMPARED, REPLICATES, Plan
-from .process import call_in_child, cores
-from .resources import case_template
 from .rungs import ranks_for
 from .scene import Scene
-from .sources import code_key
 
 if TYPE_CHECKING:
     from .field import FlowField

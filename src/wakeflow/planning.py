@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from .bounds import Flight, moved_by_air
+from .core.errors import SceneError
 from .deflection import deflection
-from .errors import SceneError
 from .funnel import estimated_seconds, summary
 from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
 from .laws.drag import (

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .geometry import normals
+from .core.geometry import normals
 from .scene import Scene
 
 __all__ = ["standing"]

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from .errors import SceneError
-from .geometry import is_symmetric
+from .core.errors import SceneError
+from .core.geometry import is_symmetric
+from .core.registry import nearest
 from .opencase import is_laminar
-from .registry import nearest
 from .scene import Scene
 
 __all__ = [

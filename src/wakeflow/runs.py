@@ -14,8 +14,8 @@ import numpy as np
 
 from .budget import fly_companions, make_budget, together
 from .companions import airflow_on_grids
-from .errors import SceneError
-from .files import atomic_write, content_key, digest_files, write_json
+from .core.errors import SceneError
+from .core.files import atomic_write, content_key, digest_files, write_json
 from .funnel import notices
 from .laws.momentum import momentum_pressure
 from .loads import impact_loads

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bounds import NEAR, Flight
-from .geometry import normals
+from .core.geometry import normals
 from .laws.drag import drag_factor_for_terminal_velocity, drag_laws, slip_correction, terminal_velocity
 from .laws.material import Material
 from .laws.restitution import restitution_at

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
 from .checks import CHECKS, RESERVED_BIN
-from .errors import SceneError
+from .core.errors import SceneError
+from .core.registry import nearest
 from .opencase import air_of, find_case
 from .recording import read_samples
-from .registry import nearest
 from .tables import (
     GRAVITY,
     STANDARD_AIR,
@@ -108,7 +108,7 @@ class Scene(SceneTables):
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""
         import tomlkit
 
-        from .files import atomic_write
+        from .core.files import atomic_write
 
         with atomic_write(path) as stream:
             stream.write(tomlkit.dumps(self.tables()))

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from .core.process import cores
 from .gate import Gate
 from .loading import strained
 from .locking import AirMotion
 from .plans import COMPARED, REPLICATES, FractionPlan, Plan
-from .process import cores
 from .resting import standing
 from .rungs import SHEDDING_ABOVE, AirflowPlan, ranks_for, typical_cells
 from .scene import Scene

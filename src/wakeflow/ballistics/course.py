@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SceneError
-from ..geometry import contains
+from ..core.errors import SceneError
+from ..core.geometry import contains
 from ..laws.collision import approach_speed, collide
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks

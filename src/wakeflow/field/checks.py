@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from .triangles import double_area
 
 __all__ = ["cells", "clock", "coefficients", "nodal", "numbers", "optional"]

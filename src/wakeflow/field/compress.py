@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from .splines import design, fit
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from ..files import atomic_write
+from ..core.errors import SceneError
+from ..core.files import atomic_write
 from . import checks
 from .compress import Truncation, compress, time_shares
 from .mirror import mirrored, reflected

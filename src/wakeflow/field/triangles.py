@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 
 __all__ = ["Triangles", "double_area"]
 

@@ -7,7 +7,7 @@ import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from ..files import write_json
+from ..core.files import write_json
 from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start

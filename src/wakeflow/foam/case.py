@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError, SceneError
-from ..files import atomic_write
+from ..core.errors import FoamError, SceneError
+from ..core.files import atomic_write
+from ..core.resources import case_template
 from ..meshing import MeshSpec
-from ..resources import case_template
 from .polymesh import read_polymesh
 from .vibration import Vibration
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from ..errors import FoamError
+from ..core.errors import FoamError
 
 __all__ = ["AirflowFailure", "Attempt", "Cause", "diagnose", "disk_is_full", "disk_trouble_named"]
 

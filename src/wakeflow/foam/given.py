@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
-from ..geometry import distance_to
+from ..core.errors import SceneError
+from ..core.geometry import distance_to
 from ..reconstruction import PlaneMesh
 from .case import FlowSpec, axis_points
 from .measure import _on_edges, _y_plus, suction_zone

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import atomic_write
+from ..core.files import atomic_write
 from .case import FlowSpec
 from .polymesh import read_polymesh
 from .read import CaseFields

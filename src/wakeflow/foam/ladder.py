@@ -12,8 +12,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
-from ..errors import SceneError
-from ..files import write_json
+from ..core.errors import SceneError
+from ..core.files import write_json
 from .case import FlowSpec, write_parameters
 from .failure import AirflowFailure, Attempt
 from .initial import perturb, start_from

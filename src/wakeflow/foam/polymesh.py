@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError
+from ..core.errors import FoamError
 from ..reconstruction import PlaneMesh
 
 __all__ = ["FoamMesh", "read_polymesh"]

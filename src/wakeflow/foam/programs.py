@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..errors import FoamError
-from ..process import Finished, run, tail
+from ..core.errors import FoamError
+from ..core.process import Finished, run, tail
 from .case import INSTALL, environment
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError
+from ..core.errors import FoamError
 from ..reconstruction import Reconstruction, triangulate
 from .polymesh import FoamMesh, read_polymesh
 

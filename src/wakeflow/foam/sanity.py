@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError
+from ..core.errors import FoamError
 from .case import FlowSpec
 from .failure import AirflowFailure, Cause
 from .measure import AirflowResult

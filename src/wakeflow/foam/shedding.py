@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError
-from ..files import write_json
+from ..core.errors import FoamError
+from ..core.files import write_json
 from .case import FlowSpec, write_parameters
 from .history import Tail
 from .initial import perturb, start_from

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError, MeshError
-from ..files import write_json
-from ..process import tail
+from ..core.errors import FoamError, MeshError
+from ..core.files import write_json
+from ..core.process import tail
 from .case import FlowSpec, set_patch_types, write_case, write_inlets, write_parameters
 from .failure import AirflowFailure, Cause, disk_is_full
 from .history import Tail, kind_of, read_vectors

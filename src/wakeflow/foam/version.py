@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from ..errors import FoamError
-from ..process import capture
+from ..core.errors import FoamError
+from ..core.process import capture
 from .case import INSTALL, environment
 
 __all__ = ["version"]

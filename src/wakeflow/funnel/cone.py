@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import atomic_write
+from ..core.files import atomic_write
 from ..tables import GRAVITY, Funnel
 
 __all__ = ["Cone", "cone_of", "loose_heap", "write_plate", "write_stl"]

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ProgramError
-from ..files import atomic_write
-from ..process import capture, run, tail
+from ..core.errors import ProgramError
+from ..core.files import atomic_write
+from ..core.process import capture, run, tail
 
 __all__ = ["INSTALL", "PROGRAM", "read_dump", "run_script", "version", "write_beads", "write_settings"]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import write_json
+from ..core.files import write_json
 from ..laws.discharge import beverloo, cone_factor
 from ..tables import GRAVITY, Funnel
 from .cone import Cone, cone_of, write_stl

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from ..registry import Registry
+from ..core.errors import SceneError
+from ..core.registry import Registry
 from .restitution import Restitution, restitution_at
 
 __all__ = ["Impact", "ImpactModel", "approach_speed", "bounce", "collide", "impact", "impact_models"]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from ..registry import Registry
+from ..core.errors import SceneError
+from ..core.registry import Registry
 
 __all__ = [
     "TABLE_CELLS",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..registry import Registry
+from ..core.registry import Registry
 
 __all__ = ["Force", "forces"]
 

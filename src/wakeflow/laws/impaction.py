@@ -27,7 +27,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..registry import Registry
+from ..core.registry import Registry
 
 __all__ = ["Cylinder", "Front", "Impaction", "Met", "Wedge", "approach", "fronts"]
 

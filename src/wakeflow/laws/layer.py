@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from .collision import approach_speed, collide, impact
 from .restitution import Restitution, restitution_at
 

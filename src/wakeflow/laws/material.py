@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..registry import Registry
+from ..core.registry import Registry
 from .restitution import Restitution
 
 __all__ = ["Material", "materials"]

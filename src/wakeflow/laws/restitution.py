@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from ..registry import Registry
+from ..core.errors import SceneError
+from ..core.registry import Registry
 
 __all__ = ["MOST", "Restitution", "RestitutionLaw", "restitution_at", "restitution_laws", "restitution_table"]
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from ..registry import Registry
+from ..core.errors import SceneError
+from ..core.registry import Registry
 
 __all__ = ["shapes"]
 

@@ -15,8 +15,8 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
-from ..registry import Registry
+from ..core.errors import SceneError
+from ..core.registry import Registry
 
 __all__ = ["sizes"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 
 __all__ = ["MOST_SAMPLES", "Record", "integrated"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from ..errors import MeshError
-from ..files import write_json
-from ..process import call_in_child
+from ..core.errors import MeshError
+from ..core.files import write_json
+from ..core.process import call_in_child
 from .quality import MeshReport, judge, read_mesh, write_vtu
 from .spec import MeshSpec
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MeshError
+from ..core.errors import MeshError
 from .flat import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
 from .layers import Layers, around, joined, with_layers
 from .outline import Piece, loops

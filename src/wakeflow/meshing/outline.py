@@ -16,8 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MeshError
-from ..geometry import edges
+from ..core.errors import MeshError
+from ..core.geometry import edges
 from .spec import Array, MeshSpec
 
 __all__ = ["Piece", "chains", "crosses_itself", "distance", "loops", "seen", "sharp", "to_edges", "turning"]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import SceneError
-from ..geometry import distance, is_symmetric
+from ..core.errors import SceneError
+from ..core.geometry import distance, is_symmetric
 from .spec import Array, Direction, MeshSpec, SideInlet, Strategy
 
 __all__ = ["plan_mesh"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import edges
+from ..core.geometry import edges
 from .outline import chains, seen, sharp, to_edges, turning
 from .spec import Array, MeshSpec
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..files import atomic_write
+from ..core.files import atomic_write
 from .pictures import found
 from .tables import (
     IMPACT_COLUMNS,

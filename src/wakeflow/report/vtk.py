@@ -15,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import atomic_write
+from ..core.files import atomic_write
 
 if TYPE_CHECKING:
     from ..field import FlowField

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from ..laws.discharge import beverloo
 from ..laws.material import Material, materials
 from ..laws.restitution import restitution_at

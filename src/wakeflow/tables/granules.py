@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from ..errors import SceneError
+from ..core.errors import SceneError
+from ..core.registry import Registry
 from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
@@ -18,7 +19,6 @@ from ..laws.profile import crowding, profiles
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
 from ..quantities import AnyAngle, Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
-from ..registry import Registry
 from .common import GRAVITY, Array, Table, takes
 
 __all__ = ["Feed", "Fraction", "Profile", "Rebound", "Size", "Speeds"]

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from ..quantities import Duration, Length, Speed
 from .common import Table
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..errors import SceneError
-from ..geometry import is_simple, rounded
+from ..core.errors import SceneError
+from ..core.geometry import is_simple, rounded
 from ..laws.shape import shapes
 from ..laws.vibration import Record, integrated
 from ..quantities import (

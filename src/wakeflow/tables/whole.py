@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
-from ..errors import SceneError
-from ..geometry import are_symmetric
+from ..core.errors import SceneError
+from ..core.geometry import are_symmetric
 from ..quantities import Coordinate, Name, Point
 from .common import GRAVITY, Array, Table
 from .funnel import Funnel

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from ..field import FlowField
 from .exponential import PATH
 from .frame import from_frame, swing_of, to_frame

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from ..field import FlowField
 from ..laws.collision import collide
 from .granules import Body, Granules

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from ..laws.restitution import Restitution
 from ..laws.vibration import Record, integrated
 from . import state

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from ..field import FlowField, Swing
 from ..laws.drag import drag_laws, drag_table, slip_correction
 from ..laws.forces import forces as forces_known

@@ -11,13 +11,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import FoamError, MeshError, SceneError
-from ..files import atomic_write, write_json
+from ..core.errors import FoamError, MeshError, SceneError
+from ..core.files import atomic_write, write_json
+from ..core.resources import verification_scenes
 from ..grids import GridEstimate, cell_size, estimate
 from ..laws.momentum import momentum_pressure
 from ..pipeline import Chain
 from ..planning import make_plan
-from ..resources import verification_scenes
 from ..scene import Scene
 from .measured import Measured, Number, measured, quantities
 from .published import Case, Published, cases

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError
+from ..core.errors import FoamError
 from ..field import FlowField
 from ..foam.case import FlowSpec
 from ..foam.polymesh import FoamMesh, read_polymesh

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import Store, cache_root, write_json
+from ..core.files import Store, cache_root, write_json
 from ..funnel import compute
 from ..funnel.plate import bounce_phase, lift_off_phase, on_plate
 from ..tables import GRAVITY, Funnel

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ProgramError
+from ..core.errors import ProgramError
+from ..core.process import run
 from ..flight import Flight
 from ..injection import feedstock
 from ..pipeline import Chain
-from ..process import run
 from ..scene import Scene
 from ..tracking import Granules
 from .curves import Row, cost_at, timed

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ProgramError
+from ..core.errors import ProgramError
 from ..field import FlowField
 from ..laws.collision import bounce
 from ..laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.registry import Registry
 from ..foam.cost import core_seconds
 from ..pipeline import Chain
-from ..registry import Registry
 
 __all__ = ["Measured", "Number", "Quantity", "measured", "quantities"]
 

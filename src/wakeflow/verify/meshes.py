@@ -16,15 +16,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from ..files import Store, cache_root, content_key, digest_files, write_json
+from ..core.files import Store, cache_root, content_key, digest_files, write_json
+from ..core.resources import case_template
+from ..core.sources import code_key
 from ..foam import FlowSpec, solve_airflow
 from ..foam.cost import core_seconds
 from ..grids import cell_size, estimate
 from ..laws.shape import shapes
 from ..meshing import build_mesh, plan_mesh
 from ..meshing.spec import Strategy
-from ..resources import case_template
-from ..sources import code_key
 
 __all__ = ["errors", "flow_of", "run_meshes", "solve_row"]
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FoamError
+from ..core.errors import FoamError
+from ..core.process import run
 from ..foam.case import INSTALL, environment
-from ..process import run
 from ..tracking import Granules
 from .carrier import Carrier, vectors, write_file
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..core.errors import SceneError
 from . import bouncing, flights, swarms, terms
 from .exact import Answer, accepts, fly, numbers, problems
 

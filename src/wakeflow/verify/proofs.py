@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
-from ..files import write_json
-from ..registry import nearest
+from ..core.errors import SceneError
+from ..core.files import write_json
+from ..core.registry import nearest
 
 __all__ = ["PROOFS", "prove", "show"]
 

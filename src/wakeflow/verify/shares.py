@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.files import write_json
 from ..field import FlowField
-from ..files import write_json
 from ..pipeline import Chain
 from ..scene import RESERVED_BIN, Scene
 from ..separation import interval

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.resources import scene_templates
 from ..field import FlowField
 from ..injection import feedstock
 from ..meeting import motion_of
 from ..pipeline import Chain, Listener
 from ..planning import make_plan
 from ..plans import Plan
-from ..resources import scene_templates
 from ..scene import Scene
 from ..tracking import Body, Granules
 from .reference import Problem, distance

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files import atomic_write, write_json
+from ..core.files import atomic_write, write_json
 from ..scene import Scene
 from ..tracking import Fate, Granules, track
 from ..tracking.explicit import fly_explicit

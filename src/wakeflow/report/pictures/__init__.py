@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...files import write_json
+from ...core.files import write_json
 from .animation import draw_animation
 from .curves import draw_curves
 from .maps import draw_density, draw_streamlines

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files import atomic_write
-from ...geometry import distance_to
+from ...core.files import atomic_write
+from ...core.geometry import distance_to
 from ...tables.pictures import Animation
 from ..canvas import BODY, INK, MM, Window, fraction_colours, new_figure, save
 from .paths import Path2D, displacement

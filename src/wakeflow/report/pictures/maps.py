@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import SceneError
+from ...core.errors import SceneError
 from ...tables.pictures import Density
 from ..canvas import (
     INK,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geometry import distance_to
+from ...core.geometry import distance_to
 from ...meeting import motion_of
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...files import atomic_write
-from ...registry import Registry
+from ...core.files import atomic_write
+from ...core.registry import Registry
 from .paths import Path2D
 
 if TYPE_CHECKING:

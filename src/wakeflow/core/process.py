@@ -209,7 +209,7 @@ def call_in_child(
         ask, answer = Path(folder, "ask.json"), Path(folder, "answer.json")
         ask.write_text(json.dumps({"target": target, "argument": argument}))
         # -P: a file in the current folder that is called like a library must not stand in for it
-        command = [sys.executable, "-P", "-m", "wakeflow.process", str(ask), str(answer)]
+        command = [sys.executable, "-P", "-m", "wakeflow.core.process", str(ask), str(answer)]
         try:
             run(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)
         except ProgramError as problem:

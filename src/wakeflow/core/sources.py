@@ -18,7 +18,7 @@ from .files import content_key, digest_files
 __all__ = ["closure", "code_key"]
 
 NAME = __name__.partition(".")[0]
-ROOT = Path(__file__).parent
+ROOT = Path(__file__).parents[1]
 CALL = re.compile(rf"({NAME}(?:\.\w+)*):\w[\w.]*")  # "wakeflow.module:function" in a string: what a child process runs
 Import = tuple[str, str | None, str, bool]  # module, name wanted of it (None: itself), bound as, whether it runs
 

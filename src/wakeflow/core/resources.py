@@ -9,8 +9,8 @@ __all__ = ["case_template", "scene_templates", "verification_scenes"]
 
 def _cases() -> Path:
     """``cases`` of the repository in an editable install, the copy inside the package in a wheel."""
-    inside = Path(__file__).parent / "cases"
-    return inside if inside.is_dir() else Path(__file__).parents[2] / "cases"
+    inside = Path(__file__).parents[1] / "cases"
+    return inside if inside.is_dir() else Path(__file__).parents[3] / "cases"
 
 
 def scene_templates() -> dict[str, Path]:
