@@ -22,11 +22,12 @@ from wakeflow.funnel.engine import read_dump
 from wakeflow.funnel.plate import bounce_phase, lift_off_phase, on_plate
 from wakeflow.funnel.pour import packing, read_bed
 from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
+from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.discharge import beverloo, cone_factor
 from wakeflow.laws.hertz import contact_time, depth
 from wakeflow.planning import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tables import GRAVITY, Funnel
+from wakeflow.tables import Funnel
 
 needs_engine = pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}

@@ -12,7 +12,7 @@ import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.injection import arrival, feedstock
 from wakeflow.laws.collision import ImpactModel, impact_models
-from wakeflow.laws.layer import load
+from wakeflow.laws.granule_layer import load
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.loads import impact_loads

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
     from .laws.collision import impact
-    from .laws.layer import layer, layers
+    from .laws.granule_layer import layer, layers
     from .laws.restitution import Restitution
     from .planning import make_plan as plan
     from .plans import Plan
@@ -87,8 +87,8 @@ _HOME = {
     "WakeflowError": "core.errors",
     "chain": "cascade",
     "impact": "laws.collision",
-    "layer": "laws.layer",
-    "layers": "laws.layer",
+    "layer": "laws.granule_layer",
+    "layers": "laws.granule_layer",
     "plan": "planning:make_plan",
     "run": "runs",
     "track": "tracking",

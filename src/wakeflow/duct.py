@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .field import FlowField
-from .foam.case import C_MU, MIXING_LENGTH
+from .foam.case import MIXING_LENGTH
+from .laws.constants import C_MU
 from .scene import Scene
 
 __all__ = ["decaying", "duct_airflow", "duct_field"]

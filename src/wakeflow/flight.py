@@ -18,9 +18,10 @@ from .core.errors import SceneError
 from .core.files import atomic_write
 from .field import FlowField
 from .injection import Feedstock, feedstock
+from .laws.constants import GRAVITY
 from .meeting import motion_of
 from .plans import AT_ONCE, REPLICATES, Plan, replicate_size
-from .scene import GRAVITY, Scene
+from .scene import Scene
 from .separation import Landings
 from .tables.pictures import DRAWN
 from .tracking import Body, Fate, Granules, Tracks

@@ -25,11 +25,12 @@ from .core.geometry import edges, normals
 from .deflection import axis
 from .field import FlowField
 from .laws.collision import approach_speed, collide
+from .laws.constants import GRAVITY, STANDARD_AIR
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from .laws.restitution import restitution_at
 from .meeting import first_contact, motion_of
 from .plans import REPLICATES, FractionPlan, Plan, replicate_size
-from .scene import GRAVITY, STANDARD_AIR, Fraction, Scene
+from .scene import Fraction, Scene
 from .tracking import Granules
 
 __all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "granules_of"]

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from .bounds import Flight, bounds
 from .core.geometry import edges, normals
 from .laws.collision import impact
+from .laws.constants import GRAVITY
 from .scales import CROSSED, meetings, packing
-from .scene import GRAVITY, Scene
+from .scene import Scene
 
 Array = NDArray[np.float64]
 __all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained"]

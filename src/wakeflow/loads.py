@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .core.geometry import edges, normals
 from .deflection import axis
 from .injection import contact_points, granules_of
-from .laws.layer import Load, load
+from .laws.granule_layer import Load, load
 from .meeting import first_contact, motion_of
 from .plans import FractionPlan, Plan
 from .scales import fall_speeds

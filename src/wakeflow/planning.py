@@ -16,6 +16,7 @@ from .core.errors import SceneError
 from .deflection import deflection
 from .funnel import estimated_seconds, summary
 from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
+from .laws.constants import GRAVITY, STANDARD_AIR
 from .laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -28,7 +29,7 @@ from .locking import vibration_of_scene
 from .plans import AT_ONCE, COMPARED, REPLICATES, FractionPlan, Plan, replicate_size
 from .rungs import choose_airflow, typical_cells, typical_seconds
 from .scales import arrival_speed, flights
-from .scene import GRAVITY, STANDARD_AIR, Scene
+from .scene import Scene
 from .wording import missing_lines, used_lines, warning_lines
 
 __all__ = ["TURNING", "make_plan"]

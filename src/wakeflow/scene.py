@@ -19,11 +19,10 @@ from pydantic import BaseModel, ValidationError
 from .checks import CHECKS, RESERVED_BIN
 from .core.errors import SceneError
 from .core.registry import nearest
+from .laws.constants import STANDARD_AIR
 from .opencase import air_of, find_case
 from .recording import read_samples
-from .tables import (
-    GRAVITY,
-    STANDARD_AIR,
+from .tables import (  # fmt: skip
     Air,
     Bin,
     Body,
@@ -41,9 +40,9 @@ from .tables import (
     Speeds,
     Vibration,
     picture_tables,
-)  # fmt: skip
+)
 
-__all__ = ["GRAVITY", "RESERVED_BIN", "STANDARD_AIR", "Air", "Body", "Channel", "Fraction", "Scene"]
+__all__ = ["RESERVED_BIN", "Air", "Body", "Channel", "Fraction", "Scene"]
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.geometry import contains
 from ..laws.collision import approach_speed, collide
+from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
 from ..tracking.state import MOST_IMPACTS, SLOW
@@ -31,7 +32,7 @@ def follow(
     length: float | None = None,
     bodies: Sequence[Body] = (),
     lines: Sequence[Any] = (),
-    gravity: Sequence[float] = (0.0, -9.81),
+    gravity: Sequence[float] = (0.0, -GRAVITY),
     record: bool = False,
 ) -> Tracks:
     """Follow ``grains`` in a vacuum until each meets its fate, or the clock shows ``until`` (s).

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError, SceneError
 from ..core.files import atomic_write
 from ..core.resources import case_template
+from ..laws.constants import C_MU
 from ..meshing import MeshSpec
 from .polymesh import read_polymesh
 from .vibration import Vibration
@@ -36,7 +37,6 @@ __all__ = [
 PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
 MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
-C_MU = 0.09
 LONGEST_STEP = 0.05  # convective times: about 100 steps a shedding period where the Courant number allows more
 WAKE_PROBES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # projected widths behind the first body: a steady run's velocities
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from ..laws.constants import C_MU
 from ..reconstruction import Reconstruction, triangulate
 from .polymesh import FoamMesh, read_polymesh
 
@@ -21,7 +22,6 @@ __all__ = ["CaseFields", "Snapshot", "loop_of", "read_flow", "time_folders"]
 
 Array = NDArray[np.float64]
 LOOP = "loop.json"  # what a time-resolved airflow keeps: {"period": s, "times": [names of time folders]}
-C_MU = 0.09
 
 
 def time_folders(case: Path) -> list[Path]:

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.files import atomic_write
-from ..tables import GRAVITY, Funnel
+from ..laws.constants import GRAVITY
+from ..tables import Funnel
 
 __all__ = ["Cone", "cone_of", "loose_heap", "write_plate", "write_stl"]
 

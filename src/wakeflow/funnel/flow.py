@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.files import write_json
+from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo, cone_factor
-from ..tables import GRAVITY, Funnel
+from ..tables import Funnel
 from .cone import Cone, cone_of, write_stl
 from .engine import read_dump, run_script, version, write_beads, write_settings
 from .pour import Bed, Steps, box_of, contact_settings, packing, read_bed, steps_of

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import GRAVITY, Funnel
+from ..laws.constants import GRAVITY
+from ..tables import Funnel
 from .cone import write_plate
 from .engine import run_script, write_beads, write_settings
 from .pour import contact_settings, steps_of

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..laws.constants import GRAVITY
 from ..laws.hertz import contact_time
-from ..tables import GRAVITY, Funnel
+from ..tables import Funnel
 from .cone import Cone, cone_of, loose_heap, write_stl
 from .engine import read_dump, run_script, write_beads, write_settings
 

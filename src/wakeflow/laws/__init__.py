@@ -1,0 +1,1 @@
+"""Formulas: each a pure function with its source and range. numpy and, where the tracker uses them, numba alike."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 
+from .constants import GRAVITY
+
 __all__ = ["BEVERLOO_C", "BEVERLOO_K", "STAGNANT_ANGLE", "beverloo", "cone_factor"]
 
 BEVERLOO_C = 0.58  # Beverloo, Leniger & van de Velde (1961); later authors: 0.55 to 0.65
@@ -21,7 +23,7 @@ def beverloo(
     diameter: float,
     bulk_density: float,
     *,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
     c: float = BEVERLOO_C,
     k: float = BEVERLOO_K,
 ) -> float:

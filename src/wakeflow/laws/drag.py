@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import Registry
+from .constants import GRAVITY
 
 __all__ = [
     "TABLE_CELLS",
@@ -172,7 +173,7 @@ def terminal_velocity(
     density: ArrayLike,
     fluid_density: ArrayLike = 1.2,
     viscosity: ArrayLike = 1.8e-5,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
     law: str = "brown-lawler",
     sphericity: ArrayLike = 1.0,
     drag_scale: ArrayLike = 1.0,
@@ -206,7 +207,7 @@ def drag_factor_for_terminal_velocity(
     terminal_velocity: ArrayLike,
     fluid_density: ArrayLike = 1.2,
     viscosity: ArrayLike = 1.8e-5,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
     law: str = "brown-lawler",
     sphericity: ArrayLike = 1.0,
 ) -> Array:

@@ -1,6 +1,6 @@
 """The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
-from .common import GRAVITY, STANDARD_AIR, Table
+from .common import Table
 from .funnel import Funnel
 from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
 from .pictures import Picture, picture_tables
@@ -8,8 +8,6 @@ from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Bin, Numerics, SceneTables
 
 __all__ = [
-    "GRAVITY",
-    "STANDARD_AIR",
     "Air",
     "Bin",
     "Body",

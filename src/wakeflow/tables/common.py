@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-__all__ = ["GRAVITY", "STANDARD_AIR", "Array", "Table", "takes"]
+__all__ = ["Array", "Table", "takes"]
 
-GRAVITY = 9.81  # m/s2
-STANDARD_AIR = (1.204, 1.825e-5)  # kg/m3 and Pa s at 20 C: where terminal velocities are measured
 Array = NDArray[np.float64]
 
 

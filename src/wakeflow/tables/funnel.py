@@ -8,11 +8,12 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
+from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo
 from ..laws.material import Material, materials
 from ..laws.restitution import restitution_at
 from ..quantities import Density, Diameter, Frequency, Length, Mass, Modulus, SlopeAngle
-from .common import GRAVITY, Table
+from .common import Table
 
 __all__ = ["LOOSE", "Funnel"]
 

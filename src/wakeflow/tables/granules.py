@@ -13,13 +13,14 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from ..core.errors import SceneError
 from ..core.registry import Registry
 from ..laws.collision import impact_models
+from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
 from ..laws.profile import crowding, profiles
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
 from ..quantities import AnyAngle, Coordinate, Density, Diameter, Length, PositiveSpeed, Rate, Share, Speed
-from .common import GRAVITY, Array, Table, takes
+from .common import Array, Table, takes
 
 __all__ = ["Feed", "Fraction", "Profile", "Rebound", "Size", "Speeds"]
 

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
 from ..core.geometry import is_simple, rounded
+from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.shape import shapes
 from ..laws.vibration import Record, integrated
 from ..quantities import (
@@ -25,7 +26,7 @@ from ..quantities import (
     SlopeAngle,
     Viscosity,
 )  # fmt: skip
-from .common import GRAVITY, STANDARD_AIR, Array, Table, takes
+from .common import Array, Table, takes
 
 __all__ = ["Air", "Body", "Channel", "Inlet", "Samples", "Vibration"]
 

@@ -10,8 +10,9 @@ from pydantic import ConfigDict, Field, model_validator
 
 from ..core.errors import SceneError
 from ..core.geometry import are_symmetric
+from ..laws.constants import GRAVITY
 from ..quantities import Coordinate, Name, Point
-from .common import GRAVITY, Array, Table
+from .common import Array, Table
 from .funnel import Funnel
 from .granules import Feed, Fraction
 from .pictures import AnyPicture

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..field import FlowField
+from ..laws.constants import GRAVITY
 from .exponential import PATH
 from .frame import from_frame, swing_of, to_frame
 from .granules import Body, Granules, Motion, Tracks
@@ -60,7 +61,7 @@ def track(
     bodies: Sequence[Body | Any] = (),
     lines: Sequence[Any] = (),
     motion: Motion | None = None,
-    gravity: Sequence[float] = (0.0, -9.81),
+    gravity: Sequence[float] = (0.0, -GRAVITY),
     seed: int = 0,
     record: bool | int = False,
     march: bool = True,

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..field import FlowField
 from ..laws.collision import collide
+from ..laws.constants import GRAVITY
 from .granules import Body, Granules
 from .jit import compiled, entry
 from .locate import anywhere, barycentric, walk
@@ -260,7 +261,7 @@ def fly_explicit(
     drag: str = "brown-lawler",
     bodies: Sequence[Body] = (),
     length: float = 1.0,
-    gravity: Sequence[float] = (0.0, -9.81),
+    gravity: Sequence[float] = (0.0, -GRAVITY),
     workers: int | None = None,
 ) -> ExplicitTracks:
     """Follow ``grains`` past bodies at rest with steps of ``step`` (s) until each leaves the mesh or the clock shows

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from ..core.files import Store, cache_root, write_json
 from ..funnel import compute
 from ..funnel.plate import bounce_phase, lift_off_phase, on_plate
-from ..tables import GRAVITY, Funnel
+from ..laws.constants import GRAVITY
+from ..tables import Funnel
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..core.errors import ProgramError
 from ..field import FlowField
 from ..laws.collision import bounce
+from ..laws.constants import GRAVITY
 from ..laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
 from ..laws.lift import lift_coefficient
 from ..laws.rotation import magnus_factor
@@ -96,7 +97,7 @@ class _Motion:
     def __init__(self, setting: Setting, i: int, field: FlowField) -> None:
         grains, arguments = setting.grains, setting.arguments
         self.forces = arguments.get("forces", ("drag", "gravity"))
-        self.gravity = arguments.get("gravity", (0.0, -9.81))
+        self.gravity = arguments.get("gravity", (0.0, -GRAVITY))
         self.diameter, self.density = float(grains.diameter[i]), float(grains.density[i])
         self.factor = scalar_drag(arguments.get("drag", "brown-lawler"), float(grains.sphericity[i]))
         self.nu = field.viscosity / field.density

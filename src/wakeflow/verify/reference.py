@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..field import FlowField
 from ..field.splines import POWERS
 from ..laws.collision import collide
+from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws
 from ..tracking import Body, Granules
 
@@ -43,7 +44,7 @@ class Problem:
     length: float  # m, unit of errors
     drag: str = "putnam"
     forces: tuple[str, ...] = ("drag", "gravity", "buoyancy")
-    gravity: tuple[float, float] = (0.0, -9.81)
+    gravity: tuple[float, float] = (0.0, -GRAVITY)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from .collision import approach_speed, collide, impact
+from .constants import GRAVITY
 from .restitution import Restitution, restitution_at
 
 __all__ = ["Layer", "Layers", "Load", "layer", "layers", "load"]
@@ -85,14 +86,14 @@ class Layers:
     power: Array  # W, given by the body
     velocity: Array  # (..., 2) m/s of the centre of mass after the impact, lab frame
 
-    def centre(self, time: ArrayLike, gravity: float = 9.81) -> Array:
+    def centre(self, time: ArrayLike, gravity: float = GRAVITY) -> Array:
         """Where the centre of mass is a ``time`` (s) after the impact, (..., 2) m from there: V t - g t^2 / 2.
 
         Free fall, without air: forces between the layers, if they met, would not move it.
         """
         return _fallen(self.velocity, np.asarray(time, dtype=float), gravity)
 
-    def places(self, time: ArrayLike, gravity: float = 9.81) -> Array:
+    def places(self, time: ArrayLike, gravity: float = GRAVITY) -> Array:
         """Where each layer is, (k, ..., 2) m: how far they have come apart."""
         return _fallen(self.parts.velocity, np.asarray(time, dtype=float), gravity)
 
