@@ -22,7 +22,7 @@ from wakeflow.foam.programs import call
 from wakeflow.foam.solve import prepare
 from wakeflow.meshing import build_mesh
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 SCALES = (0.7, 0.5, 0.4, 0.3)  # of every cell edge of the whole channel's draft
 ITERATIONS, FIRST = 60, 10  # run, and left out

@@ -14,7 +14,7 @@ from wakeflow.flows import flow_spec, mesh_spec, nearest, remember
 from wakeflow.pipeline import Chain, Companion
 from wakeflow.planning import make_plan
 from wakeflow.plans import COMPARED, REPLICATES
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from wakeflow.injection import feedstock
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.pipeline import Chain
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.separation import separate
 from wakeflow.tracking import Fate
 

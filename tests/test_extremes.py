@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from wakeflow.flight import Flight
 from wakeflow.injection import feedstock
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
 
 G = 9.81

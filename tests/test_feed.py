@@ -18,7 +18,7 @@ from wakeflow.laws.profile import crowding, profiles
 from wakeflow.loading import COUPLING, INDEPENDENT, LOADED, MODULATING
 from wakeflow.planning import make_plan
 from wakeflow.plans import Plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 CASES = Path(__file__).parents[1] / "cases"
 WIDTH = 0.04

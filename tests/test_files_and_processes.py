@@ -148,7 +148,7 @@ def test_calls_in_a_child_return_raise_and_crash_cleanly(tmp_path: Path) -> None
     log = tmp_path / "log"
     assert call_in_child("math:sqrt", 9.0, log=log) == 3.0
     with pytest.raises(SceneError, match="no scene file"):
-        call_in_child("wakeflow.scene:Scene.load", "none", log=log)
+        call_in_child("wakeflow.scene.scene:Scene.load", "none", log=log)
     with pytest.raises(ProgramError, match="exit code") as caught:
         call_in_child("os:abort_now", 1, log=log)
     assert "AttributeError" in caught.value.tail

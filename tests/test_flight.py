@@ -11,7 +11,7 @@ import pytest
 from wakeflow.field import FlowField
 from wakeflow.flight import Flight, ends, load, solids
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 
 @pytest.fixture

@@ -26,8 +26,7 @@ from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.discharge import beverloo, cone_factor
 from wakeflow.laws.hertz import contact_time, depth
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
-from wakeflow.tables import Funnel
+from wakeflow.scene.scene import Funnel, Scene
 
 needs_engine = pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.scene.scene.user_case import air_of
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import area, distance, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.flight import ends, solids
 from wakeflow.laws.shape import shapes
-from wakeflow.opencase import air_of
 from wakeflow.pipeline import Chain
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
 RHOMBUS = shapes["rhombus"](width=0.05, slope_angle=math.pi / 3)

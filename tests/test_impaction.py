@@ -15,7 +15,7 @@ from wakeflow.injection import feedstock, granules_of
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
 from wakeflow.pipeline import Chain
 from wakeflow.planning import TURNING, make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Body, Fate, track
 
 CASES = Path(__file__).parents[1] / "cases"

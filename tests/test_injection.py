@@ -13,7 +13,7 @@ from wakeflow.injection import REPLICATES, contact_points, feedstock
 from wakeflow.laws.shape import shapes
 from wakeflow.meeting import first_contact
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Motion
 
 

@@ -18,7 +18,7 @@ from wakeflow.laws.shape import shapes
 from wakeflow.loads import impact_loads
 from wakeflow.planning import make_plan
 from wakeflow.scales import fall_speeds
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 B = math.radians(50)
 every_model = pytest.mark.parametrize("model", [impact_models[name] for name in impact_models], ids=list(impact_models))

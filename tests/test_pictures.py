@@ -21,8 +21,7 @@ from wakeflow.report import figures
 from wakeflow.report.pictures import pictures
 from wakeflow.report.pictures.maps import mass_flux
 from wakeflow.report.pictures.paths import Path2D, displacement
-from wakeflow.scene import Scene
-from wakeflow.tables import picture_tables
+from wakeflow.scene.scene import Scene, picture_tables
 
 GRAVITY = 9.81
 PAPER = Path(__file__).parents[1] / "cases" / "paper"

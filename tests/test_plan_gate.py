@@ -30,7 +30,7 @@ from wakeflow.pipeline import Chain
 from wakeflow.planning import make_plan
 from wakeflow.plans import Plan
 from wakeflow.scales import flights
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.separation import Landings, separate
 from wakeflow.tracking import Fate, Granules, Tracks
 

@@ -22,7 +22,7 @@ from wakeflow.field import FlowField
 from wakeflow.loads import impact_loads
 from wakeflow.planning import make_plan
 from wakeflow.report import figures, html, landing, tables, vtk, write_report
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {

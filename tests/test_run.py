@@ -18,7 +18,7 @@ import wakeflow as wf
 from wakeflow.cli import main
 from wakeflow.pipeline import Chain
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 COUNT = 2048
 

@@ -10,7 +10,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.planning import make_plan
 from wakeflow.plans import COMPARED, REPLICATES
 from wakeflow.rungs import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow, typical_seconds
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 OFF = {"basset-history": False}
 

@@ -12,7 +12,7 @@ import pytest
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
 ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}

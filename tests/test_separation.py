@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.separation import Landings, interval, separate
 
 

@@ -18,7 +18,7 @@ from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.verify import airflow, proofs
 from wakeflow.verify.measured import Measured, quantities
 from wakeflow.verify.published import Case, Published, cases, read_cases

@@ -28,7 +28,7 @@ from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.laws.shape import shapes
 from wakeflow.locking import frequency_ratios, vibration_of_air, vibration_of_scene
 from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 
 WIDTH = 0.05
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="no OpenFOAM")]

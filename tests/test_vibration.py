@@ -13,7 +13,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.laws.vibration import integrated
 from wakeflow.meeting import first_contact, motion_of
 from wakeflow.planning import make_plan
-from wakeflow.scene import Scene
+from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
 G = 9.81

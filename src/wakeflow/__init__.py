@@ -25,12 +25,7 @@ if TYPE_CHECKING:
 LAYERS = (
     "core",
     "laws",
-    "quantities",
     "grids",
-    "opencase",
-    "recording",
-    "tables",
-    "checks",
     "scene",
     "bounds",
     "scales",

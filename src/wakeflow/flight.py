@@ -22,8 +22,8 @@ from .laws.constants import GRAVITY
 from .meeting import motion_of
 from .plans import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import Scene
+from .scene.pictures import DRAWN
 from .separation import Landings
-from .tables.pictures import DRAWN
 from .tracking import Body, Fate, Granules, Tracks
 
 __all__ = ["Flight", "Tracked", "compile_tracker", "ends", "landed", "load", "load_drawn", "solids"]

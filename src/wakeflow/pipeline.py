@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .flight import Tracked
     from .foam import FlowSpec
     from .meshing import MeshSpec
-    from .tables import Picture
+    from .scene import Picture
 
 __all__ = ["Chain", "Companion", "Listener", "silent"]
 

@@ -16,8 +16,8 @@ from typing import Literal
 from .core.errors import SceneError
 from .core.geometry import is_symmetric
 from .core.registry import nearest
-from .opencase import is_laminar
 from .scene import Scene
+from .scene.user_case import is_laminar
 
 __all__ = [
     "FLAT_BELOW",

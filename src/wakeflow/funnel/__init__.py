@@ -12,7 +12,7 @@ from typing import Any
 
 from ..core.files import content_key
 from ..core.sources import code_key
-from ..tables import Funnel
+from ..scene import Funnel
 
 __all__ = ["compute", "estimated_seconds", "notices", "summary"]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.files import atomic_write
 from ..laws.constants import GRAVITY
-from ..tables import Funnel
+from ..scene import Funnel
 
 __all__ = ["Cone", "cone_of", "loose_heap", "write_plate", "write_stl"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.files import write_json
 from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo, cone_factor
-from ..tables import Funnel
+from ..scene import Funnel
 from .cone import Cone, cone_of, write_stl
 from .engine import read_dump, run_script, version, write_beads, write_settings
 from .pour import Bed, Steps, box_of, contact_settings, packing, read_bed, steps_of

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..laws.constants import GRAVITY
-from ..tables import Funnel
+from ..scene import Funnel
 from .cone import write_plate
 from .engine import run_script, write_beads, write_settings
 from .pour import contact_settings, steps_of

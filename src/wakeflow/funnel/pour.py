@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..laws.constants import GRAVITY
 from ..laws.hertz import contact_time
-from ..tables import Funnel
+from ..scene import Funnel
 from .cone import Cone, cone_of, loose_heap, write_stl
 from .engine import read_dump, run_script, write_beads, write_settings
 

@@ -15,7 +15,7 @@ from ..core.files import Store, cache_root, write_json
 from ..funnel import compute
 from ..funnel.plate import bounce_phase, lift_off_phase, on_plate
 from ..laws.constants import GRAVITY
-from ..tables import Funnel
+from ..scene import Funnel
 
 if TYPE_CHECKING:
     from rich.table import Table

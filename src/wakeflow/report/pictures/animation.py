@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.files import atomic_write
 from ...core.geometry import distance_to
-from ...tables.pictures import Animation
+from ...scene.pictures import Animation
 from ..canvas import BODY, INK, MM, Window, fraction_colours, new_figure, save
 from .paths import Path2D, displacement
 from .view import Drawn, View

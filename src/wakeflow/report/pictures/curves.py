@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...meeting import motion_of
-from ...tables.pictures import Curves
+from ...scene.pictures import Curves
 from ..canvas import MM, fraction_colours, new_figure, save
 from .paths import Path2D
 from .view import Drawn, View

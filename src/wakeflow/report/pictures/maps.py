@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import SceneError
-from ...tables.pictures import Density
+from ...scene.pictures import Density
 from ..canvas import (
     INK,
     MM,

@@ -14,8 +14,7 @@ from ...core.registry import Registry
 from .paths import Path2D
 
 if TYPE_CHECKING:
-    from ...scene import Scene
-    from ...tables import Picture
+    from ...scene import Picture, Scene
     from .. import Outcome
 
 __all__ = ["Drawn", "View", "pictures"]

@@ -12,8 +12,8 @@ from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo
 from ..laws.material import Material, materials
 from ..laws.restitution import restitution_at
-from ..quantities import Density, Diameter, Frequency, Length, Mass, Modulus, SlopeAngle
-from .common import Table
+from .table import Table
+from .units import Density, Diameter, Frequency, Length, Mass, Modulus, SlopeAngle
 
 __all__ = ["LOOSE", "Funnel"]
 

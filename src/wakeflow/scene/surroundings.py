@@ -14,7 +14,8 @@ from ..core.geometry import is_simple, rounded
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.shape import shapes
 from ..laws.vibration import Record, integrated
-from ..quantities import (
+from .table import Array, Table, takes
+from .units import (  # fmt: skip
     AnyAngle,
     Coordinate,
     Density,
@@ -25,8 +26,7 @@ from ..quantities import (
     PositiveSpeed,
     SlopeAngle,
     Viscosity,
-)  # fmt: skip
-from .common import Array, Table, takes
+)
 
 __all__ = ["Air", "Body", "Channel", "Inlet", "Samples", "Vibration"]
 

@@ -1,13 +1,18 @@
-"""The tables of a scene: what their keys mean, their units and ranges. TOML in, SI numbers out."""
+"""What can be asked: a scene and its tables, what their keys mean, their units and ranges. TOML in, SI numbers out."""
 
-from .common import Table
+from .bins import Bin
+from .consistency import RESERVED_BIN
+from .feed import Feed, Profile
+from .fraction import Fraction, Rebound, Size, Speeds
 from .funnel import Funnel
-from .granules import Feed, Fraction, Profile, Rebound, Size, Speeds
 from .pictures import Picture, picture_tables
+from .scene import Scene
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
-from .whole import Bin, Numerics, SceneTables
+from .table import Table
+from .whole import Numerics, SceneTables
 
 __all__ = [
+    "RESERVED_BIN",
     "Air",
     "Bin",
     "Body",
@@ -21,6 +26,7 @@ __all__ = [
     "Profile",
     "Rebound",
     "Samples",
+    "Scene",
     "SceneTables",
     "Size",
     "Speeds",

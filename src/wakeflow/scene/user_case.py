@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from .core.errors import SceneError
+from ..core.errors import SceneError
 
 __all__ = ["air_of", "find_case", "is_laminar"]
 

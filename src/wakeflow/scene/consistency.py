@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.geometry import contains, distance, edges, segments_cross
-from .core.registry import nearest
-from .tables import SceneTables
-from .tables.pictures import Streamlines
+from ..core.geometry import contains, distance, edges, segments_cross
+from ..core.registry import nearest
+from .pictures import Streamlines
+from .whole import SceneTables
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
 

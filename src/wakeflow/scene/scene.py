@@ -8,41 +8,23 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from .checks import CHECKS, RESERVED_BIN
-from .core.errors import SceneError
-from .core.registry import nearest
-from .laws.constants import STANDARD_AIR
-from .opencase import air_of, find_case
-from .recording import read_samples
-from .tables import (  # fmt: skip
-    Air,
-    Bin,
-    Body,
-    Channel,
-    Feed,
-    Fraction,
-    Funnel,
-    Inlet,
-    Numerics,
-    Profile,
-    Rebound,
-    Samples,
-    SceneTables,
-    Size,
-    Speeds,
-    Vibration,
-    picture_tables,
-)
+from ..core.errors import SceneError
+from ..laws.constants import STANDARD_AIR
+from .consistency import CHECKS
+from .messages import explain
+from .user_case import air_of, find_case
+from .vibration_samples import read_samples
+from .whole import SceneTables
 
-__all__ = ["RESERVED_BIN", "Air", "Body", "Channel", "Fraction", "Scene"]
+__all__ = ["Scene"]
 
 Array = NDArray[np.float64]
 
@@ -62,7 +44,7 @@ class Scene(SceneTables):
         try:
             scene = cls.model_validate(data)
         except ValidationError as problem:
-            raise SceneError(f"{name}: {'; '.join(_explain(problem))}") from None
+            raise SceneError(f"{name}: {'; '.join(explain(problem))}") from None
         mistakes = [message for check in CHECKS for message in check(scene)]
         if mistakes:
             raise SceneError(f"{name}: {'; '.join(mistakes)}")
@@ -107,7 +89,7 @@ class Scene(SceneTables):
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""
         import tomlkit
 
-        from .core.files import atomic_write
+        from ..core.files import atomic_write
 
         with atomic_write(path) as stream:
             stream.write(tomlkit.dumps(self.tables()))
@@ -155,73 +137,3 @@ def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
                 raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is a value, not a table")
         node[last] = value
     return result
-
-
-def _explain(problem: ValidationError) -> Iterator[str]:
-    """Each mistake: where, the value given, what is wrong, what is allowed."""
-    for error in problem.errors():
-        where = [str(part) for part in error["loc"] if "[" not in str(part)]  # drop pydantic's words for itself
-        value, text = error["input"], error["msg"].removeprefix("Value error, ")
-        key = ".".join(part for place, part in enumerate(where) if (where[0], place) != ("picture", 2))  # its kind
-        if error["type"].startswith("union_tag"):
-            kinds = list(picture_tables())
-            given = error.get("ctx", {}).get("tag")
-            hint = "missing" if given is None else f"{given!r} is unknown{nearest(given, kinds)}"
-            yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
-        elif error["type"] == "extra_forbidden":
-            known = _known_keys(where[:-1])
-            yield f"{key}: unknown key{nearest(where[-1], known)} (known: {', '.join(known)})"
-        elif error["type"] == "missing":
-            yield f"{key}: missing{_allowed(where)}"
-        elif isinstance(value, Mapping | BaseModel):
-            yield f"{key}: {text}"
-        else:
-            yield f"{key} = {value!r}: {text[0].lower()}{text[1:]}{_allowed(where)}"
-
-
-def _allowed(where: list[str]) -> str:
-    """The range and unit of a field, from its JSON schema."""
-    model = _model_at(where[:-1])
-    field = model.model_json_schema(by_alias=True)["properties"].get(where[-1], {}) if model else {}
-    for several in ("anyOf", "oneOf"):  # a number or nothing; a number or a table
-        field = {**field.get(several, [{}])[0], **field}
-    limits = [
-        f"{sign} {field[word]:.6g}"
-        for word, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
-        if word in field
-    ]
-    unit = field.get("unit", "")
-    if not limits and not unit:
-        return ""
-    hint = "; a string may carry another unit, such as '60 deg'" if unit == "rad" else ""
-    return f" (allowed: {' and '.join(limits)} {unit}".rstrip() + f"{hint})"
-
-
-def _model_at(where: list[str]) -> type[BaseModel] | None:
-    """The table that a dotted place belongs to; None inside keyed tables before their name."""
-    keyed: dict[str, type[BaseModel]] = {"body": Body, "fraction": Fraction, "bin": Bin}
-    plain: dict[str, type[BaseModel]] = {
-        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "funnel": Funnel,
-        "numerics": Numerics,
-    }  # fmt: skip
-    if not where:
-        return Scene
-    if where[:2] == ["channel", "inlet"]:
-        return Inlet if len(where) > 2 else None
-    if where[:2] == ["vibration", "samples"]:
-        return Samples
-    if where[:2] == ["feed", "profile"]:
-        return Profile
-    if where[0] == "picture":  # its kind stands after its name
-        return picture_tables()[where[2]] if len(where) > 2 else None
-    if where[0] not in keyed:
-        return plain.get(where[0])
-    parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
-    if where[2:] and where[2] in parts:
-        return parts[where[2]]
-    return keyed[where[0]] if len(where) > 1 else None
-
-
-def _known_keys(where: list[str]) -> list[str]:
-    model = _model_at(where)
-    return [] if model is None else [field.alias or key for key, field in model.model_fields.items()]

@@ -10,8 +10,8 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
-from ..quantities import Duration, Length, Speed
-from .common import Table
+from .table import Table
+from .units import Duration, Length, Speed
 
 __all__ = ["DRAWN", "Animation", "AnyPicture", "Curves", "Density", "Picture", "Streamlines", "picture_tables"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from .core.errors import SceneError
+from ..core.errors import SceneError
 
 __all__ = ["read_samples"]
 

@@ -1,0 +1,107 @@
+"""[feed]: the falling curtain."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from ..core.errors import SceneError
+from ..laws.constants import GRAVITY
+from ..laws.profile import crowding, profiles
+from .table import Array, Table, takes
+from .units import AnyAngle, Coordinate, Length, Rate, Speed
+
+__all__ = ["Feed", "Profile"]
+
+
+class Profile(Table):
+    """How the curtain's mass is spread over its width: ``distribution`` and its parameters."""
+
+    distribution: str = Field(description="one of: " + ", ".join(profiles))
+    std: Length | None = Field(None, description="normal: standard deviation; default a quarter of the width")
+    positions: list[Coordinate] | None = Field(None, description="table: from the curtain's middle, increasing")
+    weights: list[Annotated[float, Field(ge=0)]] | None = Field(
+        None, description="table: mass per width at each position, in any unit"
+    )
+
+    def quantile(self, p: Array, width: float) -> Array:
+        """Places (m from the curtain's middle) left of which the shares ``p`` of its mass fall."""
+        given = self.model_dump(exclude_none=True, exclude={"distribution"})
+        try:
+            return profiles[self.distribution](p, width, **given)
+        except TypeError:
+            kind = "curtain profile"
+            raise SceneError(takes(kind, self.distribution, profiles[self.distribution], given)) from None
+
+
+def _one_word(value: Any) -> Any:
+    """``profile = "triangular"`` is short for a table with that distribution alone."""
+    return {"distribution": value} if isinstance(value, str) else value
+
+
+class Feed(Table):
+    """[feed]: the falling curtain."""
+
+    start: Literal["falling", "resting"] = Field(
+        "falling", description="resting: granules lie still on the body when its vibration begins"
+    )
+    height: Length | None = Field(
+        None, description="of free fall from rest down to the top of the body; without a body down to level"
+    )
+    speed: Speed | None = Field(None, description="instead of height: speed at the top of the body, or at level")
+    level: Coordinate | None = Field(
+        None, description="only without a body: y where the curtain enters the air; default the channel's top"
+    )
+    direction: AnyAngle | None = Field(
+        None, description="only without a body: of speed at level, from the x axis; default -90 deg, straight down"
+    )
+    width: Length
+    position: Coordinate = Field(0.0, description="x of the curtain's middle")
+    profile: Annotated[Profile, BeforeValidator(_one_word)] = Field(
+        Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
+    )
+    rate: Rate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
+    depth: Length = Field(1.0, description="of the machine, across the plane")
+    count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
+    seed: Annotated[int, Field(ge=0)] = 0
+    mode: Literal["auto", "injected", "resolved"] = Field(
+        "auto",
+        description="injected: eq. (1)-(2) at the slope, granules that the air carries round the body apart; resolved: "
+        "by the tracker; auto: by what injection would miss",
+    )
+
+    @model_validator(mode="after")
+    def _one_start(self) -> Feed:
+        if self.start == "resting":
+            if self.height is not None or self.speed is not None or self.mode == "injected":
+                raise SceneError("granules that start resting take neither height nor speed, and are not injected")
+        elif (self.height is None) == (self.speed is None):
+            raise SceneError("give either height or speed")
+        self.profile.quantile(np.array([0.5]), self.width)
+        if self.direction is not None and self.speed is None:
+            raise SceneError("direction goes with speed; granules that fall from a height come straight down")
+        return self
+
+    def places(self, p: Array) -> Array:
+        """x (m) left of which the shares ``p`` of the curtain's mass fall."""
+        return self.position + self.profile.quantile(p, self.width)
+
+    @property
+    def crowding(self) -> float:
+        """How much denser the curtain is about a granule, in the mean, than one that is uniform over its width."""
+        return crowding(lambda p: self.profile.quantile(p, self.width), self.width)
+
+    @property
+    def fall_speed(self) -> float:
+        """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
+        if self.speed is not None:
+            return self.speed
+        return math.sqrt(2 * GRAVITY * (self.height or 0.0))
+
+    @property
+    def mass_flow(self) -> float:
+        """kg/s of all fractions together."""
+        return self.rate if self.rate is not None else self.depth * 1.0
