@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from wakeflow.planning.make.airflow import LAMINAR_BELOW
 
 from wakeflow.core.errors import FoamError, MeshError
 from wakeflow.core.files import Store, cache_root, content_key, digest_files, write_json
@@ -26,7 +27,6 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, build_mesh, plan_mesh
-from wakeflow.rungs import LAMINAR_BELOW
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.cli import main
@@ -16,7 +17,6 @@ from wakeflow.flight import Flight
 from wakeflow.injection import feedstock
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.pipeline import Chain
-from wakeflow.planning import make_plan
 from wakeflow.scene.scene import Scene
 from wakeflow.separation import separate
 from wakeflow.tracking import Fate

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow import doctor
@@ -25,7 +26,6 @@ from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.discharge import beverloo, cone_factor
 from wakeflow.laws.hertz import contact_time, depth
-from wakeflow.planning import make_plan
 from wakeflow.scene.scene import Funnel, Scene
 
 needs_engine = pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")

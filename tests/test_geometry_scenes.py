@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.planning.make.make import make_plan
 from wakeflow.scene.scene.user_case import air_of
 
 import wakeflow as wf
@@ -20,7 +21,6 @@ from wakeflow.core.geometry import area, distance, distance_to, edges, is_simple
 from wakeflow.flight import ends, solids
 from wakeflow.laws.shape import shapes
 from wakeflow.pipeline import Chain
-from wakeflow.planning import make_plan
 from wakeflow.scene.scene import Scene
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]

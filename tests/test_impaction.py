@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.planning.make.impaction import Deflection, deflection
+from wakeflow.planning.make.make import TURNING, make_plan
 
 from wakeflow.core.errors import SceneError
-from wakeflow.deflection import Deflection, deflection
 from wakeflow.flight import Flight
 from wakeflow.injection import feedstock, granules_of
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
 from wakeflow.pipeline import Chain
-from wakeflow.planning import TURNING, make_plan
 from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Body, Fate, track
 

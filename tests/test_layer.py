@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.planning.make.flight_scales import fall_speeds
+from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
@@ -16,8 +18,6 @@ from wakeflow.laws.granule_layer import load
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.loads import impact_loads
-from wakeflow.planning import make_plan
-from wakeflow.scales import fall_speeds
 from wakeflow.scene.scene import Scene
 
 B = math.radians(50)

@@ -13,23 +13,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.planning.make.bounds import Flight as Scales
+from wakeflow.planning.make.bounds import bounds, history_kernel, history_time
+from wakeflow.planning.make.flight_scales import flights
+from wakeflow.planning.make.make import make_plan
+from wakeflow.planning.make.plan import Plan
+from wakeflow.planning.make.terms import TYPICAL
 
 from wakeflow import flight as flying
-from wakeflow.bounds import Flight as Scales
-from wakeflow.bounds import bounds, history_kernel, history_time
 from wakeflow.budget import crossing_share, free_ends, left_out_terms, together
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.flight import Flight, load
-from wakeflow.gate import TYPICAL
 from wakeflow.injection import feedstock
 from wakeflow.laws.drag import drag_laws, slip_correction
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline import Chain
-from wakeflow.planning import make_plan
-from wakeflow.plans import Plan
-from wakeflow.scales import flights
 from wakeflow.scene.scene import Scene
 from wakeflow.separation import Landings, separate
 from wakeflow.tracking import Fate, Granules, Tracks

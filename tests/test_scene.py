@@ -185,7 +185,7 @@ def test_materials_state_source_and_confidence(name: str) -> None:
 
 
 def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
-    from wakeflow.planning import make_plan
+    from wakeflow.planning.make.make import make_plan
 
     above = rhombus.replace({"body.two": ABOVE, "feed.height": 0.16, "numerics.rung": "draft"})
     assert above.obstacles == ["two"]
@@ -196,7 +196,7 @@ def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
 
 
 def test_symmetry_counts_pairs_of_bodies_and_streams(rhombus: Scene) -> None:
-    from wakeflow.planning import make_plan
+    from wakeflow.planning.make.make import make_plan
 
     left, right = ({"shape": "circle", "width": 0.02, "at": [x, -0.1]} for x in (-0.1, 0.1))
     assert rhombus.symmetric

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.planning.make.make import make_plan
 
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
@@ -17,7 +18,6 @@ from wakeflow.core.resources import verification_scenes
 from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
-from wakeflow.planning import make_plan
 from wakeflow.scene.scene import Scene
 from wakeflow.verify import airflow, proofs
 from wakeflow.verify.measured import Measured, quantities

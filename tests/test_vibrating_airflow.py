@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.special import kv
+from wakeflow.planning.make.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
 
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.field import FlowField
@@ -26,7 +27,6 @@ from wakeflow.foam.shedding import best_loop
 from wakeflow.foam.solve import _drop_broken_times, prepare
 from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.laws.shape import shapes
-from wakeflow.locking import frequency_ratios, vibration_of_air, vibration_of_scene
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.scene.scene import Scene
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from .laws.collision import impact
     from .laws.granule_layer import layer, layers
     from .laws.restitution import Restitution
-    from .planning import make_plan as plan
-    from .plans import Plan
+    from .planning.make import make_plan as plan
+    from .planning.plan import Plan
     from .runs import Result, run
     from .scene import Scene
     from .tracking import Body, Fate, Granules, Motion, Tracks, track
@@ -27,17 +27,7 @@ LAYERS = (
     "laws",
     "grids",
     "scene",
-    "bounds",
-    "scales",
-    "deflection",
-    "loading",
-    "resting",
-    "gate",
-    "rungs",
-    "locking",
     "funnel",
-    "plans",
-    "wording",
     "planning",
     "meshing",
     "reconstruction",
@@ -72,7 +62,7 @@ _HOME = {
     "Granules": "tracking",
     "MeshError": "core.errors",
     "Motion": "tracking",
-    "Plan": "plans",
+    "Plan": "planning.plan",
     "ProgramError": "core.errors",
     "Restitution": "laws.restitution",
     "Result": "runs",
@@ -84,7 +74,7 @@ _HOME = {
     "impact": "laws.collision",
     "layer": "laws.granule_layer",
     "layers": "laws.granule_layer",
-    "plan": "planning:make_plan",
+    "plan": "planning.make:make_plan",
     "run": "runs",
     "track": "tracking",
 }

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .companions import HALVED, Comparison, airflows, compared, differences, finer_steps, grids, mesh_error
-from .gate import TYPICAL
 from .pipeline import Chain
-from .plans import LeftOut, Plan
-from .rungs import SHEDDING_ABOVE
+from .planning.airflow import SHEDDING_ABOVE
+from .planning.plan import LeftOut, Plan
+from .planning.terms import TYPICAL
 from .scene import RESERVED_BIN, Scene
 from .separation import Landings
 

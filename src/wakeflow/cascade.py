@@ -7,8 +7,8 @@ from typing import Any
 
 from .flight import Flight, landed
 from .injection import feedstock
-from .planning import make_plan
-from .plans import Plan
+from .planning.make import make_plan
+from .planning.plan import Plan
 from .scene import Scene
 from .separation import Landings, separate
 

@@ -154,7 +154,7 @@ def plan(
     as_json
         Print JSON.
     """
-    from .planning import make_plan
+    from .planning.make import make_plan
     from .scene import Scene
 
     asked = Scene.load(scene, _changes(settings))

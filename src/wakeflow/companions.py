@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .grids import GridEstimate, estimate
 from .pipeline import Chain, Companion
-from .plans import COMPARED
+from .planning.plan import COMPARED
 from .scene import RESERVED_BIN
 from .separation import Landings
 

@@ -20,7 +20,7 @@ from .field import FlowField
 from .injection import Feedstock, feedstock
 from .laws.constants import GRAVITY
 from .meeting import motion_of
-from .plans import AT_ONCE, REPLICATES, Plan, replicate_size
+from .planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import Scene
 from .scene.pictures import DRAWN
 from .separation import Landings

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .core.files import Store, write_json
-from .plans import Plan
+from .planning.plan import Plan
 from .scene import Scene
 
 if TYPE_CHECKING:

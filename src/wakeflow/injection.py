@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 
 from . import tracking
 from .core.geometry import edges, normals
-from .deflection import axis
 from .field import FlowField
 from .laws.collision import approach_speed, collide
 from .laws.constants import GRAVITY, STANDARD_AIR
 from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from .laws.restitution import restitution_at
 from .meeting import first_contact, motion_of
-from .plans import REPLICATES, FractionPlan, Plan, replicate_size
+from .planning.impaction import axis
+from .planning.plan import REPLICATES, FractionPlan, Plan, replicate_size
 from .scene import Fraction, Scene
 from .tracking import Granules
 

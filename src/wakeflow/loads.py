@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.geometry import edges, normals
-from .deflection import axis
 from .injection import contact_points, granules_of
 from .laws.granule_layer import Load, load
 from .meeting import first_contact, motion_of
-from .plans import FractionPlan, Plan
-from .scales import fall_speeds
+from .planning.flight_scales import fall_speeds
+from .planning.impaction import axis
+from .planning.plan import FractionPlan, Plan
 from .scene import Scene
 
 __all__ = ["impact_loads"]

@@ -23,9 +23,9 @@ from .core.resources import case_template
 from .core.sources import code_key
 from .flows import flow_spec, mesh_spec, nearest, remember
 from .funnel import compute as compute_funnel
-from .planning import make_plan
-from .plans import COMPARED, REPLICATES, Plan
-from .rungs import ranks_for
+from .planning.airflow import ranks_for
+from .planning.make import make_plan
+from .planning.plan import COMPARED, REPLICATES, Plan
 from .scene import Scene
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from .plans import LeftOut, Plan
+    from .planning.plan import LeftOut, Plan
     from .runs import Result
 
 __all__ = ["live", "show_plan", "show_result"]

@@ -20,7 +20,7 @@ from .funnel import notices
 from .laws.momentum import momentum_pressure
 from .loads import impact_loads
 from .pipeline import Chain, Listener, silent
-from .planning import make_plan
+from .planning.make import make_plan
 from .scene import Scene
 from .separation import separate
 

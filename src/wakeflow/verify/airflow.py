@@ -17,7 +17,7 @@ from ..core.resources import verification_scenes
 from ..grids import GridEstimate, cell_size, estimate
 from ..laws.momentum import momentum_pressure
 from ..pipeline import Chain
-from ..planning import make_plan
+from ..planning.make import make_plan
 from ..scene import Scene
 from .measured import Measured, Number, measured, quantities
 from .published import Case, Published, cases

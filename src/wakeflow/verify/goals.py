@@ -38,7 +38,7 @@ import json, resource, sys, tempfile, time
 from pathlib import Path
 from wakeflow.flight import Flight, compile_tracker
 from wakeflow.verify.subjects import shipped
-from wakeflow.planning import make_plan
+from wakeflow.planning.make import make_plan
 scene, _, chain = shipped(lambda stage, text: None)
 wheat = {**scene.tables()["fraction"]["wheat"], "mass_share": 1.0}
 scene = scene.replace({"feed.count": int(sys.argv[1]), "fraction": {"wheat": wheat}})

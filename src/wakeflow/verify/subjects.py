@@ -18,8 +18,8 @@ from ..field import FlowField
 from ..injection import feedstock
 from ..meeting import motion_of
 from ..pipeline import Chain, Listener
-from ..planning import make_plan
-from ..plans import Plan
+from ..planning.make import make_plan
+from ..planning.plan import Plan
 from ..scene import Scene
 from ..tracking import Body, Granules
 from .reference import Problem, distance

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import edges, normals
+from ..laws.collision import impact
+from ..laws.constants import GRAVITY
+from ..scene import Scene
 from .bounds import Flight, bounds
-from .core.geometry import edges, normals
-from .laws.collision import impact
-from .laws.constants import GRAVITY
-from .scales import CROSSED, meetings, packing
-from .scene import Scene
+from .flight_scales import CROSSED, meetings, packing
 
 Array = NDArray[np.float64]
 __all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained"]

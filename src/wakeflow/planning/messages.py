@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from .core.process import cores
-from .gate import Gate
-from .loading import strained
-from .locking import AirMotion
-from .plans import COMPARED, REPLICATES, FractionPlan, Plan
-from .resting import standing
-from .rungs import SHEDDING_ABOVE, AirflowPlan, ranks_for, typical_cells
-from .scene import Scene
+from ..core.process import cores
+from ..scene import Scene
+from .airflow import SHEDDING_ABOVE, AirflowPlan, ranks_for, typical_cells
+from .coupling import strained
+from .lock_in import AirMotion
+from .plan import COMPARED, REPLICATES, FractionPlan, Plan
+from .standing import standing
+from .terms import Gate
 
 __all__ = ["missing_lines", "used_lines", "warning_lines"]
 

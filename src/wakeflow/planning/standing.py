@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .core.geometry import normals
-from .scene import Scene
+from ..core.geometry import normals
+from ..scene import Scene
 
 __all__ = ["standing"]
 

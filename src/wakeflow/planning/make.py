@@ -11,26 +11,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from .bounds import Flight, moved_by_air
-from .core.errors import SceneError
-from .deflection import deflection
-from .funnel import estimated_seconds, summary
-from .gate import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
-from .laws.constants import GRAVITY, STANDARD_AIR
-from .laws.drag import (
+from ..core.errors import SceneError
+from ..funnel import estimated_seconds, summary
+from ..laws.constants import GRAVITY, STANDARD_AIR
+from ..laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
     relaxation_time,
     slip_correction,
     terminal_velocity,
 )
-from .loading import limits
-from .locking import vibration_of_scene
-from .plans import AT_ONCE, COMPARED, REPLICATES, FractionPlan, Plan, replicate_size
-from .rungs import choose_airflow, typical_cells, typical_seconds
-from .scales import arrival_speed, flights
-from .scene import Scene
-from .wording import missing_lines, used_lines, warning_lines
+from ..scene import Scene
+from .airflow import choose_airflow, typical_cells, typical_seconds
+from .bounds import Flight, moved_by_air
+from .coupling import limits
+from .flight_scales import arrival_speed, flights
+from .impaction import deflection
+from .lock_in import vibration_of_scene
+from .messages import missing_lines, used_lines, warning_lines
+from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, Plan, replicate_size
+from .terms import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
 
 __all__ = ["TURNING", "make_plan"]
 

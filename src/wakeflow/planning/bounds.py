@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .core.registry import Registry
-from .laws.constants import GRAVITY
-from .laws.drag import relaxation_time, slip_correction
-from .laws.lift import lift_coefficient
-from .laws.rotation import magnus_factor, spin_rate
-from .laws.turbulence import brownian_diffusivity, crossing
+from ..core.registry import Registry
+from ..laws.constants import GRAVITY
+from ..laws.drag import relaxation_time, slip_correction
+from ..laws.lift import lift_coefficient
+from ..laws.rotation import magnus_factor, spin_rate
+from ..laws.turbulence import brownian_diffusivity, crossing
 
 __all__ = ["Bound", "Flight", "bounds", "history_kernel", "history_time", "moved_by_air"]
 

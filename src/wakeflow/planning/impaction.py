@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .laws.collision import approach_speed, collide
-from .laws.constants import GRAVITY
-from .laws.drag import drag_laws, relaxation_time, slip_correction
-from .laws.impaction import Front, Impaction, Met, approach, fronts
-from .laws.restitution import restitution_at
-from .scene import Scene
+from ..laws.collision import approach_speed, collide
+from ..laws.constants import GRAVITY
+from ..laws.drag import drag_laws, relaxation_time, slip_correction
+from ..laws.impaction import Front, Impaction, Met, approach, fronts
+from ..laws.restitution import restitution_at
+from ..scene import Scene
 
 __all__ = ["Deflection", "deflection"]
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from .core.errors import SceneError
-from .core.geometry import is_symmetric
-from .core.registry import nearest
-from .scene import Scene
-from .scene.user_case import is_laminar
+from ..core.errors import SceneError
+from ..core.geometry import is_symmetric
+from ..core.registry import nearest
+from ..scene import Scene
+from ..scene.user_case import is_laminar
 
 __all__ = [
     "FLAT_BELOW",

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from .deflection import Deflection
-from .gate import LeftOut
-from .loading import Limit
-from .rungs import AirflowPlan
+from .airflow import AirflowPlan
+from .coupling import Limit
+from .impaction import Deflection
+from .terms import LeftOut
 
 __all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "replicate_size"]
 

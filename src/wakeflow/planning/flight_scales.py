@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import normals
+from ..laws.constants import GRAVITY, STANDARD_AIR
+from ..laws.drag import drag_factor_for_terminal_velocity, drag_laws, slip_correction, terminal_velocity
+from ..laws.material import Material
+from ..laws.restitution import restitution_at
+from ..scene import Air, Fraction, Scene
 from .bounds import NEAR, Flight
-from .core.geometry import normals
-from .laws.constants import GRAVITY, STANDARD_AIR
-from .laws.drag import drag_factor_for_terminal_velocity, drag_laws, slip_correction, terminal_velocity
-from .laws.material import Material
-from .laws.restitution import restitution_at
-from .scene import Air, Fraction, Scene
 
 __all__ = ["CROSSED", "arrival_speed", "fall_speeds", "flights", "meetings", "packing"]
 

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import SceneError
+from ..core.registry import nearest
+from ..laws.forces import forces
+from ..scene import Fraction, Scene
 from .bounds import Flight, bounds
-from .core.errors import SceneError
-from .core.registry import nearest
-from .laws.forces import forces
-from .scene import Fraction, Scene
 
 __all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "limit_of", "open_gate"]
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .core.errors import SceneError
-from .gate import VIBRATION
-from .rungs import SHEDDING_ABOVE
-from .scene import Scene
+from ..core.errors import SceneError
+from ..scene import Scene
+from .airflow import SHEDDING_ABOVE
+from .terms import VIBRATION
 
 __all__ = ["AirMotion", "frequency_ratios", "vibration_of_air", "vibration_of_scene"]
 
