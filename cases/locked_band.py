@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from wakeflow.core.files import write_json
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
-from wakeflow.foam.initial import perturb, start_from
 from wakeflow.foam.read import CaseFields, time_folders
 from wakeflow.foam.solve import Watch, prepare, solver
+from wakeflow.foam.start import perturb, start_from
 from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh

@@ -22,7 +22,7 @@ from wakeflow.core.errors import FoamError, MeshError
 from wakeflow.core.files import Store, cache_root, content_key, digest_files, write_json
 from wakeflow.core.resources import case_template
 from wakeflow.core.sources import code_key
-from wakeflow.foam import shedding
+from wakeflow.foam import time_resolved
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.shape import shapes
@@ -142,15 +142,15 @@ def outcome(case: Case) -> dict[str, Any]:
 
     def work(folder: Path) -> None:
         before = _processor_seconds()
-        limits = shedding.LONGEST_START, shedding.LONGEST
-        shedding.LONGEST_START, shedding.LONGEST = LONGEST_START, LONGEST
+        limits = time_resolved.LONGEST_START, time_resolved.LONGEST
+        time_resolved.LONGEST_START, time_resolved.LONGEST = LONGEST_START, LONGEST
         try:
             flow = flow_of(case, coarse_mesh(case, folder))
             table = asdict(solve_airflow(flow, folder / "mesh.msh", folder / "case"))
         except (MeshError, FoamError) as problem:
             table = {"error": str(problem), "kind": type(problem).__name__}
         finally:
-            shedding.LONGEST_START, shedding.LONGEST = limits
+            time_resolved.LONGEST_START, time_resolved.LONGEST = limits
         write_json(folder / "outcome.json", {**table, "processor_seconds": _processor_seconds() - before})
 
     folder, _ = Store(cache_root()).make("robustness", content_key(case, code), work)

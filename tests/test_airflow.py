@@ -28,12 +28,12 @@ from wakeflow.core.resources import case_template
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import kind_of, upward_crossings
-from wakeflow.foam.initial import start_from
 from wakeflow.foam.measure import suction_zone
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.read import CaseFields, read_flow, time_folders
-from wakeflow.foam.shedding import _on_beat, best_loop
 from wakeflow.foam.solve import Progress, Watch, prepare, run_steady
+from wakeflow.foam.start import start_from
+from wakeflow.foam.time_resolved import _on_beat, best_loop
 from wakeflow.foam.vibration import Vibration
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wakeflow.reconstruction import PlaneMesh, Reconstruction, triangulate
+from wakeflow.foam.reconstruction import PlaneMesh, Reconstruction, triangulate
 
 
 def plane(count: int, kind: str, seed: int = 0) -> PlaneMesh:

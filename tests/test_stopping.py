@@ -18,8 +18,8 @@ import pytest
 from wakeflow.core.files import Store, cache_root, content_key
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.history import Interval, Tail
-from wakeflow.foam.initial import perturb
 from wakeflow.foam.solve import Watch, prepare, solver
+from wakeflow.foam.start import perturb
 from wakeflow.foam.statistics import Statistics, Stopping, evaluate
 from wakeflow.meshing import build_mesh, plan_mesh
 

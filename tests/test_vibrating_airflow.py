@@ -20,11 +20,11 @@ from wakeflow.field import FlowField
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import CD, CL, read_table
-from wakeflow.foam.initial import _write_internal
 from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
-from wakeflow.foam.shedding import best_loop
 from wakeflow.foam.solve import _drop_broken_times, prepare
+from wakeflow.foam.start import _write_internal
+from wakeflow.foam.time_resolved import best_loop
 from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh

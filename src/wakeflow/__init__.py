@@ -30,7 +30,6 @@ LAYERS = (
     "funnel",
     "planning",
     "meshing",
-    "reconstruction",
     "foam",
     "field",
     "duct",

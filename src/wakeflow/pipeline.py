@@ -42,7 +42,7 @@ Listener = Callable[[str, str], None]  # (stage, text)
 CODE = {
     "mesh": ("wakeflow.meshing.build",),
     "airflow": ("wakeflow.foam.airflow",),
-    "given": ("wakeflow.foam.given",),
+    "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.field",),
     "duct": ("wakeflow.duct",),
     "tracks": ("wakeflow.flight",),
@@ -156,7 +156,7 @@ class Chain:
 
     def _measured(self, case: Path) -> tuple[str, Path]:
         """Key and folder of what was measured on the user's case; its files are the key: a new solution counts."""
-        from .foam.given import case_files, measure_given
+        from .foam.user_case import case_files, measure_given
 
         air, spec = self.scene.air, flow_spec(self.scene, self.plan, self.mesh_spec)
         assert air is not None

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "AirflowResult": "airflow",
-    "solve_airflow": "airflow",
     "FlowSpec": "case",
     "Progress": "solve",
     "Stream": "case",
     "read_flow": "read",
+    "solve_airflow": "airflow",
 }
 __all__ = ["AirflowResult", "FlowSpec", "Progress", "Stream", "read_flow", "solve_airflow"]
 

@@ -13,8 +13,8 @@ from .failure import disk_trouble_named
 from .ladder import climb, first_order_start
 from .measure import AirflowResult, measure
 from .sanity import check_airflow, check_finite
-from .shedding import run_time_resolved
 from .solve import Listener, MeshCheck, prepare, run_steady
+from .time_resolved import run_time_resolved
 
 __all__ = ["AirflowResult", "solve_airflow"]
 

@@ -16,11 +16,11 @@ from ..core.errors import SceneError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
 from .failure import AirflowFailure, Attempt
-from .initial import perturb, start_from
 from .read import LOOP, time_folders
 from .sanity import is_sane
-from .shedding import RECORDED
 from .solve import CHECKED, PHASE, SAVE_EVERY, Listener, Watch, solver
+from .start import perturb, start_from
+from .time_resolved import RECORDED
 
 __all__ = ["LADDER", "climb", "first_order_start", "warning"]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
-from ..reconstruction import PlaneMesh
+from .reconstruction import PlaneMesh
 
 __all__ = ["FoamMesh", "read_polymesh"]
 

@@ -19,10 +19,10 @@ from ..core.process import tail
 from .case import FlowSpec, set_patch_types, write_case, write_inlets, write_parameters
 from .failure import AirflowFailure, Cause, disk_is_full
 from .history import Tail, kind_of, read_vectors
-from .initial import start_from
 from .parallel import gather, scatter
 from .programs import call
 from .read import time_folders
+from .start import start_from
 
 __all__ = ["Listener", "MeshCheck", "Progress", "Watch", "prepare", "run_steady", "solver"]
 

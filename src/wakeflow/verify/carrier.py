@@ -19,9 +19,9 @@ from ..core.errors import FoamError
 from ..field import FlowField
 from ..foam.case import FlowSpec
 from ..foam.polymesh import FoamMesh, read_polymesh
+from ..foam.reconstruction import PlaneMesh
 from ..foam.solve import prepare
 from ..meshing import MeshSpec, build_mesh
-from ..reconstruction import PlaneMesh
 
 __all__ = ["Carrier", "make_carrier", "vectors", "write_file"]
 

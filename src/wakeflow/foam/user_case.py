@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.geometry import distance_to
-from ..reconstruction import PlaneMesh
 from .case import FlowSpec, axis_points
 from .measure import _on_edges, _y_plus, suction_zone
 from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
+from .reconstruction import PlaneMesh
 
 __all__ = ["case_files", "measure_given"]
 

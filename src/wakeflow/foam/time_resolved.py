@@ -15,9 +15,9 @@ from ..core.errors import FoamError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
 from .history import Tail
-from .initial import perturb, start_from
 from .read import LOOP, CaseFields, time_folders
 from .solve import PHASE, SAVE_EVERY, Listener, Watch, solver
+from .start import perturb, start_from
 from .statistics import Stopping, cycles, evaluate, is_still
 from .vibration import Vibration
 
