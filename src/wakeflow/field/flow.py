@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 from . import checks
-from .compress import Truncation, compress, time_shares
 from .mirror import mirrored, reflected
+from .modes import Truncation, compress, time_shares
 from .recovery import gradient_operators
 from .splines import POWERS, around, design
 from .triangles import Triangles
