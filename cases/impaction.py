@@ -14,11 +14,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from wakeflow.injection.feed.feed import granules_of
 from wakeflow.planning.make.impaction import deflection, front_of
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
-from wakeflow.injection import granules_of
 from wakeflow.laws.impaction import Cylinder, approach
 from wakeflow.pipeline import Chain
 from wakeflow.tracking import Fate, track

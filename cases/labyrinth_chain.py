@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from wakeflow.injection.feed.feed import feedstock
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.flight import Flight, compile_tracker
-from wakeflow.injection import feedstock
 from wakeflow.pipeline import Chain
 
 SHAKEN = {"vibration.frequency": 30.0, "vibration.gamma": 1.5}

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.injection.feed.feed import feedstock
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
@@ -14,7 +15,6 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.duct import decaying, duct_field
 from wakeflow.flight import Flight
-from wakeflow.injection import feedstock
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.pipeline import Chain
 from wakeflow.scene.scene import Scene

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from wakeflow.injection.feed.feed import feedstock
 from wakeflow.planning.make.make import make_plan
 
 from wakeflow.flight import Flight
-from wakeflow.injection import feedstock
 from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
 

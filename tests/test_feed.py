@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.injection.feed.feed import feedstock
 from wakeflow.planning.make.coupling import COUPLING, INDEPENDENT, LOADED, MODULATING
 from wakeflow.planning.make.make import make_plan
 from wakeflow.planning.make.plan import Plan
 
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.injection import feedstock
 from wakeflow.laws.profile import crowding, profiles
 from wakeflow.scene.scene import Scene
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.injection.feed.feed import feedstock
 from wakeflow.planning.make.bounds import Flight as Scales
 from wakeflow.planning.make.bounds import bounds, history_kernel, history_time
 from wakeflow.planning.make.flight_scales import flights
@@ -26,7 +27,6 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.flight import Flight, load
-from wakeflow.injection import feedstock
 from wakeflow.laws.drag import drag_laws, slip_correction
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline import Chain

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.injection.feed.impact_loads import impact_loads
 from wakeflow.planning.make.make import make_plan
 
 from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
-from wakeflow.loads import impact_loads
 from wakeflow.report import figures, html, landing, tables, vtk, write_report
 from wakeflow.scene.scene import Scene
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .flight import Flight, landed
-from .injection import feedstock
+from .injection.feed import feedstock
 from .planning.make import make_plan
 from .planning.plan import Plan
 from .scene import Scene

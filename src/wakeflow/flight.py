@@ -17,9 +17,9 @@ from .ballistics import follow
 from .core.errors import SceneError
 from .core.files import atomic_write
 from .field import FlowField
-from .injection import Feedstock, feedstock
+from .injection.feed import Feedstock, feedstock
+from .injection.first_contact import motion_of
 from .laws.constants import GRAVITY
-from .meeting import motion_of
 from .planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from .scene import Scene
 from .scene.pictures import DRAWN

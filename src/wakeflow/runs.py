@@ -17,8 +17,8 @@ from .companions import airflow_on_grids
 from .core.errors import SceneError
 from .core.files import atomic_write, content_key, digest_files, write_json
 from .funnel import notices
+from .injection.impact_loads import impact_loads
 from .laws.momentum import momentum_pressure
-from .loads import impact_loads
 from .pipeline import Chain, Listener, silent
 from .planning.make import make_plan
 from .scene import Scene

@@ -189,7 +189,7 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     or "all" (the stored times; a loop of whole shedding periods where the case was made by the time-resolved rung).
     Pressure is OpenFOAM's kinematic p times ``density`` (kg/m3), in Pa, less 2k/3 where a k field and a linear
     eddy-viscosity model are present. Node values are second order up to the walls, see
-    :mod:`wakeflow.foam.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises FoamError
+    :mod:`.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises FoamError
     for a case that is not one layer, decomposed only, or without the asked time.
     """
     fields = CaseFields(Path(case_dir))

@@ -13,7 +13,7 @@ from .fraction import Fraction, Rebound, Size, Speeds
 from .funnel import Funnel
 from .pictures import picture_tables
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
-from .whole import Numerics
+from .whole import Numerics, SceneTables
 
 __all__ = ["explain"]
 

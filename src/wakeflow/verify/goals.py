@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..core.errors import ProgramError
 from ..core.process import run
 from ..flight import Flight
-from ..injection import feedstock
+from ..injection.feed import feedstock
 from ..pipeline import Chain
 from ..scene import Scene
 from ..tracking import Granules

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..core.resources import scene_templates
 from ..field import FlowField
-from ..injection import feedstock
-from ..meeting import motion_of
+from ..injection.feed import feedstock
+from ..injection.first_contact import motion_of
 from ..pipeline import Chain, Listener
 from ..planning.make import make_plan
 from ..planning.plan import Plan

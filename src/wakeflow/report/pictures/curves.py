@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...meeting import motion_of
+from ...injection.first_contact import motion_of
 from ...scene.pictures import Curves
 from ..canvas import MM, fraction_colours, new_figure, save
 from .paths import Path2D

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import distance_to
-from ...meeting import motion_of
+from ...injection.first_contact import motion_of
 
 if TYPE_CHECKING:
     from ...scene import Scene

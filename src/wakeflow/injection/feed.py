@@ -20,18 +20,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from . import tracking
-from .core.geometry import edges, normals
-from .field import FlowField
-from .laws.collision import approach_speed, collide
-from .laws.constants import GRAVITY, STANDARD_AIR
-from .laws.drag import drag_factor_for_terminal_velocity, slip_correction
-from .laws.restitution import restitution_at
-from .meeting import first_contact, motion_of
-from .planning.impaction import axis
-from .planning.plan import REPLICATES, FractionPlan, Plan, replicate_size
-from .scene import Fraction, Scene
-from .tracking import Granules
+from .. import tracking
+from ..core.geometry import edges, normals
+from ..field import FlowField
+from ..laws.collision import approach_speed, collide
+from ..laws.constants import GRAVITY, STANDARD_AIR
+from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
+from ..laws.restitution import restitution_at
+from ..planning.impaction import axis
+from ..planning.plan import REPLICATES, FractionPlan, Plan, replicate_size
+from ..scene import Fraction, Scene
+from ..tracking import Granules
+from .first_contact import first_contact, motion_of
 
 __all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "granules_of"]
 

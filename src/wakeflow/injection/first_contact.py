@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import Scene
-from .tracking import Motion
+from ..scene import Scene
+from ..tracking import Motion
 
 __all__ = ["first_contact", "motion_of"]
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.geometry import edges, normals
-from .injection import contact_points, granules_of
-from .laws.granule_layer import Load, load
-from .meeting import first_contact, motion_of
-from .planning.flight_scales import fall_speeds
-from .planning.impaction import axis
-from .planning.plan import FractionPlan, Plan
-from .scene import Scene
+from ..core.geometry import edges, normals
+from ..laws.granule_layer import Load, load
+from ..planning.flight_scales import fall_speeds
+from ..planning.impaction import axis
+from ..planning.plan import FractionPlan, Plan
+from ..scene import Scene
+from .feed import contact_points, granules_of
+from .first_contact import first_contact, motion_of
 
 __all__ = ["impact_loads"]
 
