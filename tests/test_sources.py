@@ -19,7 +19,7 @@ from wakeflow.flight import Flight
 from wakeflow.funnel import CODE as FUNNEL
 from wakeflow.pipeline import CODE
 
-STAGES = {**CODE, "funnel": FUNNEL, "kernel": ("wakeflow.tracking.kernel",)}
+STAGES = {**CODE, "funnel": FUNNEL, "kernel": ("wakeflow.tracking.kernel.loop",)}
 
 
 @pytest.fixture

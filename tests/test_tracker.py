@@ -556,7 +556,7 @@ def test_the_compiled_kernel_is_kept_between_processes(tmp_path: Path) -> None:
         "import numpy as np, time; from wakeflow.tracking import Granules, track\n"
         "grains = Granules(np.zeros((1, 2)), np.ones((1, 2)), diameter=1e-3, density=1.0)\n"
         "track(None, grains, until=1.0)\n"
-        "from wakeflow.tracking.kernel import fly_block as f; print(sum(f.stats.cache_hits.values()))"
+        "from wakeflow.tracking.kernel.loop import fly_block as f; print(sum(f.stats.cache_hits.values()))"
     )
     environment = os.environ | {"WAKEFLOW_CACHE": str(tmp_path)}
     runs = [

@@ -14,12 +14,12 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
-from wakeflow.tracking.explicit import fly_explicit
 from wakeflow.verify.carrier import Carrier, make_carrier
 from wakeflow.verify.curves import Ends, Row, cost_at, score
 from wakeflow.verify.peer import fly_peer
 from wakeflow.verify.proofs import prove
 from wakeflow.verify.reference import Problem, Reference, fly_reference
+from wakeflow.verify.rk4 import fly_explicit
 from wakeflow.verify.subjects import Subject, travelling_wave
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from ..laws.collision import approach_speed, collide
 from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
-from ..tracking.state import MOST_IMPACTS, SLOW
+from ..tracking.kernel.layout import MOST_IMPACTS, SLOW
 from .hits import CORNER, FACE, LINE, NONE, Falling, Hit, first_hits
 from .slide import FLIES, RESTS, Contact, arc_length, place, slide
 from .surfaces import Array, Index, Surfaces

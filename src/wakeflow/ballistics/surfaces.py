@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tracking import Body, Motion
-from ..tracking.prepare import pack_lines, pack_walls
+from ..tracking.pack import pack_lines, pack_walls
 
 __all__ = ["Array", "Index", "Surfaces"]
 

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..field import FlowField
 from ..laws.constants import GRAVITY
-from .exponential import PATH
 from .frame import from_frame, swing_of, to_frame
 from .granules import Body, Granules, Motion, Tracks
-from .kernel import fly_block
-from .prepare import check_forces, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
-from .state import (
+from .kernel.dense_output import PATH
+from .kernel.layout import (
     AFFINE,
     CONSTRAINT,
     EVALUATIONS,
@@ -38,6 +36,8 @@ from .state import (
     X,
     Y,
 )
+from .kernel.loop import fly_block
+from .pack import check_forces, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
 
 __all__ = ["track"]
 

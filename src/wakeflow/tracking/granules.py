@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..laws.restitution import Restitution
 from ..laws.vibration import Record, integrated
-from . import state
+from .kernel import layout
 
 __all__ = ["Body", "Fate", "Granules", "Motion", "Tracks"]
 
@@ -36,12 +36,12 @@ SCALARS = {  # name: (what it may be, in words; test)
 class Fate(IntEnum):
     """How a track ended; ``advice`` says what to do about it."""
 
-    BINNED = state.BINNED
-    ESCAPED = state.ESCAPED
-    RESTING = state.RESTING
-    CAPTURED = state.CAPTURED
-    AIRBORNE = state.AIRBORNE
-    STOPPED = state.STOPPED
+    BINNED = layout.BINNED
+    ESCAPED = layout.ESCAPED
+    RESTING = layout.RESTING
+    CAPTURED = layout.CAPTURED
+    AIRBORNE = layout.AIRBORNE
+    STOPPED = layout.STOPPED
 
     @property
     def advice(self) -> str:

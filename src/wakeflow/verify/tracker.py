@@ -17,12 +17,12 @@ import numpy as np
 from ..core.files import atomic_write, write_json
 from ..scene import Scene
 from ..tracking import Fate, Granules, track
-from ..tracking.explicit import fly_explicit
 from . import goals
 from .carrier import Carrier, make_carrier
 from .curves import Ends, Row, cores, score, timed, with_own
 from .peer import fly_peer, start_up
 from .reference import Reference, fly_reference
+from .rk4 import fly_explicit
 from .subjects import KINDS, SPEED, Subject, resampled, shipped, subject, travelling_wave
 
 __all__ = ["run_tracker"]

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
+from .dense_output import along
 from .events import PLANE, ROUND, SAME, cubic, displacement, first_below, harmonic, interval, level
-from .exponential import along
 from .jit import compiled, inlined
-from .state import (
+from .layout import (  # fmt: skip
     ARM,
     CONTACT,
     FEATURE,
@@ -40,7 +40,7 @@ from .state import (
     WW,
     WX,
     WY,
-)  # fmt: skip
+)
 
 __all__ = ["carry", "constrain", "crossing", "facing", "first_contact", "grasp", "inside", "overlap", "ride"]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from .jit import compiled
-from .locate import on_edge
-from .state import (
+from .layout import (
     CUBIC,
     DISPERSION,
     FRESH,
@@ -26,6 +25,7 @@ from .state import (
     X,
     Y,
 )
+from .locate import on_edge
 
 __all__ = ["air_at", "bracket", "gradient_at", "load", "nodal", "rise_at", "shares", "swinging"]
 

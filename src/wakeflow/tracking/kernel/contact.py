@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import math
 
-from ..laws.collision import collide
+from ...laws.collision import collide
+from .dense_output import along
+from .dispersion import mirror
 from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
-from .exponential import along
 from .jit import compiled, inlined
-from .rebound import restitution_of
-from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
-from .seen import mirror
-from .state import (
+from .layout import (
     ARM,
     BODY,
     CAPTURED,
@@ -51,6 +49,8 @@ from .state import (
     X,
     Y,
 )
+from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
+from .restitution import restitution_of
 from .step import free_force
 from .walls import constrain, grasp, inside
 

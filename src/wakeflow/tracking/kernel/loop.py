@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import math
 
-from .advance import EDGE, HOP_LIMIT, confined_step, leap, leaves, longest_step
 from .air import bracket, load
 from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
+from .dense_output import along, sway
+from .dispersion import renew
 from .events import CROSSED, EXIT, GRIPS, HALTED, LIFTED, NOTHING, SLID_OFF, WALL, displacement
-from .exponential import along, sway
 from .jit import compiled, entry, inlined, merged
-from .locate import barycentric, reproject, walk
-from .seen import renew
-from .state import (
+from .layout import (
     AIRBORNE,
     BINNED,
     BODY,
@@ -61,7 +59,9 @@ from .state import (
     X,
     Y,
 )
+from .locate import barycentric, reproject, walk
 from .step import free_force, spin_at
+from .step_control import EDGE, HOP_LIMIT, confined_step, leap, leaves, longest_step
 from .walls import constrain, crossing, first_contact, grasp, inside, overlap
 
 __all__ = ["fly_block"]

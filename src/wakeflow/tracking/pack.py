@@ -19,7 +19,7 @@ from ..laws.rotation import spin_rate
 from ..laws.turbulence import brownian_diffusivity, lifetime
 from .frame import relative, swing_of
 from .granules import Body, Granules
-from .state import (
+from .kernel.layout import (
     BORN,
     CONSTANTS,
     DIFFUSIVITY,

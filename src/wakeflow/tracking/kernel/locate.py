@@ -5,16 +5,7 @@ from __future__ import annotations
 import math
 
 from .jit import compiled
-from .state import (
-    FRESH,
-    GAP,
-    H_ERROR,
-    NOBODY,
-    STEPS,
-    TRI,
-    X,
-    Y,
-)
+from .layout import FRESH, GAP, H_ERROR, NOBODY, STEPS, TRI, X, Y
 
 __all__ = ["anywhere", "barycentric", "on_edge", "reproject", "walk"]
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 
 from .air import shares, swinging
-from .exponential import phis
+from .dense_output import phis
 from .jit import compiled, inlined
-from .locate import barycentric
-from .state import (
+from .layout import (
     DISPERSION,
     EVALUATIONS,
     GX,
@@ -38,6 +37,7 @@ from .state import (
     X,
     Y,
 )
+from .locate import barycentric
 from .step import drag_rate
 
 __all__ = ["BOOLE", "ODD", "clearance", "excess", "march", "way_out"]

@@ -22,14 +22,14 @@ from ..core.errors import SceneError
 from ..field import FlowField
 from ..laws.collision import collide
 from ..laws.constants import GRAVITY
-from .granules import Body, Granules
-from .jit import compiled, entry
-from .locate import anywhere, barycentric, walk
-from .prepare import pack_air, pack_granules, pack_lines, pack_tables, pack_walls
-from .rebound import restitution_of
-from .state import CONSTRAINT, FRICTION, GX, GY, MOBILITY, NX, NY, PRESSURE, RADIUS
-from .step import drag_rate
-from .walls import grasp, inside, overlap
+from ..tracking.granules import Body, Granules
+from ..tracking.kernel.jit import compiled, entry
+from ..tracking.kernel.layout import CONSTRAINT, FRICTION, GX, GY, MOBILITY, NX, NY, PRESSURE, RADIUS
+from ..tracking.kernel.locate import anywhere, barycentric, walk
+from ..tracking.kernel.restitution import restitution_of
+from ..tracking.kernel.step import drag_rate
+from ..tracking.kernel.walls import grasp, inside, overlap
+from ..tracking.pack import pack_air, pack_granules, pack_lines, pack_tables, pack_walls
 
 __all__ = ["ExplicitTracks", "fly_explicit"]
 

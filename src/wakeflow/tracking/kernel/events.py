@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from .exponential import along
+from .dense_output import along
 from .jit import compiled
-from .state import MOTION, SAMPLES
+from .layout import MOTION, SAMPLES
 
 __all__ = [
     "PLANE", "ROUND", "SPEED", "SPIN", "cubic", "displacement", "first_below", "harmonic", "interval", "level",

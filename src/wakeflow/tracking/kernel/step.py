@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 
-from ..laws import lift, rotation
-from ..laws.drag import TABLE_CELLS, TABLE_DECADES
+from ...laws import lift, rotation
+from ...laws.drag import TABLE_CELLS, TABLE_DECADES
 from .air import air_at, gradient_at, rise_at, swinging
-from .exponential import along, phis
+from .dense_output import along, phis
 from .jit import compiled
+from .layout import EVALUATIONS, EXTRA, INERTIAL, KIND, LIFT, MAGNUS, REYNOLDS2, SPIN, STOKES, SWING, TURN, VORTICITY, T
 from .locate import barycentric
-from .state import EVALUATIONS, EXTRA, INERTIAL, KIND, LIFT, MAGNUS, REYNOLDS2, SPIN, STOKES, SWING, TURN, VORTICITY, T
 from .walls import constrain
 
 __all__ = ["attempt", "drag_rate", "exit_time", "free_force", "spin_at"]

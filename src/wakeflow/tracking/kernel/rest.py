@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from .events import displacement, next_turn
 from .jit import compiled
-from .state import (
+from .layout import (
     BODY,
     CONTACT,
     FATE,

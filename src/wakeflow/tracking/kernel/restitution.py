@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import math
 
-from ..laws.collision import approach_speed
+from ...laws.collision import approach_speed
 from .jit import compiled
-from .state import RESTITUTION, VX, VY
+from .layout import RESTITUTION, VX, VY
 
 __all__ = ["restitution_of"]
 

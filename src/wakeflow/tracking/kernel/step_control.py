@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import math
 
+from .dense_output import along
 from .events import PLANE, first_below
-from .exponential import along
 from .jit import compiled, inlined
-from .locate import barycentric
-from .march import march, way_out
-from .state import (
+from .layout import (
     ARM,
     EXTRA,
     FREE,
@@ -45,6 +43,8 @@ from .state import (
     X,
     Y,
 )
+from .locate import barycentric
+from .multi_cell import march, way_out
 from .step import attempt, exit_time
 from .stride import stride
 

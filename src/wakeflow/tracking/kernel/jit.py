@@ -11,8 +11,8 @@ from typing import Any
 
 import numba
 
-from ..core.files import cache_root
-from ..core.sources import code_key
+from ...core.files import cache_root
+from ...core.sources import code_key
 
 __all__ = ["compiled", "entry", "inlined"]
 

@@ -12,11 +12,10 @@ import math
 
 import numpy as np
 
-from ..laws import turbulence
+from ...laws import turbulence
 from .air import nodal, swinging
 from .jit import compiled
-from .locate import barycentric
-from .state import (
+from .layout import (
     BORN,
     DIFFUSIVITY,
     DISPERSION,
@@ -40,6 +39,7 @@ from .state import (
     X,
     Y,
 )
+from .locate import barycentric
 from .step import drag_rate
 
 __all__ = ["mirror", "renew"]

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 
-from .exponential import along, phis, sway
+from .dense_output import along, phis, sway
 from .jit import inlined
+from .layout import GX, GY, H_STRIDE, RADIUS, T_END, T_NOISE, TRI, VX, VY, T, X, Y
 from .locate import walk
-from .march import BOOLE, ODD, clearance, excess
-from .state import GX, GY, H_STRIDE, RADIUS, T_END, T_NOISE, TRI, VX, VY, T, X, Y
+from .multi_cell import BOOLE, ODD, clearance, excess
 
 __all__ = ["stride"]
 
