@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 from wakeflow.injection.feed.feed import granules_of
+from wakeflow.pipeline.pipeline.pipeline import Chain
 from wakeflow.planning.make.impaction import deflection, front_of
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.laws.impaction import Cylinder, approach
-from wakeflow.pipeline import Chain
 from wakeflow.tracking import Fate, track
 
 K = np.array([0.196, 0.256, 0.4, 0.625, 0.9, 1.6, 3.6, 6.4, 10.0, 19.6])

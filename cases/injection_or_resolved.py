@@ -18,11 +18,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from wakeflow.pipeline.pipeline.pipeline import Chain
 from wakeflow.planning.make.make import make_plan
 from wakeflow.planning.make.plan import Plan
 
 import wakeflow as wf
-from wakeflow.pipeline import Chain
 from wakeflow.separation import separate
 
 HERE = Path(__file__).parent

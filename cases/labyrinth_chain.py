@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 from wakeflow.injection.feed.feed import feedstock
+from wakeflow.pipeline.pipeline.pipeline import Chain
+from wakeflow.pipeline.pipeline.tracks import Flight, compile_tracker
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
-from wakeflow.flight import Flight, compile_tracker
-from wakeflow.pipeline import Chain
 
 SHAKEN = {"vibration.frequency": 30.0, "vibration.gamma": 1.5}
 

@@ -15,9 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from wakeflow.pipeline.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.planning.make.make import make_plan
 
-from wakeflow.flows import flow_spec, mesh_spec
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.parallel import scatter
 from wakeflow.foam.programs import call

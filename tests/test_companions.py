@@ -7,13 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from wakeflow.pipeline.pipeline.pipeline import Chain, Companion
+from wakeflow.pipeline.pipeline.specs import flow_spec, mesh_spec, nearest, remember
 from wakeflow.planning.make.make import make_plan
 from wakeflow.planning.make.plan import COMPARED, REPLICATES
 
 from wakeflow.companions import COMPUTED, Comparison, compared, differences, mesh_error
 from wakeflow.core.files import Store
-from wakeflow.flows import flow_spec, mesh_spec, nearest, remember
-from wakeflow.pipeline import Chain, Companion
 from wakeflow.scene.scene import Scene
 
 

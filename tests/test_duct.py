@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from wakeflow.injection.feed.feed import feedstock
+from wakeflow.pipeline.pipeline.analytic import decaying, duct_field
+from wakeflow.pipeline.pipeline.pipeline import Chain
+from wakeflow.pipeline.pipeline.tracks import Flight
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.duct import decaying, duct_field
-from wakeflow.flight import Flight
 from wakeflow.laws.drag import drag_laws, terminal_velocity
-from wakeflow.pipeline import Chain
 from wakeflow.scene.scene import Scene
 from wakeflow.separation import separate
 from wakeflow.tracking import Fate

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from wakeflow.injection.feed.feed import feedstock
+from wakeflow.pipeline.pipeline.tracks import Flight
 from wakeflow.planning.make.make import make_plan
 
-from wakeflow.flight import Flight
 from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.pipeline.pipeline.tracks import Flight, ends, load, solids
 from wakeflow.planning.make.make import make_plan
 
 from wakeflow.field import FlowField
-from wakeflow.flight import Flight, ends, load, solids
 from wakeflow.scene.scene import Scene
 
 

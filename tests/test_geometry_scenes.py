@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wakeflow.pipeline.pipeline.pipeline import Chain
+from wakeflow.pipeline.pipeline.tracks import ends, solids
 from wakeflow.planning.make.make import make_plan
 from wakeflow.scene.scene.user_case import air_of
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import area, distance, distance_to, edges, is_simple, is_symmetric, rounded
-from wakeflow.flight import ends, solids
 from wakeflow.laws.shape import shapes
-from wakeflow.pipeline import Chain
 from wakeflow.scene.scene import Scene
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from wakeflow.injection.feed.feed import feedstock, granules_of
+from wakeflow.pipeline.pipeline.pipeline import Chain
+from wakeflow.pipeline.pipeline.tracks import Flight
 from wakeflow.planning.make.impaction import Deflection, deflection
 from wakeflow.planning.make.make import TURNING, make_plan
 
 from wakeflow.core.errors import SceneError
-from wakeflow.flight import Flight
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
-from wakeflow.pipeline import Chain
 from wakeflow.scene.scene import Scene
 from wakeflow.tracking import Body, Fate, track
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 from wakeflow.injection.feed.feed import feedstock
+from wakeflow.pipeline.pipeline.pipeline import Chain
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import distance_to
-from wakeflow.pipeline import Chain
 from wakeflow.report import figures
 from wakeflow.report.pictures import pictures
 from wakeflow.report.pictures.maps import mass_flux

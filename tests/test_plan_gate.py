@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 from wakeflow.injection.feed.feed import feedstock
+from wakeflow.pipeline.pipeline.pipeline import Chain
+from wakeflow.pipeline.pipeline.tracks import Flight, Landings, load
 from wakeflow.planning.make.bounds import Flight as Scales
 from wakeflow.planning.make.bounds import bounds, history_kernel, history_time
 from wakeflow.planning.make.flight_scales import flights
@@ -21,17 +23,15 @@ from wakeflow.planning.make.make import make_plan
 from wakeflow.planning.make.plan import Plan
 from wakeflow.planning.make.terms import TYPICAL
 
-from wakeflow import flight as flying
 from wakeflow.budget import crossing_share, free_ends, left_out_terms, together
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
-from wakeflow.flight import Flight, load
 from wakeflow.laws.drag import drag_laws, slip_correction
 from wakeflow.laws.forces import forces
-from wakeflow.pipeline import Chain
+from wakeflow.pipeline.pipeline import tracks as flying
 from wakeflow.scene.scene import Scene
-from wakeflow.separation import Landings, separate
+from wakeflow.separation import separate
 from wakeflow.tracking import Fate, Granules, Tracks
 
 CASES = Path(__file__).parents[1] / "cases"

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.pipeline.pipeline.pipeline import Chain
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.cli import main
-from wakeflow.pipeline import Chain
 from wakeflow.scene.scene import Scene
 
 COUNT = 2048

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.pipeline.pipeline.tracks import Landings
 
 from wakeflow.scene.scene import Scene
-from wakeflow.separation import Landings, interval, separate
+from wakeflow.separation import interval, separate
 
 
 def landings(bins: np.ndarray, replicates: int = 16) -> Landings:

@@ -10,14 +10,14 @@ from types import FrameType
 from typing import Any
 
 import pytest
+from wakeflow.pipeline.pipeline.pipeline import CODE
+from wakeflow.pipeline.pipeline.tracks import Flight
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow
 from wakeflow import Scene
 from wakeflow.core import sources
-from wakeflow.flight import Flight
 from wakeflow.funnel import CODE as FUNNEL
-from wakeflow.pipeline import CODE
 
 STAGES = {**CODE, "funnel": FUNNEL, "kernel": ("wakeflow.tracking.kernel.loop",)}
 
@@ -79,7 +79,7 @@ def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, t
     finally:
         sys.setprofile(None)
     own = {module for module in ran if module.startswith("wakeflow.")}
-    assert {"wakeflow.flight", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
+    assert {"wakeflow.pipeline.tracks", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
     assert own <= sources.closure(*CODE["tracks"])
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wakeflow.pipeline.pipeline.pipeline import Chain
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
-from wakeflow.pipeline import Chain
 from wakeflow.verify import shares
 from wakeflow.verify.reference import Problem
 from wakeflow.verify.subjects import Subject

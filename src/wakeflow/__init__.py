@@ -32,23 +32,11 @@ LAYERS = (
     "meshing",
     "foam",
     "field",
-    "duct",
     "tracking",
     "ballistics",
     "injection",
-    "separation",
-    "flight",
-    "cascade",
-    "flows",
-    "pipeline",
-    "companions",
-    "budget",
     "report",
-    "runs",
-    "verify",
     "doctor",
-    "progress",
-    "cli",
 )
 
 _HOME = {

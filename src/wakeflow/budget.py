@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .companions import HALVED, Comparison, airflows, compared, differences, finer_steps, grids, mesh_error
-from .pipeline import Chain
+from .pipeline.pipeline import Chain
+from .pipeline.tracks import Landings
 from .planning.airflow import SHEDDING_ABOVE
 from .planning.plan import LeftOut, Plan
 from .planning.terms import TYPICAL
 from .scene import RESERVED_BIN, Scene
-from .separation import Landings
 
 if TYPE_CHECKING:
-    from .flight import Tracked
+    from .pipeline.tracks import Tracked
 
 __all__ = [
     "Companions",

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from .flight import Flight, landed
 from .injection.feed import feedstock
+from .pipeline.tracks import Flight, Landings, landed
 from .planning.make import make_plan
 from .planning.plan import Plan
 from .scene import Scene
-from .separation import Landings, separate
+from .separation import separate
 
 __all__ = ["Chained", "chain"]
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .grids import GridEstimate, estimate
-from .pipeline import Chain, Companion
+from .pipeline.pipeline import Chain, Companion
+from .pipeline.tracks import Landings
 from .planning.plan import COMPARED
 from .scene import RESERVED_BIN
-from .separation import Landings
 
 if TYPE_CHECKING:
-    from .flight import Tracked
+    from .pipeline.tracks import Tracked
 
 __all__ = [
     "FINER",

@@ -19,13 +19,13 @@ from .core.files import atomic_write, content_key, digest_files, write_json
 from .funnel import notices
 from .injection.impact_loads import impact_loads
 from .laws.momentum import momentum_pressure
-from .pipeline import Chain, Listener, silent
+from .pipeline.pipeline import Chain, Listener, silent
 from .planning.make import make_plan
 from .scene import Scene
 from .separation import separate
 
 if TYPE_CHECKING:
-    from .flight import Tracked
+    from .pipeline.tracks import Tracked
 
 __all__ = ["Result", "report_again", "run"]
 

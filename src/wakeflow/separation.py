@@ -8,44 +8,18 @@ quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .pipeline.tracks import Landings
 from .scene import RESERVED_BIN, Scene
 
-__all__ = ["Landings", "interval", "separate"]
+__all__ = ["interval", "separate"]
 
 Array = NDArray[np.float64]
 LEVEL = 0.95
-
-
-@dataclass(frozen=True)
-class Landings:
-    """Where the granules of one fraction ended; one entry a granule, every granule stands for the same mass; integers
-    and lesser columns in few bytes, since there may be very many.
-
-    ``position`` (n, 2) m, ``bin`` (n,) index into the scene's bins or -1 for elsewhere, ``replicate`` (n,),
-    ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies.
-    """
-
-    position: Array
-    bin: NDArray[Any]
-    replicate: NDArray[Any]
-    diameter: NDArray[Any]
-    fate: NDArray[Any]
-    time: NDArray[Any]
-    impacts: NDArray[Any]
-
-    def counts(self, bins: int) -> Array:
-        """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""
-        replicates = int(self.replicate.max()) + 1
-        place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
-        place += self.replicate.astype(np.int64) * (bins + 1)
-        table = np.bincount(place, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
-        return table / table.sum(axis=1, keepdims=True)
 
 
 def interval(samples: Array, count: int) -> tuple[float, float, float]:

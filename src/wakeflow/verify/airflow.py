@@ -16,7 +16,7 @@ from ..core.files import atomic_write, write_json
 from ..core.resources import verification_scenes
 from ..grids import GridEstimate, cell_size, estimate
 from ..laws.momentum import momentum_pressure
-from ..pipeline import Chain
+from ..pipeline.pipeline import Chain
 from ..planning.make import make_plan
 from ..scene import Scene
 from .measured import Measured, Number, measured, quantities

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import ProgramError
 from ..core.process import run
-from ..flight import Flight
 from ..injection.feed import feedstock
-from ..pipeline import Chain
+from ..pipeline.pipeline import Chain
+from ..pipeline.tracks import Flight
 from ..scene import Scene
 from ..tracking import Granules
 from .curves import Row, cost_at, timed
@@ -36,7 +36,7 @@ START = "import time, numpy as np; t = time.perf_counter(); import wakeflow as w
 CROWD = """
 import json, resource, sys, tempfile, time
 from pathlib import Path
-from wakeflow.flight import Flight, compile_tracker
+from wakeflow.pipeline.tracks import Flight, compile_tracker
 from wakeflow.verify.subjects import shipped
 from wakeflow.planning.make import make_plan
 scene, _, chain = shipped(lambda stage, text: None)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.registry import Registry
 from ..foam.cost import core_seconds
-from ..pipeline import Chain
+from ..pipeline.pipeline import Chain
 
 __all__ = ["Measured", "Number", "Quantity", "measured", "quantities"]
 

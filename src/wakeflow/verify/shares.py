@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..core.files import write_json
 from ..field import FlowField
-from ..pipeline import Chain
+from ..pipeline.pipeline import Chain
 from ..scene import RESERVED_BIN, Scene
 from ..separation import interval
 from ..tracking import Tracks, track

@@ -17,7 +17,7 @@ from ..core.resources import scene_templates
 from ..field import FlowField
 from ..injection.feed import feedstock
 from ..injection.first_contact import motion_of
-from ..pipeline import Chain, Listener
+from ..pipeline.pipeline import Chain, Listener
 from ..planning.make import make_plan
 from ..planning.plan import Plan
 from ..scene import Scene

@@ -12,21 +12,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import tracking
-from .ballistics import follow
-from .core.errors import SceneError
-from .core.files import atomic_write
-from .field import FlowField
-from .injection.feed import Feedstock, feedstock
-from .injection.first_contact import motion_of
-from .laws.constants import GRAVITY
-from .planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
-from .scene import Scene
-from .scene.pictures import DRAWN
-from .separation import Landings
-from .tracking import Body, Fate, Granules, Tracks
+from .. import tracking
+from ..ballistics import follow
+from ..core.errors import SceneError
+from ..core.files import atomic_write
+from ..field import FlowField
+from ..injection.feed import Feedstock, feedstock
+from ..injection.first_contact import motion_of
+from ..laws.constants import GRAVITY
+from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
+from ..scene import Scene
+from ..scene.pictures import DRAWN
+from ..separation import Array, Landings
+from ..tracking import Body, Fate, Granules, Tracks
 
-__all__ = ["Flight", "Tracked", "compile_tracker", "ends", "landed", "load", "load_drawn", "solids"]
+__all__ = ["Flight", "Landings", "Tracked", "compile_tracker", "ends", "landed", "load", "load_drawn", "solids"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
@@ -306,3 +306,29 @@ def load_drawn(file: Path) -> list[dict[str, Array]]:
         parts = [np.split(data[key], cut) for key in ("time", "position", "velocity")]
         rows = zip(*parts, data["diameter"], strict=True)
         return [dict(zip(("time", "position", "velocity", "diameter"), row, strict=True)) for row in rows]
+
+
+@dataclass(frozen=True)
+class Landings:
+    """Where the granules of one fraction ended; one entry a granule, every granule stands for the same mass; integers
+    and lesser columns in few bytes, since there may be very many.
+
+    ``position`` (n, 2) m, ``bin`` (n,) index into the scene's bins or -1 for elsewhere, ``replicate`` (n,),
+    ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies.
+    """
+
+    position: Array
+    bin: NDArray[Any]
+    replicate: NDArray[Any]
+    diameter: NDArray[Any]
+    fate: NDArray[Any]
+    time: NDArray[Any]
+    impacts: NDArray[Any]
+
+    def counts(self, bins: int) -> Array:
+        """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""
+        replicates = int(self.replicate.max()) + 1
+        place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
+        place += self.replicate.astype(np.int64) * (bins + 1)
+        table = np.bincount(place, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
+        return table / table.sum(axis=1, keepdims=True)

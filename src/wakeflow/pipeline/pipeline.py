@@ -16,24 +16,25 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from .core.errors import ProgramError
-from .core.files import Store, atomic_write, cache_root, content_key, digest_files, write_json
-from .core.process import call_in_child, cores
-from .core.resources import case_template
-from .core.sources import code_key
-from .flows import flow_spec, mesh_spec, nearest, remember
-from .funnel import compute as compute_funnel
-from .planning.airflow import ranks_for
-from .planning.make import make_plan
-from .planning.plan import COMPARED, REPLICATES, Plan
-from .scene import Scene
+from ..core.errors import ProgramError
+from ..core.files import Store, atomic_write, cache_root, content_key, digest_files, write_json
+from ..core.process import call_in_child, cores
+from ..core.resources import case_template
+from ..core.sources import code_key
+from ..funnel import compute as compute_funnel
+from ..planning.airflow import ranks_for
+from ..planning.make import make_plan
+from ..planning.plan import COMPARED, REPLICATES, Plan
+from ..scene import Scene
+from .specs import flow_spec, mesh_spec
+from .warm_start import nearest, remember
 
 if TYPE_CHECKING:
-    from .field import FlowField
-    from .flight import Tracked
-    from .foam import FlowSpec
-    from .meshing import MeshSpec
-    from .scene import Picture
+    from ..field import FlowField
+    from ..foam import FlowSpec
+    from ..meshing import MeshSpec
+    from ..scene import Picture
+    from .tracks import Tracked
 
 __all__ = ["Chain", "Companion", "Listener", "silent"]
 
@@ -44,8 +45,8 @@ CODE = {
     "airflow": ("wakeflow.foam.airflow",),
     "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.field",),
-    "duct": ("wakeflow.duct",),
-    "tracks": ("wakeflow.flight",),
+    "duct": ("wakeflow.pipeline.analytic",),
+    "tracks": ("wakeflow.pipeline.tracks",),
 }
 
 
@@ -99,7 +100,7 @@ class Chain:
     @cached_property
     def mesh(self) -> tuple[str, Path]:
         """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
-        from .meshing import build_mesh
+        from ..meshing import build_mesh
 
         key = content_key("mesh", repr(self.mesh_spec), _code("mesh"), _version("gmsh"))
         folder = self._stage("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
@@ -125,8 +126,8 @@ class Chain:
     @cached_property
     def solution(self) -> tuple[str, Path]:
         """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from a solved one."""
-        from .foam import solve_airflow
-        from .foam.version import version
+        from ..foam import solve_airflow
+        from ..foam.version import version
 
         if self.given is not None:
             return self._measured(self.given)
@@ -156,7 +157,7 @@ class Chain:
 
     def _measured(self, case: Path) -> tuple[str, Path]:
         """Key and folder of what was measured on the user's case; its files are the key: a new solution counts."""
-        from .foam.user_case import case_files, measure_given
+        from ..foam.user_case import case_files, measure_given
 
         air, spec = self.scene.air, flow_spec(self.scene, self.plan, self.mesh_spec)
         assert air is not None
@@ -188,7 +189,7 @@ class Chain:
     def airflow(self) -> dict[str, Any]:
         """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json."""
         if self.plan.rung == "analytic":
-            from .duct import duct_airflow
+            from .analytic import duct_airflow
 
             return {"rung": self.plan.rung, "turbulence": self.plan.airflow.turbulence, **duct_airflow(self.scene)}
         table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
@@ -197,7 +198,7 @@ class Chain:
     @cached_property
     def field(self) -> tuple[str, FlowField]:
         """Key and field on triangles that the tracker reads, of the whole channel."""
-        from .field import FlowField
+        from ..field import FlowField
 
         if self.plan.rung == "analytic":
             return self._duct()
@@ -217,7 +218,7 @@ class Chain:
 
     def _duct(self) -> tuple[str, FlowField]:
         """Key and field of air in which nothing stands; made in no time, so not kept."""
-        from .duct import duct_field
+        from .analytic import duct_field
 
         air, channel = self.scene.air, self.scene.channel
         asked = (repr(air), channel.width, channel.top, channel.bottom, self.plan.airflow.turbulence)
@@ -256,7 +257,7 @@ class Chain:
 
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
-        from . import flight
+        from . import tracks
 
         change = companion or Companion("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
@@ -266,15 +267,15 @@ class Chain:
         if flow is not None and flow.times is not None and change.blend != 1.0:
             flow = flow.blended(change.blend)
         tell = partial(self._tell, change.name)
-        flights = flight.Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
+        flights = tracks.Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
         if self.plan.flown_by == "tracker" and "compile" not in self.seconds and not self.store.holds(change.name, key):
             self._warm_up()
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
-        return flight.load(folder, self.scene)
+        return tracks.load(folder, self.scene)
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        from . import flight
+        from . import tracks
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
         if flown is None:
@@ -282,9 +283,9 @@ class Chain:
         key = content_key(self.tracks_key, self.scene.numerics.tolerance, names, flown)
         flow = None if self.scene.air is None else self.field[1]
         tell = partial(self._tell, "shown")
-        flights = flight.Flight(self.scene, self.plan, flow, self.scene.numerics.tolerance, self.workers, tell)
+        flights = tracks.Flight(self.scene, self.plan, flow, self.scene.numerics.tolerance, self.workers, tell)
         folder = self._stage("shown", key, lambda part: flights.fly_shown(part, names, *flown))
-        return {name: flight.load_drawn(folder / f"{name}.drawn.npz") for name in names}
+        return {name: tracks.load_drawn(folder / f"{name}.drawn.npz") for name in names}
 
     def compile_beside(self) -> None:
         """Have the tracker compiled into its cache by another process, while this one waits for OpenFOAM."""
@@ -293,13 +294,13 @@ class Chain:
             self._compiling[0].start()
 
     def _warm_up(self) -> None:
-        from . import flight
+        from . import tracks
 
         started = time.monotonic()
         self._tell("compile", "the tracker is compiled, once for each version of it")
         for child in self._compiling:
             child.join()
-        flight.compile_tracker()
+        tracks.compile_tracker()
         self.seconds["compile"] = {"seconds": time.monotonic() - started, "cached": False}
 
     # -- cache ---------------------------------------------------------------------------------------------------
@@ -327,7 +328,7 @@ class Chain:
 def _compile(log: Path) -> None:
     log.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.suppress(ProgramError):  # only time is lost: the tracker compiles where it is first used
-        call_in_child("wakeflow.flight:compile_tracker", None, log=log)
+        call_in_child("wakeflow.pipeline.tracks:compile_tracker", None, log=log)
 
 
 def _code(stage: str) -> str:

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from .core.files import Store, write_json
-from .planning.plan import Plan
-from .scene import Scene
+from ..planning.plan import Plan
+from ..scene import Scene
 
 if TYPE_CHECKING:
-    from .foam import FlowSpec
-    from .meshing import MeshSpec
+    from ..foam import FlowSpec
+    from ..meshing import MeshSpec
 
-__all__ = ["flow_spec", "mesh_spec", "nearest", "remember"]
-
-NEAR = 2.0  # largest ratio of Reynolds numbers over which a solved airflow is a better start than the draft
-CARD = "start.json"  # beside a solved airflow: what :func:`nearest` goes by
+__all__ = ["flow_spec", "mesh_spec"]
 
 
 def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
     """What the plan wants meshed, on one of its grids."""
-    from .meshing import SideInlet, plan_mesh
+    from ..meshing import SideInlet, plan_mesh
 
     channel, air = scene.channel, scene.air
     assert air is not None
@@ -46,8 +38,8 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
 
 def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     """The airflow that the plan wants through a mesh, or that a given case must be."""
-    from .foam import FlowSpec, Stream
-    from .foam.vibration import Vibration
+    from ..foam import FlowSpec, Stream
+    from ..foam.vibration import Vibration
 
     air, how = scene.air, plan.airflow
     amplitude, omega = scene.motion
@@ -68,28 +60,3 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         accuracy=how.accuracy,
         vibration=Vibration(float(amplitude[1]), omega) if how.moving else None,
     )
-
-
-def remember(folder: Path, mesh_key: str, spec: FlowSpec) -> None:
-    """Leave beside a solved airflow what tells others whether to start from it."""
-    write_json(folder / CARD, {"mesh": mesh_key, "stepping": spec.stepping, "reynolds": spec.reynolds})
-
-
-def nearest(store: Store, mesh_key: str, spec: FlowSpec) -> Path | None:
-    """The case folder of the time-resolved airflow on the same mesh that is nearest in Reynolds number, within a factor
-    of two; None without one.
-    """
-    near = []
-    for folder, card in _cards(store):
-        if (card["mesh"], card["stepping"]) == (mesh_key, "time-resolved"):
-            near.append((abs(math.log(card["reynolds"] / spec.reynolds)), folder))
-    for distance, folder in sorted(near):
-        if distance <= math.log(NEAR) and store.holds("airflow", folder.name):
-            return folder / "case"
-    return None
-
-
-def _cards(store: Store) -> Iterator[tuple[Path, dict[str, Any]]]:
-    for path in sorted((store.root / "airflow").glob(f"*/{CARD}")):
-        if path.parent.suffix != ".part":
-            yield path.parent, json.loads(path.read_text())

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .field import FlowField
-from .foam.case import MIXING_LENGTH
-from .laws.constants import C_MU
-from .scene import Scene
+from ..field import FlowField
+from ..foam.case import MIXING_LENGTH
+from ..laws.constants import C_MU
+from ..scene import Scene
 
 __all__ = ["decaying", "duct_airflow", "duct_field"]
 

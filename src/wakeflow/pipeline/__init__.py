@@ -1,0 +1,1 @@
+"""mesh -> airflow -> field -> tracks, each stage cached."""
