@@ -17,7 +17,7 @@ from wakeflow.pipeline.pipeline.pipeline import Chain
 from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
-from wakeflow.separation import separate
+from wakeflow.results.separation import separate
 
 SPEEDS = (3.0, 3.25, 3.5, 4.0, 4.5, 4.8, 4.9, 5.5, 6.0, 6.5, 7.0, 7.1, 7.2, 7.3, 7.4, 7.5, 7.6, 7.7, 7.8, 8.0, 9.0)
 CALM = {"dispersion": False}

@@ -23,7 +23,7 @@ from wakeflow.planning.make.make import make_plan
 from wakeflow.planning.make.plan import Plan
 
 import wakeflow as wf
-from wakeflow.separation import separate
+from wakeflow.results.separation import separate
 
 HERE = Path(__file__).parent
 

@@ -62,7 +62,7 @@ def with_air(scene: wf.Scene, mesh_scale: float) -> None:
     whole = Chain(asked, make_plan(asked, rung="draft"))
     landed = whole.tracks().landings
     print("\n| fraction | bin | chain | in the airflow |\n|---|---|---|---|")
-    from wakeflow.separation import separate
+    from wakeflow.results.separation import separate
 
     air = separate(asked, landed)["fractions"]
     for name, row in chained.separation["fractions"].items():

@@ -17,8 +17,8 @@ import wakeflow as wf
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws, terminal_velocity
+from wakeflow.results.separation import separate
 from wakeflow.scene.scene import Scene
-from wakeflow.separation import separate
 from wakeflow.tracking import Fate
 
 CALM = {"dispersion": False}

@@ -23,15 +23,15 @@ from wakeflow.planning.make.make import make_plan
 from wakeflow.planning.make.plan import Plan
 from wakeflow.planning.make.terms import TYPICAL
 
-from wakeflow.budget import crossing_share, free_ends, left_out_terms, together
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws, slip_correction
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline.pipeline import tracks as flying
+from wakeflow.results.budget import crossing_share, free_ends, left_out_terms, together
+from wakeflow.results.separation import separate
 from wakeflow.scene.scene import Scene
-from wakeflow.separation import separate
 from wakeflow.tracking import Fate, Granules, Tracks
 
 CASES = Path(__file__).parents[1] / "cases"

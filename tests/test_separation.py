@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from wakeflow.pipeline.pipeline.tracks import Landings
 
+from wakeflow.results.separation import interval, separate
 from wakeflow.scene.scene import Scene
-from wakeflow.separation import interval, separate
 
 
 def landings(bins: np.ndarray, replicates: int = 16) -> Landings:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 LAYERS = (
     "core",
     "laws",
-    "grids",
     "scene",
     "funnel",
     "planning",

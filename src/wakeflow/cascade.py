@@ -9,8 +9,8 @@ from .injection.feed import feedstock
 from .pipeline.tracks import Flight, Landings, landed
 from .planning.make import make_plan
 from .planning.plan import Plan
+from .results.separation import separate
 from .scene import Scene
-from .separation import separate
 
 __all__ = ["Chained", "chain"]
 

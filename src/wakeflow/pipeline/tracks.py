@@ -21,9 +21,9 @@ from ..injection.feed import Feedstock, feedstock
 from ..injection.first_contact import motion_of
 from ..laws.constants import GRAVITY
 from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
+from ..results.separation import Array, Landings
 from ..scene import Scene
 from ..scene.pictures import DRAWN
-from ..separation import Array, Landings
 from ..tracking import Body, Fate, Granules, Tracks
 
 __all__ = ["Flight", "Landings", "Tracked", "compile_tracker", "ends", "landed", "load", "load_drawn", "solids"]

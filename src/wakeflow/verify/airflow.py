@@ -14,10 +14,10 @@ from typing import Any
 from ..core.errors import FoamError, MeshError, SceneError
 from ..core.files import atomic_write, write_json
 from ..core.resources import verification_scenes
-from ..grids import GridEstimate, cell_size, estimate
 from ..laws.momentum import momentum_pressure
 from ..pipeline.pipeline import Chain
 from ..planning.make import make_plan
+from ..results.grid_convergence import GridEstimate, cell_size, estimate
 from ..scene import Scene
 from .measured import Measured, Number, measured, quantities
 from .published import Case, Published, cases

@@ -21,10 +21,10 @@ from ..core.resources import case_template
 from ..core.sources import code_key
 from ..foam import FlowSpec, solve_airflow
 from ..foam.cost import core_seconds
-from ..grids import cell_size, estimate
 from ..laws.shape import shapes
 from ..meshing import build_mesh, plan_mesh
 from ..meshing.spec import Strategy
+from ..results.grid_convergence import cell_size, estimate
 
 __all__ = ["errors", "flow_of", "run_meshes", "solve_row"]
 

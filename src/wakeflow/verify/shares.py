@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from ..core.files import write_json
 from ..field import FlowField
 from ..pipeline.pipeline import Chain
+from ..results.separation import interval
 from ..scene import RESERVED_BIN, Scene
-from ..separation import interval
 from ..tracking import Tracks, track
 from .carrier import Carrier, make_carrier
 from .peer import fly_peer

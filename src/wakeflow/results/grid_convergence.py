@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from .core.errors import SceneError
+from ..core.errors import SceneError
 
 __all__ = ["GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
 
