@@ -9,9 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .cascade import chain
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
+    from .labyrinth import chain
     from .laws.collision import impact
     from .laws.granule_layer import layer, layers
     from .laws.restitution import Restitution
@@ -54,7 +54,7 @@ _HOME = {
     "SceneError": "core.errors",
     "Tracks": "tracking",
     "WakeflowError": "core.errors",
-    "chain": "cascade",
+    "chain": "labyrinth",
     "impact": "laws.collision",
     "layer": "laws.granule_layer",
     "layers": "laws.granule_layer",

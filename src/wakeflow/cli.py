@@ -111,8 +111,8 @@ def run(
         Print result.json instead of tables.
     """
     from . import runs
-    from .progress import live
     from .scene import Scene
+    from .terminal import live
 
     asked = Scene.load(scene, _changes(settings))
     with live(enabled=not (quiet or as_json)) as listener:
@@ -123,7 +123,7 @@ def run(
     if as_json:
         print(json.dumps(result.table, indent=2))
     elif not quiet:
-        from .progress import show_result
+        from .terminal import show_result
 
         show_result(result)
 
@@ -162,7 +162,7 @@ def plan(
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     else:
-        from .progress import show_plan
+        from .terminal import show_plan
 
         show_plan(made)
 
@@ -259,7 +259,7 @@ def verify(
     """
     from functools import partial
 
-    from .progress import live
+    from .terminal import live
     from .verify import proofs
 
     with live(enabled=not as_json) as listener:
