@@ -20,13 +20,13 @@ from wakeflow.core.files import Store, cache_root
 from wakeflow.funnel import compute, engine
 from wakeflow.funnel.cone import SIDES, cone_of, loose_heap, write_stl
 from wakeflow.funnel.engine import read_dump
-from wakeflow.funnel.plate import bounce_phase, lift_off_phase, on_plate
 from wakeflow.funnel.pour import packing, read_bed
 from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.discharge import beverloo, cone_factor
 from wakeflow.laws.hertz import contact_time, depth
 from wakeflow.scene.scene import Funnel, Scene
+from wakeflow.verify.plate import bounce_phase, lift_off_phase, on_plate
 
 needs_engine = pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}

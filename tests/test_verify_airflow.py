@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from wakeflow.planning.make.make import make_plan
+from wakeflow.verify.airflow.airflow.measured import Measured, quantities
+from wakeflow.verify.airflow.airflow.published import Case, Published, cases, read_cases
 
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
@@ -19,9 +21,8 @@ from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.scene.scene import Scene
-from wakeflow.verify import airflow, proofs
-from wakeflow.verify.measured import Measured, quantities
-from wakeflow.verify.published import Case, Published, cases, read_cases
+from wakeflow.verify import run
+from wakeflow.verify.airflow.airflow import airflow
 
 openfoam = pytest.mark.skipif(which("simpleFoam") is None, reason="OpenFOAM is not installed")
 VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted"}
@@ -217,7 +218,7 @@ def test_a_scene_of_ones_own_gets_a_grid_study(tmp_path: Path, capsys: pytest.Ca
     assert "| own | draft | mean Cd |" in (tmp_path / "scene-own.md").read_text()
     again = airflow.run_scene(path, tmp_path)
     assert again["rows"] == report["rows"]  # from the cache, cost and date of the computation included
-    proofs.show({"scene-own": report})
+    run.show({"scene-own": report})
     assert "momentum model" in capsys.readouterr().out
 
 

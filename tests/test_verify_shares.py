@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from wakeflow.pipeline.pipeline.pipeline import Chain
 from wakeflow.planning.make.make import make_plan
+from wakeflow.verify.problems.ladder.reference import Problem
 
 import wakeflow as wf
-from wakeflow.verify import shares
-from wakeflow.verify.reference import Problem
-from wakeflow.verify.subjects import Subject
+from wakeflow.verify.trackers import shares
+from wakeflow.verify.trackers.subjects import Subject
 
 
 def _case(replicate: np.ndarray) -> Subject:

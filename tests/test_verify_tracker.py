@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from wakeflow.verify.problems.ladder.reference import Problem, Reference, fly_reference
 
 import wakeflow as wf
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
-from wakeflow.verify.carrier import Carrier, make_carrier
-from wakeflow.verify.curves import Ends, Row, cost_at, score
-from wakeflow.verify.peer import fly_peer
-from wakeflow.verify.proofs import prove
-from wakeflow.verify.reference import Problem, Reference, fly_reference
-from wakeflow.verify.rk4 import fly_explicit
-from wakeflow.verify.subjects import Subject, travelling_wave
+from wakeflow.verify.run import prove
+from wakeflow.verify.trackers.carrier import Carrier, make_carrier
+from wakeflow.verify.trackers.curves import Ends, Row, cost_at, score
+from wakeflow.verify.trackers.peer import fly_peer
+from wakeflow.verify.trackers.rk4 import fly_explicit
+from wakeflow.verify.trackers.subjects import Subject, travelling_wave
 
 Array = NDArray[np.float64]
 RHOMBUS = np.array([(0.025, 0.0), (0.0, 0.025), (-0.025, 0.0), (0.0, -0.025)])

@@ -260,14 +260,14 @@ def verify(
     from functools import partial
 
     from .terminal import live
-    from .verify import proofs
+    from .verify import run
 
     with live(enabled=not as_json) as listener:
-        reports = proofs.prove(what, slow=slow, tell=partial(listener, "verify"))
+        reports = run.prove(what, slow=slow, tell=partial(listener, "verify"))
     if as_json:
         print(json.dumps(reports, indent=2))
     else:
-        proofs.show(reports)
+        run.show(reports)
 
 
 @app.command

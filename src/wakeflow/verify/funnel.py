@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.files import Store, cache_root, write_json
 from ..funnel import compute
-from ..funnel.plate import bounce_phase, lift_off_phase, on_plate
 from ..laws.constants import GRAVITY
 from ..scene import Funnel
+from .plate import bounce_phase, lift_off_phase, on_plate
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..funnel.cone import write_plate
+from ..funnel.engine import run_script, write_beads, write_settings
+from ..funnel.pour import contact_settings, steps_of
 from ..laws.constants import GRAVITY
 from ..scene import Funnel
-from .cone import write_plate
-from .engine import run_script, write_beads, write_settings
-from .pour import contact_settings, steps_of
 
 __all__ = ["Contacts", "bounce_phase", "lift_off_phase", "on_plate"]
 

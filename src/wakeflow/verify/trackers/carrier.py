@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FoamError
-from ..field import FlowField
-from ..foam.case import FlowSpec
-from ..foam.polymesh import FoamMesh, read_polymesh
-from ..foam.reconstruction import PlaneMesh
-from ..foam.solve import prepare
-from ..meshing import MeshSpec, build_mesh
+from ...core.errors import FoamError
+from ...field import FlowField
+from ...foam.case import FlowSpec
+from ...foam.polymesh import FoamMesh, read_polymesh
+from ...foam.reconstruction import PlaneMesh
+from ...foam.solve import prepare
+from ...meshing import MeshSpec, build_mesh
 
 __all__ = ["Carrier", "make_carrier", "vectors", "write_file"]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .reference import Reference
+from ..problems.reference import Reference
 from .subjects import Subject
 
 __all__ = ["Ends", "Row", "cost_at", "score", "timed"]

@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from ..core.files import atomic_write, write_json
-from ..scene import Scene
-from ..tracking import Fate, Granules, track
+from ...core.files import atomic_write, write_json
+from ...scene import Scene
+from ...tracking import Fate, Granules, track
+from ..problems.reference import Reference, fly_reference
 from . import goals
 from .carrier import Carrier, make_carrier
 from .curves import Ends, Row, cores, score, timed, with_own
 from .peer import fly_peer, start_up
-from .reference import Reference, fly_reference
 from .rk4 import fly_explicit
 from .subjects import KINDS, SPEED, Subject, resampled, shipped, subject, travelling_wave
 
@@ -69,8 +69,8 @@ def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
         "goals": goals.judge(rows, scene, chain, slow, tell),
     }
     write_json(folder / "tracker.json", json.loads(json.dumps(report)))
-    from ..report.work_precision import draw
-    from .show import markdown
+    from ...report.work_precision import draw
+    from ..tables import markdown
 
     with atomic_write(folder / "tracker.md") as stream:
         stream.write(markdown(report))

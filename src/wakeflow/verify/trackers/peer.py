@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FoamError
-from ..core.process import run
-from ..foam.case import INSTALL, environment
-from ..tracking import Granules
+from ...core.errors import FoamError
+from ...core.process import run
+from ...foam.case import INSTALL, environment
+from ...tracking import Granules
 from .carrier import Carrier, vectors, write_file
 
 __all__ = ["PeerRun", "fly_peer", "start_up"]

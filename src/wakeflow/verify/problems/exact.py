@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.registry import Registry
-from ..field import FlowField
-from ..tracking import Granules, Tracks, track
+from ...core.registry import Registry
+from ...field import FlowField
+from ...tracking import Granules, Tracks, track
 
 __all__ = [
     "TAGS", "Answer", "Number", "Problem", "Setting", "accepts", "box", "field_on", "fly", "numbers", "of_tau",
@@ -133,7 +133,7 @@ def fly(setting: Setting, tolerance: float, **more: Any) -> Tracks:
 @lru_cache(maxsize=64)
 def accepts(force: str) -> bool:
     """Whether the tracker computes a force."""
-    from ..core.errors import SceneError
+    from ...core.errors import SceneError
 
     nobody = Granules(np.zeros((0, 2)), np.zeros((0, 2)), diameter=1.0, density=1.0)
     points, cells = box(1)

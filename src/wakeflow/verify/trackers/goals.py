@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import ProgramError
-from ..core.process import run
-from ..injection.feed import feedstock
-from ..pipeline.pipeline import Chain
-from ..pipeline.tracks import Flight
-from ..scene import Scene
-from ..tracking import Granules
+from ...core.errors import ProgramError
+from ...core.process import run
+from ...injection.feed import feedstock
+from ...pipeline.pipeline import Chain
+from ...pipeline.tracks import Flight
+from ...scene import Scene
+from ...tracking import Granules
 from .curves import Row, cost_at, timed
 from .subjects import SPEED, travelling_wave
 
@@ -37,7 +37,7 @@ CROWD = """
 import json, resource, sys, tempfile, time
 from pathlib import Path
 from wakeflow.pipeline.tracks import Flight, compile_tracker
-from wakeflow.verify.subjects import shipped
+from wakeflow.verify.trackers.subjects import shipped
 from wakeflow.planning.make import make_plan
 scene, _, chain = shipped(lambda stage, text: None)
 wheat = {**scene.tables()["fraction"]["wheat"], "mass_share": 1.0}

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..laws.rotation import magnus_factor
-from ..tracking import Granules
+from ...laws.rotation import magnus_factor
+from ...tracking import Granules
+from .equation import judge
 from .exact import DENSITY, VISCOSITY, Answer, G, Setting, box, field_on, problem
 from .flights import taylor_green
-from .judge import judge
 
 __all__: list[str] = []
 

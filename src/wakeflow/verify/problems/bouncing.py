@@ -17,9 +17,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tracking import Body, Granules, Motion, Tracks, track
+from ...tracking import Body, Granules, Motion, Tracks, track
+from .ensembles import number
 from .exact import G
-from .swarms import number
 
 __all__ = ["RESTITUTIONS", "doubling", "first"]
 

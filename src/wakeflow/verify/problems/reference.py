@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field import FlowField
-from ..field.splines import POWERS
-from ..laws.collision import collide
-from ..laws.constants import GRAVITY
-from ..laws.drag import drag_laws
-from ..tracking import Body, Granules
+from ...field import FlowField
+from ...field.splines import POWERS
+from ...laws.collision import collide
+from ...laws.constants import GRAVITY
+from ...laws.drag import drag_laws
+from ...tracking import Body, Granules
 
 __all__ = ["Problem", "Reference", "fly_reference"]
 

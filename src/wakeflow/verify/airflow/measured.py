@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.registry import Registry
-from ..foam.cost import core_seconds
-from ..pipeline.pipeline import Chain
+from ...core.registry import Registry
+from ...foam.cost import core_seconds
+from ...pipeline.pipeline import Chain
 
 __all__ = ["Measured", "Number", "Quantity", "measured", "quantities"]
 
@@ -59,7 +59,7 @@ class Measured:
     @cached_property
     def last_periods(self) -> NDArray[np.float64]:
         """Rows (n, 3) of time (s), Cd, Cl over the last period of a shedding wake; all rows of another."""
-        from ..foam.history import read_table
+        from ...foam.history import read_table
 
         rows = read_table(self.case, "forceCoefficients", (HISTORY_CD, HISTORY_CL))
         period = self.table["period"]

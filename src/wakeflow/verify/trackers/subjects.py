@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.resources import scene_templates
-from ..field import FlowField
-from ..injection.feed import feedstock
-from ..injection.first_contact import motion_of
-from ..pipeline.pipeline import Chain, Listener
-from ..planning.make import make_plan
-from ..planning.plan import Plan
-from ..scene import Scene
-from ..tracking import Body, Granules
-from .reference import Problem, distance
+from ...core.resources import scene_templates
+from ...field import FlowField
+from ...injection.feed import feedstock
+from ...injection.first_contact import motion_of
+from ...pipeline.pipeline import Chain, Listener
+from ...planning.make import make_plan
+from ...planning.plan import Plan
+from ...scene import Scene
+from ...tracking import Body, Granules
+from ..problems.reference import Problem, distance
 
 __all__ = ["KINDS", "Subject", "resampled", "shipped", "subject", "travelling_wave"]
 

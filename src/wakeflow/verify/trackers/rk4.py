@@ -18,18 +18,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
-from ..field import FlowField
-from ..laws.collision import collide
-from ..laws.constants import GRAVITY
-from ..tracking.granules import Body, Granules
-from ..tracking.kernel.jit import compiled, entry
-from ..tracking.kernel.layout import CONSTRAINT, FRICTION, GX, GY, MOBILITY, NX, NY, PRESSURE, RADIUS
-from ..tracking.kernel.locate import anywhere, barycentric, walk
-from ..tracking.kernel.restitution import restitution_of
-from ..tracking.kernel.step import drag_rate
-from ..tracking.kernel.walls import grasp, inside, overlap
-from ..tracking.pack import pack_air, pack_granules, pack_lines, pack_tables, pack_walls
+from ...core.errors import SceneError
+from ...field import FlowField
+from ...laws.collision import collide
+from ...laws.constants import GRAVITY
+from ...tracking.granules import Body, Granules
+from ...tracking.kernel.jit import compiled, entry
+from ...tracking.kernel.layout import CONSTRAINT, FRICTION, GX, GY, MOBILITY, NX, NY, PRESSURE, RADIUS
+from ...tracking.kernel.locate import anywhere, barycentric, walk
+from ...tracking.kernel.restitution import restitution_of
+from ...tracking.kernel.step import drag_rate
+from ...tracking.kernel.walls import grasp, inside, overlap
+from ...tracking.pack import pack_air, pack_granules, pack_lines, pack_tables, pack_walls
 
 __all__ = ["ExplicitTracks", "fly_explicit"]
 

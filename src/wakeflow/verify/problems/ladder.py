@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
-from . import bouncing, flights, swarms, terms
+from ...core.errors import SceneError
+from . import bouncing, ensembles, flights, terms
 from .exact import Answer, accepts, fly, numbers, problems
 
 __all__ = [

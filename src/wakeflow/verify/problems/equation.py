@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import ProgramError
-from ..field import FlowField
-from ..laws.collision import bounce
-from ..laws.constants import GRAVITY
-from ..laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
-from ..laws.lift import lift_coefficient
-from ..laws.rotation import magnus_factor
+from ...core.errors import ProgramError
+from ...field import FlowField
+from ...laws.collision import bounce
+from ...laws.constants import GRAVITY
+from ...laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
+from ...laws.lift import lift_coefficient
+from ...laws.rotation import magnus_factor
 from .exact import Setting
 
 __all__ = ["Plane", "judge"]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..laws.drag import drag_table, table_factor
-from ..tracking import Body, Fate, Granules
+from ...laws.drag import drag_table, table_factor
+from ...tracking import Body, Fate, Granules
+from .equation import Plane, judge
 from .exact import DENSITY, Answer, G, Setting, box, field_on, of_tau, problem
-from .judge import Plane, judge
 
 __all__ = ["modes", "taylor_green", "two_modes"]
 

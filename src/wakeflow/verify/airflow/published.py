@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import SceneError
+from ...core.errors import SceneError
 from .measured import quantities
 
 __all__ = ["STATUSES", "Case", "Published", "cases", "read_cases"]

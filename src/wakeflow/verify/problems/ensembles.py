@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field import FlowField
-from ..laws.turbulence import brownian_diffusivity, lifetime
-from ..tracking import Body, Fate, Granules, track
+from ...field import FlowField
+from ...laws.turbulence import brownian_diffusivity, lifetime
+from ...tracking import Body, Fate, Granules, track
 from .exact import VISCOSITY, Number, box, field_on, numbers, of_tau, ring
 
 __all__: list[str] = []

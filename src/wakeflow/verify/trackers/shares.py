@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.files import write_json
-from ..field import FlowField
-from ..pipeline.pipeline import Chain
-from ..results.separation import interval
-from ..scene import RESERVED_BIN, Scene
-from ..tracking import Tracks, track
+from ...core.files import write_json
+from ...field import FlowField
+from ...pipeline.pipeline import Chain
+from ...results.separation import interval
+from ...scene import RESERVED_BIN, Scene
+from ...tracking import Tracks, track
 from .carrier import Carrier, make_carrier
 from .peer import fly_peer
 from .subjects import Subject, shipped, subject

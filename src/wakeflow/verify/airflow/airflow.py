@@ -11,14 +11,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import FoamError, MeshError, SceneError
-from ..core.files import atomic_write, write_json
-from ..core.resources import verification_scenes
-from ..laws.momentum import momentum_pressure
-from ..pipeline.pipeline import Chain
-from ..planning.make import make_plan
-from ..results.grid_convergence import GridEstimate, cell_size, estimate
-from ..scene import Scene
+from ...core.errors import FoamError, MeshError, SceneError
+from ...core.files import atomic_write, write_json
+from ...core.resources import verification_scenes
+from ...laws.momentum import momentum_pressure
+from ...pipeline.pipeline import Chain
+from ...planning.make import make_plan
+from ...results.grid_convergence import GridEstimate, cell_size, estimate
+from ...scene import Scene
 from .measured import Measured, Number, measured, quantities
 from .published import Case, Published, cases
 
@@ -110,7 +110,7 @@ def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Te
 
 
 def _write(report: dict[str, Any], folder: Path, name: str) -> None:
-    from .show import airflow_markdown
+    from ..tables import airflow_markdown
 
     write_json(folder / f"{name}.json", json.loads(json.dumps(report)))
     with atomic_write(folder / f"{name}.md") as stream:

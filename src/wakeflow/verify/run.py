@@ -20,13 +20,13 @@ PLANNED = ("extremes",)
 
 
 def _tracker(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .tracker import run_tracker
+    from .trackers.tracker import run_tracker
 
     return run_tracker(FOLDER, slow=slow, tell=tell)
 
 
 def _problems(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .problems import run_problems
+    from .problems.ladder import run_problems
 
     rows = run_problems(lambda done, total: tell(f"exact problems: {done} of {total}"))
     report = {"rows": rows}
@@ -35,13 +35,13 @@ def _problems(slow: bool, tell: Tell) -> dict[str, Any]:
 
 
 def _airflow(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .airflow import run_airflow
+    from .airflow.airflow import run_airflow
 
     return run_airflow(FOLDER, slow=slow, tell=tell)
 
 
 def _meshes(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .meshes import FLOWS, SCALES, run_meshes
+    from .airflow.meshes import FLOWS, SCALES, run_meshes
 
     if slow:
         return run_meshes(FOLDER, tell=tell)
@@ -55,7 +55,7 @@ def _funnel(slow: bool, tell: Tell) -> dict[str, Any]:
 
 
 def _shares(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .shares import run_shares
+    from .trackers.shares import run_shares
 
     return run_shares(FOLDER, slow=slow, tell=tell)
 
@@ -78,7 +78,7 @@ def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, An
     """
     FOLDER.mkdir(parents=True, exist_ok=True)
     if what is not None and what.endswith(".toml"):
-        from .airflow import run_scene
+        from .airflow.airflow import run_scene
 
         return {f"scene-{Path(what).stem}": run_scene(Path(what), FOLDER, tell=tell)}
     if what in PLANNED:
@@ -92,7 +92,7 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
     """Print the tables of every report, and where it lies."""
     from rich.console import Console
 
-    from .show import airflow_tables, goal_table, mesh_tables, problem_table, row_tables, share_table
+    from .tables import airflow_tables, goal_table, mesh_tables, problem_table, row_tables, share_table
 
     console = Console()
     console.width = max(console.width, WIDE) if not console.is_terminal else console.width

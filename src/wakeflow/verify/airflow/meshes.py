@@ -16,15 +16,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from ..core.files import Store, cache_root, content_key, digest_files, write_json
-from ..core.resources import case_template
-from ..core.sources import code_key
-from ..foam import FlowSpec, solve_airflow
-from ..foam.cost import core_seconds
-from ..laws.shape import shapes
-from ..meshing import build_mesh, plan_mesh
-from ..meshing.spec import Strategy
-from ..results.grid_convergence import cell_size, estimate
+from ...core.files import Store, cache_root, content_key, digest_files, write_json
+from ...core.resources import case_template
+from ...core.sources import code_key
+from ...foam import FlowSpec, solve_airflow
+from ...foam.cost import core_seconds
+from ...laws.shape import shapes
+from ...meshing import build_mesh, plan_mesh
+from ...meshing.spec import Strategy
+from ...results.grid_convergence import cell_size, estimate
 
 __all__ = ["errors", "flow_of", "run_meshes", "solve_row"]
 

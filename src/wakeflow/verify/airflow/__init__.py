@@ -1,0 +1,1 @@
+"""Computed airflows beside published values."""

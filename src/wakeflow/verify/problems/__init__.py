@@ -1,0 +1,1 @@
+"""Exact problems: a flow, granules and the answer, and reference integrators for what has no closed form."""
