@@ -19,9 +19,10 @@ import numpy as np
 from wakeflow.planning.make.airflow import LAMINAR_BELOW
 
 from wakeflow.core.errors import FoamError, MeshError
-from wakeflow.core.files import Store, cache_root, content_key, digest_files, write_json
+from wakeflow.core.files import write_json
 from wakeflow.core.resources import case_template
 from wakeflow.core.sources import code_key
+from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.foam import time_resolved
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec

@@ -22,9 +22,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from wakeflow.core.errors import FoamError, MeshError, SceneError
-from wakeflow.core.files import Store
 from wakeflow.core.process import run
 from wakeflow.core.resources import case_template
+from wakeflow.core.store import Store
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import kind_of, upward_crossings

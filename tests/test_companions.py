@@ -12,7 +12,7 @@ from wakeflow.pipeline.pipeline.specs import flow_spec, mesh_spec, nearest, reme
 from wakeflow.planning.make.make import make_plan
 from wakeflow.planning.make.plan import COMPARED, REPLICATES
 
-from wakeflow.core.files import Store
+from wakeflow.core.store import Store
 from wakeflow.results.companions import COMPUTED, Comparison, compared, differences, mesh_error
 from wakeflow.scene.scene import Scene
 

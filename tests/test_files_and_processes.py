@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from wakeflow.core.errors import MeshError, ProgramError, SceneError
-from wakeflow.core.files import Store, atomic_write, content_key, write_json
+from wakeflow.core.files import atomic_write, write_json
 from wakeflow.core.process import call_in_child, run, tail
+from wakeflow.core.store import Store, content_key
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:

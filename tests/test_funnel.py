@@ -16,7 +16,7 @@ import wakeflow as wf
 from wakeflow import doctor
 from wakeflow.cli import main
 from wakeflow.core.errors import ProgramError, SceneError
-from wakeflow.core.files import Store, cache_root
+from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute, engine
 from wakeflow.funnel.cone import SIDES, cone_of, loose_heap, write_stl
 from wakeflow.funnel.engine import read_dump

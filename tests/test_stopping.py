@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wakeflow.core.files import Store, cache_root, content_key
+from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.history import Interval, Tail
 from wakeflow.foam.solve import Watch, prepare, solver

@@ -34,8 +34,15 @@ LAYERS = (
     "tracking",
     "ballistics",
     "injection",
+    "pipeline",
+    "results",
     "report",
+    "runs",
+    "labyrinth",
+    "verify",
     "doctor",
+    "terminal",
+    "cli",
 )
 
 _HOME = {

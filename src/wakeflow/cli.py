@@ -279,7 +279,7 @@ def clean(*, everything: bool = False) -> None:
     everything
         Remove finished stages as well.
     """
-    from .core.files import Store, cache_root
+    from .core.store import Store, cache_root
 
     removed, size = Store(cache_root()).clean(everything=everything)
     print(f"{removed} folders removed from {cache_root()}, {size / 1e6:.1f} MB freed")

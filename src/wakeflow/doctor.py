@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .core.errors import ProgramError
-from .core.files import cache_root
 from .core.process import capture, cores
+from .core.store import cache_root
 from .funnel import engine
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .core.errors import SceneError
-from .core.files import atomic_write, content_key, digest_files, write_json
+from .core.files import atomic_write, write_json
+from .core.store import content_key, digest_files
 from .injection.impact_loads import impact_loads
 from .laws.momentum import momentum_pressure
 from .pipeline.pipeline import Chain, Listener, silent

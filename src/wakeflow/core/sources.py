@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
-from .files import content_key, digest_files
+from .store import content_key, digest_files
 
 __all__ = ["closure", "code_key"]
 

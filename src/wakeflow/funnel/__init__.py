@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..core.files import content_key
 from ..core.sources import code_key
+from ..core.store import content_key
 from ..scene import Funnel
 
 __all__ = ["compute", "estimated_seconds", "notices", "summary"]

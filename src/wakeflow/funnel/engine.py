@@ -15,7 +15,7 @@ from ..core.errors import ProgramError
 from ..core.files import atomic_write
 from ..core.process import capture, run, tail
 
-__all__ = ["INSTALL", "PROGRAM", "read_dump", "run_script", "version", "write_beads", "write_settings"]
+__all__ = ["INSTALL", "PROGRAM", "SCRIPTS", "read_dump", "run_script", "version", "write_beads", "write_settings"]
 
 Array = NDArray[np.float64]
 PROGRAM = "liggghts"
@@ -58,13 +58,14 @@ def write_beads(folder: Path, centres: Array, diameters: Array, velocities: Arra
             stream.write(f"{i} {u:.9g} {v:.9g} {w:.9g} 0 0 0\n")
 
 
-def run_script(folder: Path, name: str, on_line: Callable[[str], None] | None = None) -> None:
-    """Run the script ``name`` in ``folder``, beside its settings, beads and walls; log.NAME there holds what it says.
+def run_script(folder: Path, script: Path, on_line: Callable[[str], None] | None = None) -> None:
+    """Run ``script`` in ``folder``, beside its settings, beads and walls; log.NAME there holds what it says.
 
     The scripts are copied, so that the folder can be run again by hand. Raises ProgramError, with LIGGGHTS' own words.
     """
-    for script in (name, "beads"):
-        shutil.copyfile(SCRIPTS / f"{script}.liggghts", folder / f"{script}.liggghts")
+    for file in (script, SCRIPTS / "beads.liggghts"):
+        shutil.copyfile(file, folder / file.name)
+    name = script.stem
     log = folder / f"log.{name}"
     # line by line: what stands in its buffer is lost where MPI aborts it, its reason first of all
     command = ["stdbuf", "-oL", PROGRAM, "-in", f"{name}.liggghts", "-log", "none", "-echo", "none"]

@@ -15,7 +15,7 @@ from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo, cone_factor
 from ..scene import Funnel
 from .cone import Cone, cone_of, write_stl
-from .engine import read_dump, run_script, version, write_beads, write_settings
+from .engine import SCRIPTS, read_dump, run_script, version, write_beads, write_settings
 from .pour import Bed, Steps, box_of, contact_settings, packing, read_bed, steps_of
 from .rate import Curve, rate_of, read_curve, time_to_empty
 
@@ -51,7 +51,7 @@ def discharge(funnel: Funnel, poured: Path, folder: Path, tell: Callable[[str], 
             out = max(0.0, 1 - float(words[2]) / total)
             tell(f"{float(words[1]) - closed * steps.dt:.2f} s, {out:.0%} of the mass is out")
 
-    run_script(folder, "discharge", hear)
+    run_script(folder, SCRIPTS / "discharge.liggghts", hear)
     curve = read_curve((folder / "curve.txt").read_text(), closed * steps.dt)
     shots = read_dump(folder / "beads.dump")
     write_json(folder / "funnel.json", _table(funnel, cone, steps, bed, curve, total, shots))

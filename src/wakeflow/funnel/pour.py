@@ -14,7 +14,7 @@ from ..laws.constants import GRAVITY
 from ..laws.hertz import contact_time
 from ..scene import Funnel
 from .cone import Cone, cone_of, loose_heap, write_stl
-from .engine import read_dump, run_script, write_beads, write_settings
+from .engine import SCRIPTS, read_dump, run_script, write_beads, write_settings
 
 __all__ = ["Bed", "Steps", "box_of", "contact_settings", "packing", "pour", "read_bed", "steps_of"]
 
@@ -96,7 +96,7 @@ def pour(funnel: Funnel, folder: Path, tell: Callable[[str], None]) -> None:
     }
     write_settings(folder, settings)
     tell(f"pouring {still.beads} beads")
-    run_script(folder, "settle")
+    run_script(folder, SCRIPTS / "settle.liggghts")
 
 
 def read_bed(folder: Path) -> Bed:

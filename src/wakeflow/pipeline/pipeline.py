@@ -17,10 +17,11 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import ProgramError
-from ..core.files import Store, atomic_write, cache_root, content_key, digest_files, write_json
+from ..core.files import atomic_write, write_json
 from ..core.process import call_in_child, cores
 from ..core.resources import case_template
 from ..core.sources import code_key
+from ..core.store import Store, cache_root, content_key, digest_files
 from ..funnel import compute as compute_funnel
 from ..planning.airflow import ranks_for
 from ..planning.make import make_plan

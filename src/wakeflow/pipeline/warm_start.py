@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.files import Store, write_json
+from ..core.files import write_json
+from ..core.store import Store
 
 if TYPE_CHECKING:
     from ..foam import FlowSpec

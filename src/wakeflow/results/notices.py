@@ -37,8 +37,8 @@ def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked
 
 
 def _airflow_notices(scene: Scene, chain: Chain, airflow: dict[str, Any]) -> list[str]:
-    from .foam.failure import Attempt
-    from .foam.ladder import warning
+    from ..foam.failure import Attempt
+    from ..foam.ladder import warning
 
     lines = []
     if airflow["rung"] == "draft" and airflow["verdict"] != "steady":

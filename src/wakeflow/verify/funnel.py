@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.files import Store, cache_root, write_json
+from ..core.files import write_json
+from ..core.store import Store, cache_root
 from ..funnel import compute
 from ..laws.constants import GRAVITY
 from ..scene import Funnel

@@ -94,7 +94,7 @@ def on_plate(
     period = 1 / funnel.frequency
     settings = {"amplitude": funnel.amplitude, "period": period, "every": every, "turns": steps.of(periods * period)}
     write_settings(folder, contact_settings(funnel, steps) | settings)
-    run_script(folder, "plate")
+    run_script(folder, Path(__file__).with_name("plate.liggghts"))
     time, _, v = np.loadtxt(folder / "path.txt").T
     return _contacts(time, v, omega, omega * funnel.amplitude)
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numba
 
-from ...core.files import cache_root
 from ...core.sources import code_key
+from ...core.store import cache_root
 
 __all__ = ["compiled", "entry", "inlined"]
 

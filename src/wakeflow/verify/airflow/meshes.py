@@ -16,9 +16,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from ...core.files import Store, cache_root, content_key, digest_files, write_json
+from ...core.files import write_json
 from ...core.resources import case_template
 from ...core.sources import code_key
+from ...core.store import Store, cache_root, content_key, digest_files
 from ...foam import FlowSpec, solve_airflow
 from ...foam.cost import core_seconds
 from ...laws.shape import shapes

@@ -21,7 +21,7 @@ __all__ = [
 Array = NDArray[np.float64]
 FLOOR = 1e-12  # m: errors below it are round-off of coordinates of about 1 m, added up over steps
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-MODULES = (flights, terms, swarms, bouncing)  # importing them registers their problems
+MODULES = (flights, terms, ensembles, bouncing)  # importing them registers their problems
 
 
 @dataclass(frozen=True, eq=False)
