@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from .injection.feed import feedstock
-from .pipeline.tracks import Flight, Landings, landed
+from .pipeline.landings import Landings
+from .pipeline.tracks import Flight, landed
 from .planning.make import make_plan
 from .planning.plan import Plan
 from .results.separation import separate

@@ -26,7 +26,7 @@ from .results.separation import separate
 from .scene import Scene
 
 if TYPE_CHECKING:
-    from .pipeline.tracks import Tracked
+    from .pipeline.landings import Tracked
 
 __all__ = ["Result", "report_again", "run"]
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
     from ..scene import Picture
-    from .tracks import Tracked
+    from .landings import Tracked
 
 __all__ = ["Chain", "Companion", "Listener", "silent"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -25,27 +25,13 @@ from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Fate, Granules, Tracks
 
-__all__ = ["Flight", "Landings", "Tracked", "compile_tracker", "ends", "landed", "load", "load_drawn", "solids"]
+__all__ = ["Flight", "compile_tracker", "ends", "landed", "solids"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
 HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
-KEPT = 2**20  # granules of a fraction whose landings stay in memory
-
-
-@dataclass(frozen=True)
-class Tracked:
-    """What the tracker found: landings and drawn tracks by fraction, how many were injected, counts of fates.
-
-    ``landings`` of very many granules are read from their file each time they are asked for.
-    """
-
-    landings: Mapping[str, Landings]
-    drawn: dict[str, list[dict[str, Array]]]
-    injected: dict[str, int]
-    fates: dict[str, dict[str, int]]
 
 
 @dataclass(frozen=True)
@@ -255,79 +241,3 @@ def _save_drawn(path: Path, paths: list[dict[str, Array]]) -> None:
     }
     with atomic_write(path, "wb") as stream:
         np.savez(stream, split=split, diameter=np.array([one["diameter"] for one in paths]), **joined)
-
-
-@dataclass(frozen=True)
-class _Kept(Mapping[str, Landings]):
-    """Landings by fraction in a folder, held in memory unless they are very many."""
-
-    folder: Path
-    names: tuple[str, ...]
-    held: dict[str, Landings]
-
-    def __getitem__(self, name: str) -> Landings:
-        if name in self.held:
-            return self.held[name]
-        if name not in self.names:
-            raise KeyError(name)
-        with np.load(self.folder / f"{name}.npz") as data:
-            found = Landings(**{key: data[key] for key in data.files if key != "injected"})
-        if len(found.bin) <= KEPT:
-            self.held[name] = found
-        return found
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-
-def load(folder: Path, scene: Scene) -> Tracked:
-    """What ``fly_all`` kept in a folder."""
-    landings = _Kept(folder, tuple(scene.fraction), {})
-    drawn: dict[str, list[dict[str, Array]]] = {}
-    injected: dict[str, int] = {}
-    fates: dict[str, dict[str, int]] = {}
-    for name in scene.fraction:
-        with np.load(folder / f"{name}.npz") as data:
-            injected[name] = int(data["injected"].sum())
-            fates[name] = {fate.name.lower(): int(np.sum(data["fate"] == fate)) for fate in Fate}
-        file = folder / f"{name}.drawn.npz"
-        drawn[name] = load_drawn(file) if file.exists() else []
-    return Tracked(landings, drawn, injected, fates)
-
-
-def load_drawn(file: Path) -> list[dict[str, Array]]:
-    """Tracks for pictures: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, diameter () m of each."""
-    with np.load(file) as data:
-        cut = data["split"][1:-1]
-        parts = [np.split(data[key], cut) for key in ("time", "position", "velocity")]
-        rows = zip(*parts, data["diameter"], strict=True)
-        return [dict(zip(("time", "position", "velocity", "diameter"), row, strict=True)) for row in rows]
-
-
-@dataclass(frozen=True)
-class Landings:
-    """Where the granules of one fraction ended; one entry a granule, every granule stands for the same mass; integers
-    and lesser columns in few bytes, since there may be very many.
-
-    ``position`` (n, 2) m, ``bin`` (n,) index into the scene's bins or -1 for elsewhere, ``replicate`` (n,),
-    ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies.
-    """
-
-    position: Array
-    bin: NDArray[Any]
-    replicate: NDArray[Any]
-    diameter: NDArray[Any]
-    fate: NDArray[Any]
-    time: NDArray[Any]
-    impacts: NDArray[Any]
-
-    def counts(self, bins: int) -> Array:
-        """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""
-        replicates = int(self.replicate.max()) + 1
-        place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
-        place += self.replicate.astype(np.int64) * (bins + 1)
-        table = np.bincount(place, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
-        return table / table.sum(axis=1, keepdims=True)

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Chain
-from ..pipeline.tracks import Landings
 from ..planning.airflow import SHEDDING_ABOVE
 from ..planning.plan import LeftOut, Plan
 from ..planning.terms import TYPICAL
@@ -25,7 +25,7 @@ from ..scene import RESERVED_BIN, Scene
 from .companions import HALVED, Comparison, airflows, compared, differences, finer_steps, grids, mesh_error
 
 if TYPE_CHECKING:
-    from ..pipeline.tracks import Tracked
+    from ..pipeline.landings import Tracked
 
 __all__ = [
     "Companions",

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Chain, Companion
-from ..pipeline.tracks import Landings
 from ..planning.plan import COMPARED
 from ..scene import RESERVED_BIN
 from .grid_convergence import GridEstimate, estimate
 
 if TYPE_CHECKING:
-    from ..pipeline.tracks import Tracked
+    from ..pipeline.landings import Tracked
 
 __all__ = [
     "FINER",

@@ -9,7 +9,7 @@ from ..pipeline.pipeline import Chain
 from ..scene import Scene
 
 if TYPE_CHECKING:
-    from ..pipeline.tracks import Tracked
+    from ..pipeline.landings import Tracked
 
 
 def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:

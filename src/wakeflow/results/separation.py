@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pipeline.tracks import Landings
+from ..pipeline.landings import Landings
 from ..scene import RESERVED_BIN, Scene
 
 __all__ = ["interval", "separate"]
