@@ -1,4 +1,4 @@
-"""Files that are whole or absent: atomic writes, content keys, and the cache of finished stages."""
+"""Files that are whole or absent: atomic writes."""
 
 from __future__ import annotations
 

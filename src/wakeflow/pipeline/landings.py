@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ..scene import Scene
 from ..tracking import Fate
-from .landings import Landings
-from .tracks import Array
 
 __all__ = ["Landings", "Tracked", "load", "load_drawn"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
