@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
 from wakeflow.results.separation import separate
 
 SPEEDS = (3.0, 3.25, 3.5, 4.0, 4.5, 4.8, 4.9, 5.5, 6.0, 6.5, 7.0, 7.1, 7.2, 7.3, 7.4, 7.5, 7.6, 7.7, 7.8, 8.0, 9.0)
@@ -28,7 +28,7 @@ Shares = dict[str, tuple[float, float, float]]
 def carried(scene: wf.Scene, force: dict[str, bool]) -> Shares:
     """Share, low, high of each fraction in the bin ``light``."""
     plan = make_plan(scene, force=force)
-    rows = separate(scene, Chain(scene, plan).tracks().landings)["fractions"]
+    rows = separate(scene, Pipeline(scene, plan).tracks().landings)["fractions"]
     return {name: (row["light"]["share"], row["light"]["low"], row["light"]["high"]) for name, row in rows.items()}
 
 

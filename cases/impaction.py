@@ -14,13 +14,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from wakeflow.injection.feed.feed import granules_of
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.planning.make.impaction import deflection, front_of
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
+from wakeflow.injection.feed import granules_of
 from wakeflow.laws.impaction import Cylinder, approach
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.impaction import deflection, front_of
+from wakeflow.planning.make import make_plan
 from wakeflow.tracking import Fate, track
 
 K = np.array([0.196, 0.256, 0.4, 0.625, 0.9, 1.6, 3.6, 6.4, 10.0, 19.6])
@@ -72,8 +72,8 @@ def scene_with(body: dict[str, object], scale: float) -> wf.Scene:
 def in_the_airflow(scene: wf.Scene) -> list[tuple[float, float, float]]:
     """Of each kind: K = tau v / h; efficiency by the ideal flow; by the tracker in the solved airflow."""
     plan = make_plan(scene)
-    chain = Chain(scene, plan)
-    flow = chain.field[1]
+    pipeline = Pipeline(scene, plan)
+    flow = pipeline.field[1]
     body = wf.Body(next(iter(scene.body.values())).outline(), capture=True)
     top, shoulder = body.outline[:, 1].max(), body.outline[:, 1].max() - front_of(scene).depth
     found = []

@@ -18,11 +18,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.planning.make.make import make_plan
-from wakeflow.planning.make.plan import Plan
-
 import wakeflow as wf
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import Plan
 from wakeflow.results.separation import separate
 
 HERE = Path(__file__).parent
@@ -43,7 +42,7 @@ def calm(plan: Plan) -> Plan:
 
 def shares(scene: wf.Scene, plan: Plan) -> dict[str, Any]:
     """Shares of every fraction in every bin, {share, low, high}."""
-    return separate(scene, Chain(scene, plan).tracks().landings)["fractions"]
+    return separate(scene, Pipeline(scene, plan).tracks().landings)["fractions"]
 
 
 def rows(path: Path, count: int) -> Iterator[str]:

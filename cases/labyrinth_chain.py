@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from wakeflow.injection.feed.feed import feedstock
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.pipeline.pipeline.tracks import Flight, compile_tracker
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
+from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import Flight, compile_tracker
+from wakeflow.planning.make import make_plan
 
 SHAKEN = {"vibration.frequency": 30.0, "vibration.gamma": 1.5}
 
@@ -59,7 +59,7 @@ def with_air(scene: wf.Scene, mesh_scale: float) -> None:
     """Shares by the chain and in the airflow of all bodies, and how far the air moves a granule's landing."""
     chained, spent = timed(lambda: wf.chain(scene))
     asked = scene.replace({"numerics.mesh_scale": mesh_scale})
-    whole = Chain(asked, make_plan(asked, rung="draft"))
+    whole = Pipeline(asked, make_plan(asked, rung="draft"))
     landed = whole.tracks().landings
     print("\n| fraction | bin | chain | in the airflow |\n|---|---|---|---|")
     from wakeflow.results.separation import separate

@@ -15,15 +15,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from wakeflow.pipeline.pipeline.specs import flow_spec, mesh_spec
-from wakeflow.planning.make.make import make_plan
-
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.parallel import scatter
 from wakeflow.foam.programs import call
 from wakeflow.foam.solve import prepare
 from wakeflow.meshing import build_mesh
-from wakeflow.scene.scene import Scene
+from wakeflow.pipeline.specs import flow_spec, mesh_spec
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 
 SCALES = (0.7, 0.5, 0.4, 0.3)  # of every cell edge of the whole channel's draft
 ITERATIONS, FIRST = 60, 10  # run, and left out

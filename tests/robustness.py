@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from wakeflow.planning.make.airflow import LAMINAR_BELOW
 
 from wakeflow.core.errors import FoamError, MeshError
 from wakeflow.core.files import write_json
@@ -28,6 +27,7 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, build_mesh, plan_mesh
+from wakeflow.planning.airflow import LAMINAR_BELOW
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000

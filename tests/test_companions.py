@@ -7,23 +7,24 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from wakeflow.pipeline.pipeline.pipeline import Chain, Companion
-from wakeflow.pipeline.pipeline.specs import flow_spec, mesh_spec, nearest, remember
-from wakeflow.planning.make.make import make_plan
-from wakeflow.planning.make.plan import COMPARED, REPLICATES
 
 from wakeflow.core.store import Store
+from wakeflow.pipeline.pipeline import Companion, Pipeline
+from wakeflow.pipeline.specs import flow_spec, mesh_spec
+from wakeflow.pipeline.warm_start import nearest, remember
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.results.companions import COMPUTED, Comparison, compared, differences, mesh_error
-from wakeflow.scene.scene import Scene
+from wakeflow.scene import Scene
 
 
 @pytest.fixture
-def vacuum(cases: Path, tmp_path: Path) -> Chain:
+def vacuum(cases: Path, tmp_path: Path) -> Pipeline:
     scene = Scene.load(cases / "vacuum.toml", {"feed.count": 256})
-    return Chain(scene, make_plan(scene), store=Store(tmp_path))
+    return Pipeline(scene, make_plan(scene), store=Store(tmp_path))
 
 
-def test_a_companion_flies_the_first_replicates_granules_again(vacuum: Chain) -> None:
+def test_a_companion_flies_the_first_replicates_granules_again(vacuum: Pipeline) -> None:
     whole, part = vacuum.tracks(), vacuum.tracks(Companion("again"))
     for name in vacuum.scene.fraction:
         first, again = compared(whole.landings[name]), part.landings[name]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from wakeflow.verify.problems.ladder.exact import box
 
 from wakeflow.field import FlowField
 from wakeflow.tracking import Body, Fate, Granules, driver, track
+from wakeflow.verify.problems.exact import box
 
 HEIGHT = 1.0
 

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.feed import feedstock
-from wakeflow.pipeline.pipeline.analytic import decaying, duct_field
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.pipeline.pipeline.tracks import Flight
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.injection.feed import feedstock
 from wakeflow.laws.drag import drag_laws, terminal_velocity
+from wakeflow.pipeline.analytic import decaying, duct_field
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.make import make_plan
 from wakeflow.results.separation import separate
-from wakeflow.scene.scene import Scene
+from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 
 CALM = {"dispersion": False}
@@ -34,8 +34,8 @@ def aspirator() -> Scene:
 def flown(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Terminal velocity in the scene's air (n,), bin (n,) and fate (n,) of a fraction's granules in calm air."""
     plan = make_plan(scene, force=CALM)
-    feed, chain = feedstock(scene, plan, name, None), Chain(scene, plan)
-    tracks = Flight(scene, plan, chain.field[1], 1e-4).fly(name, feed.granules)
+    feed, pipeline = feedstock(scene, plan, name, None), Pipeline(scene, plan)
+    tracks = Flight(scene, plan, pipeline.field[1], 1e-4).fly(name, feed.granules)
     air, grains = scene.air, feed.granules
     assert air is not None
     settling = terminal_velocity(
@@ -126,7 +126,7 @@ def test_the_distribution_that_goes_in_comes_out(aspirator: Scene, spread: dict,
         {"fraction.wheat.terminal_velocity": spread, "fraction.wheat.size": sizes, "air.speed": 7.3}
     )
     plan = make_plan(scene, force=CALM)
-    shares = separate(scene, Chain(scene, plan).tracks().landings)["fractions"]["wheat"]
+    shares = separate(scene, Pipeline(scene, plan).tracks().landings)["fractions"]["wheat"]
     assert shares["light"]["low"] - 2e-3 <= cdf(7.3) <= shares["light"]["high"] + 2e-3
     grains = feedstock(scene, plan, "wheat", None).granules
     settling = terminal_velocity(grains.diameter, grains.density, 1.204, 1.825e-5, drag_scale=grains.drag_scale)
@@ -160,7 +160,7 @@ def test_parabolic_air_is_plane_poiseuille_flow(aspirator: Scene) -> None:
     velocity = field.sample(np.stack([x, np.full(301, 0.1)], axis=1))[0]
     np.testing.assert_allclose(velocity[:, 1], -1.5 * 6.0 * (1 - (x / 0.1) ** 2), atol=6.0 * 1.5 / 64**2)
     assert np.mean(velocity[:, 1]) == pytest.approx(-6.0, rel=5e-3)
-    drop = Chain(scene, make_plan(scene)).airflow["pressure_drop"]
+    drop = Pipeline(scene, make_plan(scene)).airflow["pressure_drop"]
     assert drop == pytest.approx(2 * air.viscosity * (6.0 * 6.0 / 0.2) * 1.0 / 0.2)  # wall shear 6 mu U / W, two walls
     assert any("turbulent" in line for line in make_plan(scene).warnings)
 

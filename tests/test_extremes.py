@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wakeflow.injection.feed.feed import feedstock
-from wakeflow.pipeline.pipeline.tracks import Flight
-from wakeflow.planning.make.make import make_plan
 
-from wakeflow.scene.scene import Scene
+from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
 
 G = 9.81

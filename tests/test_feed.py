@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.feed import feedstock
-from wakeflow.planning.make.coupling import COUPLING, INDEPENDENT, LOADED, MODULATING
-from wakeflow.planning.make.make import make_plan
-from wakeflow.planning.make.plan import Plan
 
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.injection.feed import feedstock
 from wakeflow.laws.profile import crowding, profiles
-from wakeflow.scene.scene import Scene
+from wakeflow.planning.coupling import COUPLING, INDEPENDENT, LOADED, MODULATING
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import Plan
+from wakeflow.scene import Scene
 
 CASES = Path(__file__).parents[1] / "cases"
 WIDTH = 0.04

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.pipeline.pipeline.tracks import Flight, ends, load, solids
-from wakeflow.planning.make.make import make_plan
 
 from wakeflow.field import FlowField
-from wakeflow.scene.scene import Scene
+from wakeflow.pipeline.landings import load
+from wakeflow.pipeline.tracks import Flight, ends, solids
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow import doctor
@@ -25,7 +24,8 @@ from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.discharge import beverloo, cone_factor
 from wakeflow.laws.hertz import contact_time, depth
-from wakeflow.scene.scene import Funnel, Scene
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Funnel, Scene
 from wakeflow.verify.plate import bounce_phase, lift_off_phase, on_plate
 
 needs_engine = pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.pipeline.pipeline.tracks import ends, solids
-from wakeflow.planning.make.make import make_plan
-from wakeflow.scene.scene.user_case import air_of
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import area, distance, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.laws.shape import shapes
-from wakeflow.scene.scene import Scene
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import ends, solids
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
+from wakeflow.scene.user_case import air_of
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
 RHOMBUS = shapes["rhombus"](width=0.05, slope_angle=math.pi / 3)
@@ -120,21 +120,21 @@ def small(**changes: Any) -> Scene:
 
 
 @cache
-def solved(text: str) -> Chain:
+def solved(text: str) -> Pipeline:
     """The chain of a scene given as JSON, so that tests share it."""
     scene = Scene.parse(json.loads(text))
-    return Chain(scene, make_plan(scene))
+    return Pipeline(scene, make_plan(scene))
 
 
-def chain_of(scene: Scene) -> Chain:
+def pipeline_of(scene: Scene) -> Pipeline:
     return solved(json.dumps(scene.tables()))
 
 
-def profile_at(chain: Chain, y: float) -> tuple[np.ndarray, np.ndarray]:
+def profile_at(pipeline: Pipeline, y: float) -> tuple[np.ndarray, np.ndarray]:
     """x (m) across the channel and the velocity (n, 2) m/s there at height ``y``."""
-    half = chain.scene.channel.width / 2
+    half = pipeline.scene.channel.width / 2
     x = np.linspace(-0.98 * half, 0.98 * half, 41)
-    return x, chain.field[1].sample(np.stack([x, np.full(x.shape, y)], axis=1))[0]
+    return x, pipeline.field[1].sample(np.stack([x, np.full(x.shape, y)], axis=1))[0]
 
 
 def rms(values: np.ndarray) -> float:
@@ -146,7 +146,7 @@ class TestStreams:
     pytestmark = openfoam
 
     def test_the_mass_balance_counts_every_stream(self) -> None:
-        left = chain_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
+        left = pipeline_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
         airflow = left.airflow
         assert not left.mesh_spec.half
         assert airflow["flow_rate"] == pytest.approx(0.2 * 0.3 + 0.1 * 0.04, rel=1e-6)
@@ -156,8 +156,8 @@ class TestStreams:
         assert abs(velocity[-1, 0]) < 0.03
 
     def test_a_stream_from_the_other_side_is_the_mirror_image(self) -> None:
-        left = chain_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
-        right = chain_of(small(channel__inlet={"low": {"side": "right", **STREAM}}))
+        left = pipeline_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
+        right = pipeline_of(small(channel__inlet={"low": {"side": "right", **STREAM}}))
         assert right.airflow["cd"]["value"] == pytest.approx(left.airflow["cd"]["value"], rel=MESH)
         for y in (0.06, 0.0, -0.1):  # past the opening, where coarse cells do not blur the stream
             x, one = profile_at(left, y)
@@ -166,17 +166,17 @@ class TestStreams:
             assert rms(one[inside] - other[inside]) < MESH * 0.2
 
     def test_streams_that_mirror_each_other_are_solved_in_half_of_the_channel(self) -> None:
-        both = chain_of(small(channel__inlet={side: {"side": side, **STREAM} for side in ("left", "right")}))
+        both = pipeline_of(small(channel__inlet={side: {"side": side, **STREAM} for side in ("left", "right")}))
         assert both.mesh_spec.half
         assert both.airflow["flow_rate"] == pytest.approx(0.2 * 0.3 + 2 * 0.1 * 0.04, rel=1e-6)
 
     def test_granules_leave_through_the_opening(self) -> None:
         scene = small(channel__inlet={"low": {"side": "left", **STREAM}})
-        chain = chain_of(scene)
+        pipeline = pipeline_of(scene)
         grains = wf.Granules(
             position=np.array([(-0.1, 0.1), (-0.1, 0.02)]), velocity=(-5.0, 0.0), diameter=3e-3, density=1300.0
         )
-        tracks = wf.track(chain.field[1], grains, until=5.0, bodies=solids(scene), lines=ends(scene))
+        tracks = wf.track(pipeline.field[1], grains, until=5.0, bodies=solids(scene), lines=ends(scene))
         assert [fate.name for fate in map(wf.Fate, tracks.fate)] == ["ESCAPED", "BINNED"]
         assert tracks.position[0, 0] == pytest.approx(-0.15, abs=1e-6)
         assert tracks.impacts[1] > 0  # it met the wall beside the opening
@@ -187,7 +187,7 @@ class TestWallsAndDirections:
     pytestmark = openfoam
 
     def test_upward_air_is_the_mirror_image_of_downward_air(self, walls: str) -> None:
-        down, up = (chain_of(small(channel__walls=walls, air__direction=way)) for way in ("down", "up"))
+        down, up = (pipeline_of(small(channel__walls=walls, air__direction=way)) for way in ("down", "up"))
         assert up.airflow["cd"]["value"] == pytest.approx(down.airflow["cd"]["value"], rel=MESH)
         for y in (0.05, -0.05, -0.15):
             x, one = profile_at(down, y)
@@ -195,15 +195,15 @@ class TestWallsAndDirections:
             assert rms(one[away] - (profile_at(up, -y)[1] * (1.0, -1.0))[away]) < MESH * 0.2
 
     def test_only_a_wall_that_sticks_slows_the_air(self, walls: str) -> None:
-        chain = chain_of(small(channel__walls=walls))
-        half = chain.scene.channel.width / 2
-        at_wall = chain.field[1].sample(np.array([(half * (1 - 1e-9), 0.1)]))[0][0]
+        pipeline = pipeline_of(small(channel__walls=walls))
+        half = pipeline.scene.channel.width / 2
+        at_wall = pipeline.field[1].sample(np.array([(half * (1 - 1e-9), 0.1)]))[0][0]
         if walls == "slip":
             assert at_wall[1] < -0.15
         else:
             assert abs(at_wall[1]) < 1e-6
-            slip = chain_of(small())
-            assert chain.airflow["pressure_drop"] > 2 * slip.airflow["pressure_drop"]
+            slip = pipeline_of(small())
+            assert pipeline.airflow["pressure_drop"] > 2 * slip.airflow["pressure_drop"]
 
 
 class TestProfile:
@@ -216,14 +216,14 @@ class TestProfile:
             channel={"width": 0.1, "top": 0.5, "bottom": -0.2, "walls": "no-slip", "extend": False},
             bin={"floor": {"from": -0.05, "to": 0.05}}, feed__width=0.004, fraction__wheat__size=0.001,
         )  # fmt: skip
-        chain = chain_of(scene)
-        assert (chain.mesh_spec.top, chain.mesh_spec.bottom) == (0.5, -0.2)
-        assert chain.airflow["flow_rate"] == pytest.approx(0.2 * 0.1, rel=1e-9)
+        pipeline = pipeline_of(scene)
+        assert (pipeline.mesh_spec.top, pipeline.mesh_spec.bottom) == (0.5, -0.2)
+        assert pipeline.airflow["flow_rate"] == pytest.approx(0.2 * 0.1, rel=1e-9)
         for y in (0.4, 0.2):
-            x, velocity = profile_at(chain, y)
+            x, velocity = profile_at(pipeline, y)
             np.testing.assert_allclose(velocity[:, 1], -0.3 * (1 - (x / 0.05) ** 2), atol=0.015 * 0.3)
         at = np.array([(0.01, 0.4), (0.01, 0.2)])
-        pressure = chain.field[1].sample(at)[1]
+        pressure = pipeline.field[1].sample(at)[1]
         assert pressure[0] - pressure[1] == pytest.approx(12 * 5e-4 * 0.2 / 0.1**2 * 0.2, rel=0.02)
 
 
@@ -237,33 +237,33 @@ class TestSeveralBodies:
 
     def test_each_has_its_drag(self) -> None:
         """At Re 6: at 24 the wakes side by side lean to one side or the other, as real ones do."""
-        airflow = chain_of(self.scene().replace({"air.speed": 0.05})).airflow
+        airflow = pipeline_of(self.scene().replace({"air.speed": 0.05})).airflow
         drag = airflow["cd_of"]
         assert sum(drag.values()) == pytest.approx(airflow["cd"]["value"], rel=1e-6)
         assert drag["left"] == pytest.approx(drag["right"], rel=MESH)
         assert min(drag.values()) > 0.1
 
     def test_granules_bounce_between_them(self) -> None:
-        chain = chain_of(self.scene())
-        tracked = chain.tracks()
+        pipeline = pipeline_of(self.scene())
+        tracked = pipeline.tracks()
         wheat = tracked.landings["wheat"]
         assert set(np.unique(wheat.fate)) <= {wf.Fate.BINNED}
         assert (wheat.impacts >= 2).sum() > 5  # thrown off the first body onto another
-        alone = chain_of(small()).tracks().landings["wheat"]
+        alone = pipeline_of(small()).tracks().landings["wheat"]
         assert wheat.impacts.mean() > 1.1 * alone.impacts.mean()
 
     def test_a_body_over_the_first_is_met_first(self) -> None:
         above = {"roof": {"shape": "prism", "width": 0.02, "slope_angle": 1.0, "at": [0.0, 0.07]}}
         scene = small(body={**SMALL["body"], **above}, feed__width=0.01, feed__height=0.15)
-        chain = chain_of(scene)
-        assert chain.plan.fractions["wheat"].mode == "resolved"
-        assert chain.tracks().fates["wheat"]["stopped"] == 0
+        pipeline = pipeline_of(scene)
+        assert pipeline.plan.fractions["wheat"].mode == "resolved"
+        assert pipeline.tracks().fates["wheat"]["stopped"] == 0
 
 
-def as_given(chain: Chain, folder: Path, **changes: Any) -> Scene:
+def as_given(pipeline: Pipeline, folder: Path, **changes: Any) -> Scene:
     """The chain's own solution as if it were a user's case, in the air of the same scene."""
-    shutil.copytree(chain.solution[1] / "case", folder / "case", dirs_exist_ok=True)
-    tables = chain.scene.tables()
+    shutil.copytree(pipeline.solution[1] / "case", folder / "case", dirs_exist_ok=True)
+    tables = pipeline.scene.tables()
     tables["air"] = {"case": "case"}
     del tables["numerics"]
     return Scene.parse(tables, base=folder).replace({key.replace("__", "."): value for key, value in changes.items()})
@@ -273,12 +273,12 @@ class TestGivenCase:
     pytestmark = openfoam
 
     def test_its_results_are_those_of_the_direct_run(self, tmp_path: Path) -> None:
-        own = chain_of(small())
+        own = pipeline_of(small())
         scene = as_given(own, tmp_path)
         assert scene.air is not None
         assert (scene.air.speed, scene.air.direction) == (0.2, "down")
         assert scene.air.viscosity == pytest.approx(5e-4)
-        given = Chain(scene, make_plan(scene))
+        given = Pipeline(scene, make_plan(scene))
         assert (given.plan.rung, given.plan.airflow.turbulence) == ("given", "laminar")
         assert any("neither mesh nor solver runs" in line for line in given.plan.used)
         one, other = own.airflow, given.airflow
@@ -295,7 +295,7 @@ class TestGivenCase:
             np.testing.assert_allclose(theirs.position, mine.position, atol=1e-6)
 
     def test_a_run_reports_it(self, tmp_path: Path) -> None:
-        scene = as_given(chain_of(small()), tmp_path)
+        scene = as_given(pipeline_of(small()), tmp_path)
         scene.save(tmp_path / "scene.toml")
         result = wf.run(Scene.load(tmp_path / "scene.toml"), tmp_path / "out")
         table = json.loads((result.folder / "result.json").read_text())
@@ -306,15 +306,15 @@ class TestGivenCase:
         assert sources["airflow-model"]["how"] == "unknown"
 
     def test_a_new_solution_is_measured_anew(self, tmp_path: Path) -> None:
-        scene = as_given(chain_of(small()), tmp_path)
-        first = Chain(scene, make_plan(scene)).solution[0]
-        assert Chain(scene, make_plan(scene)).solution[0] == first
+        scene = as_given(pipeline_of(small()), tmp_path)
+        first = Pipeline(scene, make_plan(scene)).solution[0]
+        assert Pipeline(scene, make_plan(scene)).solution[0] == first
         latest = max((p for p in (tmp_path / "case").iterdir() if p.name.isdigit()), key=lambda p: int(p.name))
         latest.rename(latest.with_name(str(int(latest.name) + 1)))
         (latest.with_name(str(int(latest.name) + 1)) / "p").touch()
         text = (tmp_path / "case" / "constant" / "transportProperties").read_text()
         (tmp_path / "case" / "constant" / "transportProperties").write_text(text + "// changed")
-        assert Chain(scene, make_plan(scene)).solution[0] != first
+        assert Pipeline(scene, make_plan(scene)).solution[0] != first
 
     @pytest.mark.parametrize(
         ("change", "message"),
@@ -332,22 +332,22 @@ class TestGivenCase:
         ],
     )
     def test_a_case_of_another_scene_is_refused(self, tmp_path: Path, change: dict[str, Any], message: str) -> None:
-        scene = as_given(chain_of(small()), tmp_path, **change)
+        scene = as_given(pipeline_of(small()), tmp_path, **change)
         with pytest.raises(SceneError) as caught:
-            _ = Chain(scene, make_plan(scene)).airflow
+            _ = Pipeline(scene, make_plan(scene)).airflow
         assert message in str(caught.value)
         assert "\n" not in str(caught.value)
 
     def test_all_of_its_times_or_their_mean(self, tmp_path: Path) -> None:
-        scene = as_given(chain_of(small()), tmp_path)
+        scene = as_given(pipeline_of(small()), tmp_path)
         latest = max((p for p in (tmp_path / "case").iterdir() if p.name.isdigit()), key=lambda p: int(p.name))
         for path in (tmp_path / "case").iterdir():
             if path.name.isdigit() and path.name not in ("0", latest.name):
                 shutil.rmtree(path)
         shutil.copytree(latest, latest.with_name(str(int(latest.name) + 3)))  # the same air, 3 s later
-        one = Chain(scene, make_plan(scene))
+        one = Pipeline(scene, make_plan(scene))
         whole, mean = (scene.replace({"air.time": time}) for time in ("all", "mean"))
-        moving, still = (Chain(changed, make_plan(changed)) for changed in (whole, mean))
+        moving, still = (Pipeline(changed, make_plan(changed)) for changed in (whole, mean))
         np.testing.assert_array_equal(moving.field[1].times, [0.0, 3.0])
         np.testing.assert_allclose(moving.field[1].velocity[1], one.field[1].velocity)
         np.testing.assert_allclose(still.field[1].velocity, one.field[1].velocity)
@@ -355,7 +355,7 @@ class TestGivenCase:
         assert moving.tracks().fates["wheat"]["binned"] == 64
 
     def test_other_rungs_do_not_go_with_it(self, tmp_path: Path) -> None:
-        scene = as_given(chain_of(small()), tmp_path)
+        scene = as_given(pipeline_of(small()), tmp_path)
         with pytest.raises(SceneError, match=r"rung = 'standard': air.case gives the airflow"):
             make_plan(scene, rung="standard")
 
@@ -414,12 +414,12 @@ class TestRange:
             bin={"floor": {"from": -channel / 2, "to": channel / 2}},
             numerics__mesh_scale=2.5,
         )
-        chain = chain_of(scene)
-        airflow = chain.airflow
+        pipeline = pipeline_of(scene)
+        airflow = pipeline.airflow
         assert airflow["cells"] < 6000
         assert abs(airflow["mass_error"]) < 1e-4
         assert 0.05 < airflow["cd"]["value"] * (1 - blockage) ** 2 < 3.0
-        tracked = chain.tracks()
+        tracked = pipeline.tracks()
         for name, fates in tracked.fates.items():
             assert fates["stopped"] == fates["airborne"] == 0
             assert fates["binned"] + fates["resting"] + fates["escaped"] == 64

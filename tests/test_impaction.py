@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.feed import feedstock, granules_of
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.pipeline.pipeline.tracks import Flight
-from wakeflow.planning.make.impaction import Deflection, deflection
-from wakeflow.planning.make.make import TURNING, make_plan
 
 from wakeflow.core.errors import SceneError
+from wakeflow.injection.feed import feedstock, granules_of
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
-from wakeflow.scene.scene import Scene
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.impaction import Deflection, deflection
+from wakeflow.planning.make import TURNING, make_plan
+from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, track
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -165,7 +165,7 @@ def test_a_scene_of_any_shape_has_a_front() -> None:
 @pytest.mark.parametrize(("name", "within"), [("dust", 0.08), ("chaff", 0.05), ("wheat", 0.03)])
 def test_efficiencies_are_near_those_in_the_solved_airflow(name: str, within: float) -> None:
     scene = rhombus()
-    plan, flow = make_plan(scene), Chain(scene, make_plan(scene)).field[1]
+    plan, flow = make_plan(scene), Pipeline(scene, make_plan(scene)).field[1]
     how, size, count = plan.fractions[name], scene.fraction[name].properties.diameter, 200
     full = 0.5 * (scene.width + size)
     x = full * (np.arange(count) + 0.5) / count
@@ -194,7 +194,7 @@ def test_the_shift_of_injected_wheat_is_what_the_plan_says() -> None:
         scene = Scene.parse(tables).replace({"feed.mode": mode})
         plan = make_plan(scene).with_forces(("drag", "gravity"))
         feed = feedstock(scene, plan, "wheat", None)
-        tracks = Flight(scene, plan, Chain(scene, plan).field[1], 1e-5).fly("wheat", feed.granules)
+        tracks = Flight(scene, plan, Pipeline(scene, plan).field[1], 1e-5).fly("wheat", feed.granules)
         landings.append(tracks.position[:, 0])
     moved = np.percentile(np.abs(landings[0] - landings[1]) / scene.width, 95)
     bound = of(rhombus(), "wheat").shift

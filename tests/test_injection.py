@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.feed import REPLICATES, contact_points, feedstock
-from wakeflow.injection.feed.first_contact import first_contact
-from wakeflow.planning.make.make import make_plan
 
 from wakeflow import impact
+from wakeflow.injection.feed import REPLICATES, contact_points, feedstock
+from wakeflow.injection.first_contact import first_contact
 from wakeflow.laws.shape import shapes
-from wakeflow.scene.scene import Scene
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 from wakeflow.tracking import Motion
 
 

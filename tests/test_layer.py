@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.feed import arrival, feedstock
-from wakeflow.injection.feed.impact_loads import impact_loads
-from wakeflow.planning.make.flight_scales import fall_speeds
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
+from wakeflow.injection.feed import arrival, feedstock
+from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.laws.collision import ImpactModel, impact_models
 from wakeflow.laws.granule_layer import load
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
-from wakeflow.scene.scene import Scene
+from wakeflow.planning.flight_scales import fall_speeds
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 
 B = math.radians(50)
 every_model = pytest.mark.parametrize("model", [impact_models[name] for name in impact_models], ids=list(impact_models))

@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.feed import feedstock
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import distance_to
+from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
 from wakeflow.report import figures
 from wakeflow.report.pictures import pictures
 from wakeflow.report.pictures.maps import mass_flux
 from wakeflow.report.pictures.paths import Path2D, displacement
-from wakeflow.scene.scene import Scene, picture_tables
+from wakeflow.scene import Scene, picture_tables
 
 GRAVITY = 9.81
 PAPER = Path(__file__).parents[1] / "cases" / "paper"
@@ -160,11 +160,11 @@ def test_pictures_do_not_touch_the_tracks() -> None:
     keys = set()
     for name in ("fig2", "fig3", "fig4"):
         scene = scene_of(name)
-        keys.add(Chain(scene, make_plan(scene)).tracks_key)
+        keys.add(Pipeline(scene, make_plan(scene)).tracks_key)
     bare = scene_of("fig2").tables()
     del bare["picture"]
     scene = Scene.parse(bare)
-    assert keys == {Chain(scene, make_plan(scene)).tracks_key}
+    assert keys == {Pipeline(scene, make_plan(scene)).tracks_key}
 
 
 # -- what they are made of ---------------------------------------------------------------------------------------------

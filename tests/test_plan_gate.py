@@ -13,25 +13,27 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.feed import feedstock
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.pipeline.pipeline.tracks import Flight, Landings, load
-from wakeflow.planning.make.bounds import Flight as Scales
-from wakeflow.planning.make.bounds import bounds, history_kernel, history_time
-from wakeflow.planning.make.flight_scales import flights
-from wakeflow.planning.make.make import make_plan
-from wakeflow.planning.make.plan import Plan
-from wakeflow.planning.make.terms import TYPICAL
 
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
+from wakeflow.injection.feed import feedstock
 from wakeflow.laws.drag import drag_laws, slip_correction
 from wakeflow.laws.forces import forces
-from wakeflow.pipeline.pipeline import tracks as flying
+from wakeflow.pipeline import landings
+from wakeflow.pipeline import tracks as flying
+from wakeflow.pipeline.landings import Landings, load
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.bounds import Flight as Scales
+from wakeflow.planning.bounds import bounds, history_kernel, history_time
+from wakeflow.planning.flight_scales import flights
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import Plan
+from wakeflow.planning.terms import TYPICAL
 from wakeflow.results.budget import crossing_share, free_ends, left_out_terms, together
 from wakeflow.results.separation import separate
-from wakeflow.scene.scene import Scene
+from wakeflow.scene import Scene
 from wakeflow.tracking import Fate, Granules, Tracks
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -137,7 +139,7 @@ def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(rhombus: Sce
     plan = make_plan(rhombus, force={"lift": True, "chaff.lift": False})
     assert {name for name, how in plan.fractions.items() if "lift" in how.forces} == {"dust", "wheat"}
     keys = [
-        Chain(rhombus, make_plan(rhombus, force=force)).plan.fractions["wheat"].tracked for force in ({}, plan.force)
+        Pipeline(rhombus, make_plan(rhombus, force=force)).plan.fractions["wheat"].tracked for force in ({}, plan.force)
     ]
     assert keys[0] != keys[1]
 
@@ -278,7 +280,7 @@ def trial(*, spheres: bool = False) -> Trial:
     inertia = {f"fraction.{name}.inertia": 0.4 for name in FRACTIONS} if spheres else {}
     scene = Scene.load(CASES / "rhombus.toml", {"feed.count": COUNT, "numerics.rung": "draft", **inertia})
     plan = make_plan(scene)
-    return Trial(scene, plan, Chain(scene, plan).field[1])
+    return Trial(scene, plan, Pipeline(scene, plan).field[1])
 
 
 @cache
@@ -522,7 +524,7 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
     at_once = load(tmp_path, scene)
     held = dict(at_once.landings)
     monkeypatch.setattr(flying, "AT_ONCE", 48)  # three replicates of sixteen at a time
-    monkeypatch.setattr(flying, "KEPT", 0)
+    monkeypatch.setattr(landings, "KEPT", 0)
     parts = tmp_path / "parts"
     parts.mkdir()
     whole.fly_all(parts, drawn=True)

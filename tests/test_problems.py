@@ -7,9 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from wakeflow.verify.problems.ladder.equation import judge
-from wakeflow.verify.problems.ladder.exact import TAGS, accepts, box, fly, ring
-from wakeflow.verify.problems.ladder.ladder import (
+
+from wakeflow.core.errors import SceneError
+from wakeflow.laws.forces import forces
+from wakeflow.verify.problems.equation import judge
+from wakeflow.verify.problems.exact import TAGS, accepts, box, fly, ring
+from wakeflow.verify.problems.ladder import (
     FLOOR,
     TOLERANCES,
     Outcome,
@@ -20,9 +23,6 @@ from wakeflow.verify.problems.ladder.ladder import (
     run_numbers,
     run_problems,
 )
-
-from wakeflow.core.errors import SceneError
-from wakeflow.laws.forces import forces
 
 G = 9.81
 FLOWN = [name for name in problems if all(accepts(force) for force in problems[name].forces)]

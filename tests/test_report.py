@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.injection.feed.impact_loads import impact_loads
-from wakeflow.planning.make.make import make_plan
 
 from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
+from wakeflow.injection.impact_loads import impact_loads
+from wakeflow.planning.make import make_plan
 from wakeflow.report import figures, html, landing, tables, vtk, write_report
-from wakeflow.scene.scene import Scene
+from wakeflow.scene import Scene
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {

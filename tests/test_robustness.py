@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.planning.make.airflow import ranks_for
 
 import robustness
 from wakeflow.core.errors import FoamError, SceneError
@@ -36,6 +35,7 @@ from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction
 from wakeflow.foam.solve import Progress, Watch, prepare, solver
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
+from wakeflow.planning.airflow import ranks_for
 
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
 D = 0.05

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow as wf
 from wakeflow.cli import main
-from wakeflow.scene.scene import Scene
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 
 COUNT = 2048
 
@@ -286,10 +286,10 @@ def test_dust_past_a_body_that_swings_sideways_flies_with_the_air(cases: Path, t
     }
     scene, calm = Scene.load(cases / "prism.toml", changes), {"dispersion": False}  # gusts may stop a grain of dust
     result = wf.run(scene, tmp_path, force=calm)
-    chain = Chain(scene, make_plan(scene, force=calm))
-    _, field = chain.field
+    pipeline = Pipeline(scene, make_plan(scene, force=calm))
+    _, field = pipeline.field
     slow = 0
-    for track in chain.tracks().drawn["dust"]:
+    for track in pipeline.tracks().drawn["dust"]:
         air = field.sample(track["position"])[0]
         late = track["time"] > track["time"][0] + 0.1
         fast = np.linalg.norm(air, axis=1) > 2.0  # NaN in the gap compares false

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from wakeflow.planning.make.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow, typical_seconds
-from wakeflow.planning.make.make import make_plan
-from wakeflow.planning.make.plan import COMPARED, REPLICATES
 
 from wakeflow.core.errors import SceneError
-from wakeflow.scene.scene import Scene
+from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow, typical_seconds
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import COMPARED, REPLICATES
+from wakeflow.scene import Scene
 
 OFF = {"basset-history": False}
 

@@ -12,7 +12,7 @@ import pytest
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
-from wakeflow.scene.scene import Scene
+from wakeflow.scene import Scene
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
 ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}
@@ -185,7 +185,7 @@ def test_materials_state_source_and_confidence(name: str) -> None:
 
 
 def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
-    from wakeflow.planning.make.make import make_plan
+    from wakeflow.planning.make import make_plan
 
     above = rhombus.replace({"body.two": ABOVE, "feed.height": 0.16, "numerics.rung": "draft"})
     assert above.obstacles == ["two"]
@@ -196,7 +196,7 @@ def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
 
 
 def test_symmetry_counts_pairs_of_bodies_and_streams(rhombus: Scene) -> None:
-    from wakeflow.planning.make.make import make_plan
+    from wakeflow.planning.make import make_plan
 
     left, right = ({"shape": "circle", "width": 0.02, "at": [x, -0.1]} for x in (-0.1, 0.1))
     assert rhombus.symmetric

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.pipeline.pipeline.tracks import Landings
 
+from wakeflow.pipeline.landings import Landings
 from wakeflow.results.separation import interval, separate
-from wakeflow.scene.scene import Scene
+from wakeflow.scene import Scene
 
 
 def landings(bins: np.ndarray, replicates: int = 16) -> Landings:
@@ -68,7 +68,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
 
 def test_balanced_samples_do_not_pretend_to_be_exact() -> None:
     """With the real sampler: the interval of a share covers it at least as often as it says, for cuts anywhere."""
-    from wakeflow.injection.feed.feed import _samples
+    from wakeflow.injection.feed import _samples
 
     covered = total = 0
     for seed in range(40):

@@ -13,7 +13,7 @@ from fluids.particle_size_distribution import PSDRosinRammler
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.laws.size import sizes
-from wakeflow.scene.scene import Scene
+from wakeflow.scene import Scene
 
 SIEVES = {"diameters": [1e-5, 4e-5, 8e-5, 2e-4, 4e-4], "passing": [0.0, 0.25, 0.6, 0.6, 1.0]}
 PARAMETERS = {

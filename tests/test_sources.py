@@ -10,14 +10,14 @@ from types import FrameType
 from typing import Any
 
 import pytest
-from wakeflow.pipeline.pipeline.pipeline import CODE
-from wakeflow.pipeline.pipeline.tracks import Flight
-from wakeflow.planning.make.make import make_plan
 
 import wakeflow
 from wakeflow import Scene
 from wakeflow.core import sources
 from wakeflow.funnel import CODE as FUNNEL
+from wakeflow.pipeline.pipeline import CODE
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.make import make_plan
 
 STAGES = {**CODE, "funnel": FUNNEL, "kernel": ("wakeflow.tracking.kernel.loop",)}
 
@@ -52,7 +52,7 @@ def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: 
 
 def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
     before = sources.code_key(*CODE["airflow"])
-    for name in ("cli.py", "flight.py"):
+    for name in ("cli.py", "pipeline/tracks.py"):
         (copied / name).write_text("")
     sources.code_key.cache_clear()
     assert sources.code_key(*CODE["airflow"]) == before

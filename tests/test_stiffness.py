@@ -6,13 +6,13 @@ from itertools import product
 
 import numpy as np
 import pytest
-from wakeflow.verify.problems.ladder.equation import judge
-from wakeflow.verify.problems.ladder.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
-from wakeflow.verify.problems.ladder.flights import taylor_green, two_modes
 
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws
 from wakeflow.tracking import Fate, Granules, track
+from wakeflow.verify.problems.equation import judge
+from wakeflow.verify.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
+from wakeflow.verify.problems.flights import taylor_green, two_modes
 
 G = 9.81
 DECADES = 10.0 ** np.arange(-9.0, 4.0)

@@ -7,15 +7,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from wakeflow.verify.problems.ladder.equation import judge
-from wakeflow.verify.problems.ladder.exact import Setting
-from wakeflow.verify.problems.ladder.reference import Problem, fly_reference
 
 from test_tracker import DENSITY, VISCOSITY, field_of, mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
+from wakeflow.verify.problems.equation import judge
+from wakeflow.verify.problems.exact import Setting
+from wakeflow.verify.problems.reference import Problem, fly_reference
 
 PERIOD = 0.5
 ALL = ("drag", "gravity", "buoyancy", "pressure-gradient", "added-mass", "lift", "magnus")

@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wakeflow.planning.make.make import make_plan
-from wakeflow.verify.airflow.airflow.measured import Measured, quantities
-from wakeflow.verify.airflow.airflow.published import Case, Published, cases, read_cases
 
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
@@ -20,9 +17,12 @@ from wakeflow.core.resources import verification_scenes
 from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
-from wakeflow.scene.scene import Scene
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 from wakeflow.verify import run
-from wakeflow.verify.airflow.airflow import airflow
+from wakeflow.verify.airflow import airflow
+from wakeflow.verify.airflow.measured import Measured, quantities
+from wakeflow.verify.airflow.published import Case, Published, cases, read_cases
 
 openfoam = pytest.mark.skipif(which("simpleFoam") is None, reason="OpenFOAM is not installed")
 VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted"}

@@ -7,7 +7,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from wakeflow.verify.airflow.airflow.meshes import FLOWS, NUMBERS, errors, flow_of, run_meshes
+
+from wakeflow.verify.airflow.meshes import FLOWS, NUMBERS, errors, flow_of, run_meshes
 
 
 def row(cells: int, order: float = 2.0) -> dict[str, float]:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wakeflow.pipeline.pipeline.pipeline import Chain
-from wakeflow.planning.make.make import make_plan
-from wakeflow.verify.problems.ladder.reference import Problem
 
 import wakeflow as wf
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
+from wakeflow.verify.problems.reference import Problem
 from wakeflow.verify.trackers import shares
 from wakeflow.verify.trackers.subjects import Subject
 
@@ -47,7 +47,7 @@ def test_openfoams_parcels_land_in_the_same_bins(cases: Path) -> None:
     fraction too; what meets walls differs by the laws of contact.
     """
     scene = wf.Scene.load(cases / "rhombus.toml", {"numerics.mesh_scale": 2.0, "numerics.rung": "draft"})
-    rows, met = shares.compare(scene, Chain(scene, make_plan(scene)), 1024)
+    rows, met = shares.compare(scene, Pipeline(scene, make_plan(scene)), 1024)
     assert {row.fraction for row in rows} == set(shares.FRACTIONS)
     assert met["wheat"] < 0.5
     for row in rows:

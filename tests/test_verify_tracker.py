@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from wakeflow.verify.problems.ladder.reference import Problem, Reference, fly_reference
 
 import wakeflow as wf
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
+from wakeflow.verify.problems.reference import Problem, Reference, fly_reference
 from wakeflow.verify.run import prove
 from wakeflow.verify.trackers.carrier import Carrier, make_carrier
 from wakeflow.verify.trackers.curves import Ends, Row, cost_at, score

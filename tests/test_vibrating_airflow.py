@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.special import kv
-from wakeflow.planning.make.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
 
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.field import FlowField
@@ -28,7 +27,8 @@ from wakeflow.foam.time_resolved import best_loop
 from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.scene.scene import Scene
+from wakeflow.planning.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
+from wakeflow.scene import Scene
 
 WIDTH = 0.05
 openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="no OpenFOAM")]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.stats import ks_2samp
-from wakeflow.injection.feed.first_contact import first_contact, motion_of
-from wakeflow.planning.make.make import make_plan
 
 from wakeflow.core.errors import SceneError
+from wakeflow.injection.first_contact import first_contact, motion_of
 from wakeflow.laws.vibration import integrated
-from wakeflow.scene.scene import Scene
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
 G = 9.81

@@ -17,7 +17,7 @@ from .core.files import atomic_write, write_json
 from .core.store import content_key, digest_files
 from .injection.impact_loads import impact_loads
 from .laws.momentum import momentum_pressure
-from .pipeline.pipeline import Chain, Listener, silent
+from .pipeline.pipeline import Listener, Pipeline, silent
 from .planning.make import make_plan
 from .results.budget import fly_companions, make_budget, together
 from .results.companions import airflow_on_grids
@@ -101,13 +101,13 @@ def run(
     try:
         with FileLock(folder / ".lock", timeout=0):
             options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
-            chain = Chain(scene.flown(plan.rung), plan, listener, workers)
-            poured = chain.funnel
+            pipeline = Pipeline(scene.flown(plan.rung), plan, listener, workers)
+            poured = pipeline.funnel
             if poured is not None and until != "funnel":
                 fed = _fed(scene, poured)
                 plan = make(fed)  # its bounds on loading follow the rate
-                chain = replace(chain, scene=fed.flown(plan.rung), plan=plan)
-            return _run(scene, chain, poured, folder, options, redraw)
+                pipeline = replace(pipeline, scene=fed.flown(plan.rung), plan=plan)
+            return _run(scene, pipeline, poured, folder, options, redraw)
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
@@ -123,13 +123,13 @@ def _fed(scene: Scene, poured: dict[str, Any]) -> Scene:
 
 
 def _run(
-    scene: Scene, chain: Chain, poured: dict[str, Any] | None, folder: Path, options: dict[str, Any], redraw: bool
+    scene: Scene, pipeline: Pipeline, poured: dict[str, Any] | None, folder: Path, options: dict[str, Any], redraw: bool
 ) -> Result:
     """Make the stages that ``options`` ask for, then the report where it is not the one that stands there."""
     from . import report
 
-    plan, target, until = chain.plan, folder / "result.json", options["until"]
-    asked, scene = scene, chain.scene  # flown without its air at rung none, fed by its funnel
+    plan, target, until = pipeline.plan, folder / "result.json", options["until"]
+    asked, scene = scene, pipeline.scene  # flown without its air at rung none, fed by its funnel
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
     table: dict[str, Any] = {
         "schema": SCHEMA,
@@ -142,32 +142,32 @@ def _run(
     tracked: Tracked | None = None
     if scene.air is not None and until != "funnel":
         if until not in ("mesh", "airflow") and plan.rung != "analytic":
-            chain.compile_beside()
-        table["mesh"] = chain.mesh_quality
+            pipeline.compile_beside()
+        table["mesh"] = pipeline.mesh_quality
         if until != "mesh":
-            table["airflow"] = chain.airflow
-            table["airflow"]["grids"] = airflow_on_grids(chain)
+            table["airflow"] = pipeline.airflow
+            table["airflow"]["grids"] = airflow_on_grids(pipeline)
             table["airflow"]["momentum"] = _momentum(scene, table["airflow"]) if scene.body else None
     if until not in ("funnel", "mesh", "airflow"):
-        tracked = chain.tracks()
+        tracked = pipeline.tracks()
         if table["airflow"] is not None:
-            table["airflow"]["divergence"] = chain.divergence
-            table["airflow"]["truncation"] = chain.truncation
+            table["airflow"]["divergence"] = pipeline.divergence
+            table["airflow"]["truncation"] = pipeline.truncation
         table["fates"] = tracked.fates
         table["met_by_law"] = tracked.injected
         table["impact"] = impact_loads(scene, plan)
     if tracked is not None and until is None:
         table["separation"] = separate(scene, tracked.landings)
-        others = fly_companions(chain, tracked)
+        others = fly_companions(pipeline, tracked)
         table["bracket"] = None if others.airflows is None else others.airflows.table(list(scene.bin))
-        table["budget"] = make_budget(chain, tracked, table["separation"], others)
-    table["warnings"] = plan.warnings + _notices(scene, chain, table, tracked)
+        table["budget"] = make_budget(pipeline, tracked, table["separation"], others)
+    table["warnings"] = plan.warnings + _notices(scene, pipeline, table, tracked)
     table["warnings"] += together(table.get("budget", []), plan.target_error)
-    table["seconds"] = chain.seconds
+    table["seconds"] = pipeline.seconds
     table["versions"] = _versions()
     code = digest_files([Path(__file__).parent])
     made_for = (asked.tables(), order, plan.summary(), options)
-    table["key"] = content_key(*made_for, chain.tracks_key if tracked else None, _versions(), code)
+    table["key"] = content_key(*made_for, pipeline.tracks_key if tracked else None, _versions(), code)
     stands = _key_of(target) == table["key"]
     if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
         target.unlink(missing_ok=True)
@@ -176,7 +176,7 @@ def _run(
     if tracked is not None:
         _save_granules(folder / "granules.npz", scene, tracked)
         if until is None and (redraw or not stands or not report.is_whole(folder, scene.picture)):
-            _report(scene, chain, tracked, table, folder)
+            _report(scene, pipeline, tracked, table, folder)
         table["pictures"] = report.pictures_of(folder)
     elif until == "funnel" and poured is not None:
         report.draw_discharge(folder / "figures" / "discharge.png", poured)
@@ -184,10 +184,10 @@ def _run(
     return Result(folder, table)
 
 
-def _report(scene: Scene, chain: Chain, tracked: Tracked, table: dict[str, Any], folder: Path) -> None:
+def _report(scene: Scene, pipeline: Pipeline, tracked: Tracked, table: dict[str, Any], folder: Path) -> None:
     from .report import write_report
 
-    chain.listener("report", "drawing")
+    pipeline.listener("report", "drawing")
     landings = {
         name: {
             "x": landing.position[:, 0],
@@ -197,10 +197,10 @@ def _report(scene: Scene, chain: Chain, tracked: Tracked, table: dict[str, Any],
         }
         for name, landing in tracked.landings.items()
     }
-    flow = None if scene.air is None else chain.field[1]
-    shown = {name: chain.shown(picture) for name, picture in scene.picture.items()}
+    flow = None if scene.air is None else pipeline.field[1]
+    shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
     write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table, shown))
-    chain.listener("report", "done")
+    pipeline.listener("report", "done")
 
 
 def report_again(folder: Path | str) -> Path:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ..scene import Picture
     from .landings import Tracked
 
-__all__ = ["Chain", "Companion", "Listener", "silent"]
+__all__ = ["Companion", "Listener", "Pipeline", "silent"]
 
 Listener = Callable[[str, str], None]  # (stage, text)
 # What computes each stage: its key covers these modules and everything that they import.
@@ -47,7 +47,7 @@ CODE = {
     "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.field",),
     "duct": ("wakeflow.pipeline.analytic",),
-    "tracks": ("wakeflow.pipeline.tracks",),
+    "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
 }
 
 
@@ -69,7 +69,7 @@ class Companion:
 
 
 @dataclass
-class Chain:
+class Pipeline:
     """The stages of one scene under one plan; each is made at most once and comes from the cache where it can.
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
@@ -173,12 +173,12 @@ class Chain:
         return key, self._stage("airflow", key, work)
 
     @cached_property
-    def draft(self) -> Chain:
+    def draft(self) -> Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
         plan = make_plan(self.scene, rung="draft", force=self.plan.force, target_error=self.plan.target_error)
         return replace(self, plan=plan, grid=0, label=f"{self.label}draft ")
 
-    def on_grid(self, grid: int) -> Chain:
+    def on_grid(self, grid: int) -> Pipeline:
         """The same scene on another of the plan's grids."""
         scale = self.plan.airflow.scales[grid]
         return self if grid == self.grid else replace(self, grid=grid, label=f"{self.label}grid x {scale:.2g} ")
@@ -258,7 +258,8 @@ class Chain:
 
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
-        from . import tracks
+        from .landings import load
+        from .tracks import Flight
 
         change = companion or Companion("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
@@ -268,15 +269,16 @@ class Chain:
         if flow is not None and flow.times is not None and change.blend != 1.0:
             flow = flow.blended(change.blend)
         tell = partial(self._tell, change.name)
-        flights = tracks.Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
+        flights = Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
         if self.plan.flown_by == "tracker" and "compile" not in self.seconds and not self.store.holds(change.name, key):
             self._warm_up()
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
-        return tracks.load(folder, self.scene)
+        return load(folder, self.scene)
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        from . import tracks
+        from .landings import load_drawn
+        from .tracks import Flight
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
         if flown is None:
@@ -284,9 +286,9 @@ class Chain:
         key = content_key(self.tracks_key, self.scene.numerics.tolerance, names, flown)
         flow = None if self.scene.air is None else self.field[1]
         tell = partial(self._tell, "shown")
-        flights = tracks.Flight(self.scene, self.plan, flow, self.scene.numerics.tolerance, self.workers, tell)
+        flights = Flight(self.scene, self.plan, flow, self.scene.numerics.tolerance, self.workers, tell)
         folder = self._stage("shown", key, lambda part: flights.fly_shown(part, names, *flown))
-        return {name: tracks.load_drawn(folder / f"{name}.drawn.npz") for name in names}
+        return {name: load_drawn(folder / f"{name}.drawn.npz") for name in names}
 
     def compile_beside(self) -> None:
         """Have the tracker compiled into its cache by another process, while this one waits for OpenFOAM."""
@@ -295,13 +297,13 @@ class Chain:
             self._compiling[0].start()
 
     def _warm_up(self) -> None:
-        from . import tracks
+        from .tracks import compile_tracker
 
         started = time.monotonic()
         self._tell("compile", "the tracker is compiled, once for each version of it")
         for child in self._compiling:
             child.join()
-        tracks.compile_tracker()
+        compile_tracker()
         self.seconds["compile"] = {"seconds": time.monotonic() - started, "cached": False}
 
     # -- cache ---------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
-from ..pipeline.pipeline import Chain
+from ..pipeline.pipeline import Pipeline
 from ..planning.airflow import SHEDDING_ABOVE
 from ..planning.plan import LeftOut, Plan
 from ..planning.terms import TYPICAL
@@ -64,39 +64,41 @@ class Companions:
     grids: Comparison | None
 
 
-def fly_companions(chain: Chain, tracked: Tracked) -> Companions:
+def fly_companions(pipeline: Pipeline, tracked: Tracked) -> Companions:
     """Run the comparisons, or read them from the cache."""
-    finer, seconds = finer_steps(chain)
-    spent = chain.seconds["tracks"]["seconds"]
-    return Companions(finer, seconds, spent, airflows(chain, tracked), grids(chain, tracked))
+    finer, seconds = finer_steps(pipeline)
+    spent = pipeline.seconds["tracks"]["seconds"]
+    return Companions(finer, seconds, spent, airflows(pipeline, tracked), grids(pipeline, tracked))
 
 
-def make_budget(chain: Chain, tracked: Tracked, separation: dict[str, Any], others: Companions) -> list[dict[str, Any]]:
+def make_budget(
+    pipeline: Pipeline, tracked: Tracked, separation: dict[str, Any], others: Companions
+) -> list[dict[str, Any]]:
     """Rows ``{quantity, parts, total}``: shares of every fraction and bin that got any, then landing places.
 
     Errors of shares are absolute; a row with a ``unit`` states its errors in that unit. The error of a landing place is
     the 95th percentile over the granules of how far the companion run moves them. A part that stands for a left-out
     term has a ``note`` and a ``kind``: left-out (small enough for the accuracy asked for) or not-computed.
     """
-    total = {"error": None, "seconds": sum(spent["seconds"] for spent in chain.seconds.values())}
+    total = {"error": None, "seconds": sum(spent["seconds"] for spent in pipeline.seconds.values())}
     rows, places = [], []
     for name, shares in separation["fractions"].items():
         landing, same, fine = tracked.landings[name], compared(tracked.landings[name]), others.finer.landings[name]
         integration = {"source": "integration", "seconds": others.seconds, "how": "companion"}
         changed = {**integration, "error": _changed(same.bin, fine.bin)}
-        terms = left_out_terms(chain.scene, chain.plan, name, landing)
+        terms = left_out_terms(pipeline.scene, pipeline.plan, name, landing)
         for number, (place, share) in enumerate(shares.items()):
-            parts = list(_airflow_parts(chain, others, name, number))
+            parts = list(_airflow_parts(pipeline, others, name, number))
             if share["share"] == 0.0 and not any(part["error"] for part in parts):
                 continue
             half = 0.5 * (share["high"] - share["low"])
             sampling = {"source": "sampling", "error": half, "seconds": others.tracks, "how": "measured"}
             parts = [sampling, changed, *terms[place], *parts, _unknown("impact-parameters")]
             rows.append({"quantity": f"share.{name}.{place}", "parts": parts, "total": dict(total)})
-        shift = np.linalg.norm(same.position - fine.position, axis=1) / chain.scene.width
+        shift = np.linalg.norm(same.position - fine.position, axis=1) / pipeline.scene.width
         parts = [{**integration, "error": float(np.percentile(shift, 95))}]
         cost = {"error": None, "seconds": others.tracks + others.seconds}
-        places.append({"quantity": f"landing.{name}", "unit": chain.scene.unit, "parts": parts, "total": cost})
+        places.append({"quantity": f"landing.{name}", "unit": pipeline.scene.unit, "parts": parts, "total": cost})
     return rows + places
 
 
@@ -104,11 +106,11 @@ def _unknown(source: str) -> dict[str, Any]:
     return {"source": source, "error": None, "seconds": 0.0, "how": "unknown"}
 
 
-def _airflow_parts(chain: Chain, others: Companions, name: str, place: int) -> Iterator[dict[str, Any]]:
+def _airflow_parts(pipeline: Pipeline, others: Companions, name: str, place: int) -> Iterator[dict[str, Any]]:
     """What the airflow contributes to the error of a share: its mesh, its model, its finite sample of the shedding."""
-    if chain.scene.air is None:
+    if pipeline.scene.air is None:
         return
-    if chain.plan.rung == "analytic":  # nothing is solved; how far a real duct's air is from it nobody says
+    if pipeline.plan.rung == "analytic":  # nothing is solved; how far a real duct's air is from it nobody says
         yield _unknown("airflow-model")
         return
     if others.grids is None:
@@ -117,16 +119,16 @@ def _airflow_parts(chain: Chain, others: Companions, name: str, place: int) -> I
         found = mesh_error(others.grids, name, place)
         half = max(found.high - found.value, found.value - found.low)
         yield {"source": "mesh", "error": half, "seconds": others.grids.seconds, "how": "companion", "note": found.why}
-    how = chain.plan.airflow
+    how = pipeline.plan.airflow
     if others.airflows is not None:
-        yield from _model_parts(chain, others.airflows, name, place)
-    elif how.rung == "given" or (how.stepping == "steady" and (chain.scene.reynolds or 0.0) >= SHEDDING_ABOVE):
+        yield from _model_parts(pipeline, others.airflows, name, place)
+    elif how.rung == "given" or (how.stepping == "steady" and (pipeline.scene.reynolds or 0.0) >= SHEDDING_ABOVE):
         yield _unknown("airflow-model")
-    if others.airflows is None and chain.airflow["period"] is not None:
+    if others.airflows is None and pipeline.airflow["period"] is not None:
         yield _unknown("airflow-statistics")
 
 
-def _model_parts(chain: Chain, compared_: Comparison, name: str, place: int) -> Iterator[dict[str, Any]]:
+def _model_parts(pipeline: Pipeline, compared_: Comparison, name: str, place: int) -> Iterator[dict[str, Any]]:
     """The airflow's model: the farthest of the steady wake, the mean wake and half of the fluctuation. Its statistics:
     what the whole fluctuation changes more than half of it, per relative error of its strength.
     """
@@ -137,7 +139,7 @@ def _model_parts(chain: Chain, compared_: Comparison, name: str, place: int) -> 
         "source": "airflow-model", "error": abs(moved[which]), "seconds": compared_.seconds, "how": "companion",
         "note": note,
     }  # fmt: skip
-    strength = chain.airflow["cl_rms"]
+    strength = pipeline.airflow["cl_rms"]
     relative = 0.5 * (strength["high"] - strength["low"]) / max(strength["value"], 1e-12)
     note = f"strength of the fluctuation (Cl rms) known within {100 * relative:.2g} %"
     yield {

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
-from ..pipeline.pipeline import Chain, Companion
+from ..pipeline.pipeline import Companion, Pipeline
 from ..planning.plan import COMPARED
 from ..scene import RESERVED_BIN
 from .grid_convergence import GridEstimate, estimate
@@ -66,45 +66,45 @@ def compared(landing: Landings) -> Landings:
     return replace(landing, **{name: values[kept] for name, values in vars(landing).items()})
 
 
-def _shares(chain: Chain, tracked: Tracked) -> Shares:
+def _shares(pipeline: Pipeline, tracked: Tracked) -> Shares:
     landings: Mapping[str, Landings] = tracked.landings
-    return {name: compared(landings[name]).counts(len(chain.scene.bin)) for name in landings}
+    return {name: compared(landings[name]).counts(len(pipeline.scene.bin)) for name in landings}
 
 
-def finer_steps(chain: Chain) -> tuple[Tracked, float]:
+def finer_steps(pipeline: Pipeline) -> tuple[Tracked, float]:
     """The same granules at a hundredth of the tolerance, and the run time (s)."""
-    finer = Companion("companion", tolerance=FINER * chain.scene.numerics.tolerance)
-    return chain.tracks(finer), chain.seconds[f"{chain.label}companion"]["seconds"]
+    finer = Companion("companion", tolerance=FINER * pipeline.scene.numerics.tolerance)
+    return pipeline.tracks(finer), pipeline.seconds[f"{pipeline.label}companion"]["seconds"]
 
 
-def airflows(chain: Chain, tracked: Tracked) -> Comparison | None:
+def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison | None:
     """The ends between which the truth lies, and what is between: steady wake, mean wake, half of the fluctuation, all
     of it. None where the computed airflow is the flow itself, or is the steady end.
     """
-    if not chain.plan.airflow.brackets or chain.field[1].times is None:
+    if not pipeline.plan.airflow.brackets or pipeline.field[1].times is None:
         return None
-    others: list[tuple[str, Chain, Companion]] = [
-        (STEADY, chain.draft, Companion("steady wake")),
-        (MEAN, chain, Companion("mean wake", blend=0.0)),
-        (HALVED, chain, Companion("half fluctuation", blend=HALF)),
+    others: list[tuple[str, Pipeline, Companion]] = [
+        (STEADY, pipeline.draft, Companion("steady wake")),
+        (MEAN, pipeline, Companion("mean wake", blend=0.0)),
+        (HALVED, pipeline, Companion("half fluctuation", blend=HALF)),
     ]
     shares, seconds = {}, 0.0
     for name, where, change in others:
-        shares[name] = _shares(chain, where.tracks(change))
+        shares[name] = _shares(pipeline, where.tracks(change))
         seconds += where.seconds[where.label + change.name]["seconds"]
-    return Comparison({**shares, COMPUTED: _shares(chain, tracked)}, seconds)
+    return Comparison({**shares, COMPUTED: _shares(pipeline, tracked)}, seconds)
 
 
-def grids(chain: Chain, tracked: Tracked) -> Comparison | None:
+def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison | None:
     """The same granules in the airflow on every grid of the plan, by its cells; None where the plan has one."""
-    own, *others = (chain.on_grid(i) for i in range(len(chain.plan.airflow.scales)))
+    own, *others = (pipeline.on_grid(i) for i in range(len(pipeline.plan.airflow.scales)))
     if not others:
         return None
     shares, seconds = {}, 0.0
     for other in others:
-        shares[str(other.airflow["cells"])] = _shares(chain, other.tracks(Companion("tracks")))
+        shares[str(other.airflow["cells"])] = _shares(pipeline, other.tracks(Companion("tracks")))
         seconds += sum(other.seconds[other.label + stage]["seconds"] for stage in ("airflow", "tracks"))
-    return Comparison({**shares, str(own.airflow["cells"]): _shares(chain, tracked)}, seconds)
+    return Comparison({**shares, str(own.airflow["cells"]): _shares(pipeline, tracked)}, seconds)
 
 
 def mesh_error(comparison: Comparison, name: str, place: int) -> GridEstimate:
@@ -117,11 +117,11 @@ def mesh_error(comparison: Comparison, name: str, place: int) -> GridEstimate:
     return estimate(sizes, [float(v.mean()) for v in values], noise)
 
 
-def airflow_on_grids(chain: Chain) -> list[dict[str, Any]] | None:
+def airflow_on_grids(pipeline: Pipeline) -> list[dict[str, Any]] | None:
     """Cd, base pressure and reversal length with their mesh error, and what each grid gave; None with one grid."""
-    if len(chain.plan.airflow.scales) < 2:
+    if len(pipeline.plan.airflow.scales) < 2:
         return None
-    found = [chain.on_grid(i).airflow for i in range(len(chain.plan.airflow.scales))]
+    found = [pipeline.on_grid(i).airflow for i in range(len(pipeline.plan.airflow.scales))]
     sizes = [row["cells"] ** -0.5 for row in found]
     measured = {name: [row[name] for row in found] for name in ("cd", "cp_base")}
     table = {

@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..funnel import notices
-from ..pipeline.pipeline import Chain
+from ..pipeline.pipeline import Pipeline
 from ..scene import Scene
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
 
-def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
+def _notices(scene: Scene, pipeline: Pipeline, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
     """What a user must know of the airflow and of how the tracks ended."""
-    solved = table["airflow"] is not None and chain.plan.rung != "analytic"
-    lines = _airflow_notices(scene, chain, table["airflow"]) if solved else []
+    solved = table["airflow"] is not None and pipeline.plan.rung != "analytic"
+    lines = _airflow_notices(scene, pipeline, table["airflow"]) if solved else []
     lines += [] if table["funnel"] is None else notices(table["funnel"])
     for name, met in ({} if tracked is None else tracked.injected).items():
         count = len(tracked.landings[name].bin) if tracked else 0
-        if chain.plan.fractions[name].mode == "injected" and met < count:
+        if pipeline.plan.fractions[name].mode == "injected" and met < count:
             lines.append(
                 f"{name}: {count - met} of {count} granules fall beside the body or the air carries them round it; "
                 "they are released above it, their impacts resolved"
@@ -36,7 +36,7 @@ def _notices(scene: Scene, chain: Chain, table: dict[str, Any], tracked: Tracked
     return lines
 
 
-def _airflow_notices(scene: Scene, chain: Chain, airflow: dict[str, Any]) -> list[str]:
+def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: dict[str, Any]) -> list[str]:
     from ..foam.failure import Attempt
     from ..foam.ladder import warning
 
@@ -59,7 +59,7 @@ def _airflow_notices(scene: Scene, chain: Chain, airflow: dict[str, Any]) -> lis
             "the suction zone (Cp < -0.5) spans the channel, since the body narrows it; the reversed flow behind the "
             f"body is {1e3 * suction['reversal_length']:.3g} mm long"
         )
-    channel, spec = scene.channel, chain.mesh_spec
+    channel, spec = scene.channel, pipeline.mesh_spec
     if spec.top > channel.top + 1e-9 or spec.bottom < channel.bottom - 1e-9:
         lines.append(
             f"the air is computed in a longer channel, y from {spec.bottom:.3g} to {spec.top:.3g} m, so that inlet "

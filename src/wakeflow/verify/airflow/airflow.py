@@ -15,7 +15,7 @@ from ...core.errors import FoamError, MeshError, SceneError
 from ...core.files import atomic_write, write_json
 from ...core.resources import verification_scenes
 from ...laws.momentum import momentum_pressure
-from ...pipeline.pipeline import Chain
+from ...pipeline.pipeline import Pipeline
 from ...planning.make import make_plan
 from ...results.grid_convergence import GridEstimate, cell_size, estimate
 from ...scene import Scene
@@ -137,8 +137,8 @@ def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str
     """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
     changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
     plan = make_plan(changed, rung=rung)
-    chain = Chain(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
-    return plan.rung, measured(chain)
+    pipeline = Pipeline(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
+    return plan.rung, measured(pipeline)
 
 
 def grid_study(airflows: Sequence[Measured], names: Sequence[str], scene: Scene) -> dict[str, GridEstimate]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...core.registry import Registry
 from ...foam.cost import core_seconds
-from ...pipeline.pipeline import Chain
+from ...pipeline.pipeline import Pipeline
 
 __all__ = ["Measured", "Number", "Quantity", "measured", "quantities"]
 
@@ -77,10 +77,10 @@ class Quantity:
 quantities: Registry[Quantity] = Registry("quantity")
 
 
-def measured(chain: Chain) -> Measured:
+def measured(pipeline: Pipeline) -> Measured:
     """The airflow of a scene, solved or from the cache."""
-    start = chain.draft.solution[1] / "case" if chain.plan.airflow.stepping == "time-resolved" else None
-    return Measured(chain.airflow, chain.solution[1] / "case", chain.scene.width, start)
+    start = pipeline.draft.solution[1] / "case" if pipeline.plan.airflow.stepping == "time-resolved" else None
+    return Measured(pipeline.airflow, pipeline.solution[1] / "case", pipeline.scene.width, start)
 
 
 def _number(entry: Any, scale: float = 1.0) -> Number | None:

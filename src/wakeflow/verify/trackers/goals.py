@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...core.errors import ProgramError
 from ...core.process import run
 from ...injection.feed import feedstock
-from ...pipeline.pipeline import Chain
+from ...pipeline.pipeline import Pipeline
 from ...pipeline.tracks import Flight
 from ...scene import Scene
 from ...tracking import Granules
@@ -39,11 +39,11 @@ from pathlib import Path
 from wakeflow.pipeline.tracks import Flight, compile_tracker
 from wakeflow.verify.trackers.subjects import shipped
 from wakeflow.planning.make import make_plan
-scene, _, chain = shipped(lambda stage, text: None)
+scene, _, pipeline = shipped(lambda stage, text: None)
 wheat = {**scene.tables()["fraction"]["wheat"], "mass_share": 1.0}
 scene = scene.replace({"feed.count": int(sys.argv[1]), "fraction": {"wheat": wheat}})
 plan = make_plan(scene, rung="draft").with_forces(("drag", "gravity", "buoyancy"))
-flight = Flight(scene, plan, chain.field[1], scene.numerics.tolerance)
+flight = Flight(scene, plan, pipeline.field[1], scene.numerics.tolerance)
 compile_tracker()
 begun = time.perf_counter()
 with tempfile.TemporaryDirectory() as folder:
@@ -55,11 +55,11 @@ CROWD_COUNT = 10_000_000
 Goal = dict[str, Any]
 
 
-def judge(rows: Sequence[Row], scene: Scene, chain: Chain, slow: bool, tell: Callable[[str], None]) -> list[Goal]:
+def judge(rows: Sequence[Row], scene: Scene, pipeline: Pipeline, slow: bool, tell: Callable[[str], None]) -> list[Goal]:
     """Every goal: what was wanted, what was measured, whether it is met."""
     found = _ratios(rows)
     tell("flights of the shipped case")
-    found += _shipped_flights(scene, chain)
+    found += _shipped_flights(scene, pipeline)
     found.append(_rate(rows))
     tell("first and second start")
     found += _starts()
@@ -114,22 +114,22 @@ def _number(value: float | None) -> str:
     return "not reached" if value is None else f"{value:.3g}"
 
 
-def _shipped_flights(scene: Scene, chain: Chain) -> list[Goal]:
+def _shipped_flights(scene: Scene, pipeline: Pipeline) -> list[Goal]:
     """The scene as it is shipped: its own field, laws, walls, tolerance; with the forces of its plan, and with few."""
-    field = chain.field[1]
+    field = pipeline.field[1]
     wave = travelling_wave(field, SPEED, scene.width)
-    calm = chain.plan.with_forces(CALM)  # the wave has no pressure of its own
+    calm = pipeline.plan.with_forces(CALM)  # the wave has no pressure of its own
     found, total, waving = [], np.zeros(2), np.zeros(2)
     for name in scene.fraction:
-        grains = feedstock(scene, chain.plan, name, None).granules[::2]
-        flight = Flight(scene, chain.plan, field, scene.numerics.tolerance)
+        grains = feedstock(scene, pipeline.plan, name, None).granules[::2]
+        flight = Flight(scene, pipeline.plan, field, scene.numerics.tolerance)
 
         def cost(how: Flight, name: str = name, grains: Granules = grains) -> NDArray[np.float64]:
             return np.array(timed(lambda: how.fly(name, grains))) / len(grains)
 
         still = replace(flight, plan=calm)
         steady = cost(still)
-        for (wall, cpu), forces in ((steady, CALM), (cost(flight), chain.plan.fractions[name].forces)):
+        for (wall, cpu), forces in ((steady, CALM), (cost(flight), pipeline.plan.fractions[name].forces)):
             what = f"{name} of the shipped case: a granule's flight"
             note = f"{1e6 * cpu:.3g} us of processor time; {', '.join(forces)}"
             found.append(_goal(what, "< 20", 1e6 * float(wall), "us", bool(wall < 20e-6), note))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ...core.files import write_json
 from ...field import FlowField
-from ...pipeline.pipeline import Chain
+from ...pipeline.pipeline import Pipeline
 from ...results.separation import interval
 from ...scene import RESERVED_BIN, Scene
 from ...tracking import Tracks, track
@@ -69,8 +69,8 @@ def run_shares(folder: Path, *, slow: bool = False, tell: Tell = lambda text: No
 
     ``slow``: eight times as many granules. Raises FoamError when OpenFOAM is not installed.
     """
-    scene, _, chain = shipped(lambda stage, text: tell(f"{stage}: {text}"))
-    rows, met = compare(scene, chain, SLOW if slow else COUNT, tell)
+    scene, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"))
+    rows, met = compare(scene, pipeline, SLOW if slow else COUNT, tell)
     report: dict[str, Any] = {
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         "granules": SLOW if slow else COUNT,
@@ -83,15 +83,15 @@ def run_shares(folder: Path, *, slow: bool = False, tell: Tell = lambda text: No
 
 
 def compare(
-    scene: Scene, chain: Chain, count: int, tell: Tell = lambda text: None
+    scene: Scene, pipeline: Pipeline, count: int, tell: Tell = lambda text: None
 ) -> tuple[list[BinRow], dict[str, float]]:
     """Rows for every fraction and bin of ``scene`` in its steady airflow, and the share of each that meets walls."""
     rows: list[BinRow] = []
     met: dict[str, float] = {}
-    own = chain.field[1]
+    own = pipeline.field[1]
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
         tell("meshing the channel for OpenFOAM's parcels")
-        carrier = make_carrier(own, chain.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
+        carrier = make_carrier(own, pipeline.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
         for name, (fraction, changes) in FRACTIONS.items():
             tell(f"{name}: ours")
             case = subject(name, "steady", scene, carrier.field, count, (fraction, changes))

@@ -17,7 +17,7 @@ from ...core.resources import scene_templates
 from ...field import FlowField
 from ...injection.feed import feedstock
 from ...injection.first_contact import motion_of
-from ...pipeline.pipeline import Chain, Listener
+from ...pipeline.pipeline import Listener, Pipeline
 from ...planning.make import make_plan
 from ...planning.plan import Plan
 from ...scene import Scene
@@ -55,11 +55,11 @@ class Subject:
         return self.grains[np.linspace(0, len(self.grains) - 1, min(count, len(self.grains))).astype(int)]
 
 
-def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Chain]:
+def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Pipeline]:
     """The shipped scene, its plan and the stages that make its airflow (from the cache where they are there)."""
     scene = Scene.load(scene_templates()["rhombus"])
     plan = make_plan(scene, rung=rung)
-    return scene, plan, Chain(scene, plan, listener)
+    return scene, plan, Pipeline(scene, plan, listener)
 
 
 def subject(

@@ -46,11 +46,13 @@ def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
     ``slow``: a computed time-resolved wake besides the synthetic one, more and finer settings, 1e7 granules. Raises
     FoamError when OpenFOAM is not installed.
     """
-    scene, _, chain = shipped(lambda stage, text: tell(f"{stage}: {text}"))
+    scene, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"))
     rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
         tell("meshing the channel for everybody")
-        carrier = make_carrier(chain.field[1], chain.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
+        carrier = make_carrier(
+            pipeline.field[1], pipeline.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room)
+        )
         for kind in KINDS:
             case = subject(kind, "steady", scene, carrier.field, COUNT)
             rows += _steady(case, carrier, Path(room, "run"), slow, tell)
@@ -66,7 +68,7 @@ def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
         "load": os.getloadavg()[0],
         "triangles": len(carrier.field.triangles),
         "rows": [asdict(row) | {"evaluation_rate": row.evaluation_rate} for row in rows],
-        "goals": goals.judge(rows, scene, chain, slow, tell),
+        "goals": goals.judge(rows, scene, pipeline, slow, tell),
     }
     write_json(folder / "tracker.json", json.loads(json.dumps(report)))
     from ...report.work_precision import draw
@@ -80,8 +82,8 @@ def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
 
 def _shedding(scene: Scene, carrier: Carrier, tell: Tell) -> list[Row]:
     """The computed time-resolved wake of rung ``standard``, on everybody's mesh; minutes of OpenFOAM."""
-    _, _, chain = shipped(lambda stage, text: tell(f"{stage}: {text}"), rung="standard")
-    field = resampled(chain.field[1], carrier.field)
+    _, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"), rung="standard")
+    field = resampled(pipeline.field[1], carrier.field)
     rows = []
     for kind in KINDS:
         rows += _ours_and_explicit(subject(kind, "vortex shedding", scene, field, COUNT), True, tell)[1]
