@@ -172,7 +172,7 @@ def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
 
 
 def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     done = subprocess.run(
         [sys.executable, root / "cases" / "printed_form.py"], capture_output=True, text=True, check=True
     )

@@ -20,7 +20,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 WIDTH = 0.04
 TABLE = {"positions": [-0.02, 0.0, 0.01], "weights": [0.0, 2.0, 1.0]}
 PARAMETERS: dict[str, dict[str, Any]] = {"table": TABLE, "normal": {"std": 0.008}}

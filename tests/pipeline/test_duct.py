@@ -28,7 +28,7 @@ LIGHT, HEAVY = 0, 1  # the scene's bins
 
 @pytest.fixture(scope="module")
 def aspirator() -> Scene:
-    return Scene.load(Path(__file__).parents[1] / "cases" / "aspirator.toml", {"feed.count": 1024})
+    return Scene.load(Path(__file__).parents[2] / "cases" / "aspirator.toml", {"feed.count": 1024})
 
 
 def flown(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

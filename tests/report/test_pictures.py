@@ -24,7 +24,7 @@ from wakeflow.report.pictures.paths import Path2D, displacement
 from wakeflow.scene import Scene, picture_tables
 
 GRAVITY = 9.81
-PAPER = Path(__file__).parents[1] / "cases" / "paper"
+PAPER = Path(__file__).parents[2] / "cases" / "paper"
 COARSE: dict[str, Any] = {"feed.count": 1024}
 AIR = {**COARSE, "numerics.mesh_scale": 3.0, "fraction.dust.size": "40 um"}
 SCENES = [

@@ -36,7 +36,7 @@ from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate, Granules, Tracks
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 FRACTIONS = ("dust", "chaff", "wheat")
 COMPUTED = [name for name in forces if forces[name].computed and name in bounds]
 IDLE = 30.0  # how many times what it bounds a bound may be

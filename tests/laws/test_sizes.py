@@ -24,7 +24,7 @@ PARAMETERS = {
     "rosin-rammler": {"scale": 4e-5, "spread": 1.4},
     "table": SIEVES,
 }
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 EVENLY = (np.arange(200_000) + 0.5) / 200_000
 
 

@@ -18,7 +18,7 @@ from wakeflow.planning.make import TURNING, make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, track
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 # K: efficiency of points on a cylinder in ideal flow, trajectories by LSODA with 1e-10 from 50 radii upstream
 EXACT = {0.196: 0.01215, 0.256: 0.04269, 0.4: 0.12999, 0.9: 0.35172, 3.6: 0.71295, 19.6: 0.92896}
 SHAPES = {"circle": {"depth": 0.025}, "wedge": {"depth": 0.03}}
