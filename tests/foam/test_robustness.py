@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 import robustness
+
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.resources import case_template
 from wakeflow.foam import case as case_module

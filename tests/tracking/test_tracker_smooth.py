@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-
 from test_tracker import DENSITY, VISCOSITY, field_of, mesh, with_tau
+
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
