@@ -90,5 +90,5 @@ def test_a_name_that_is_no_module_is_refused() -> None:
 
 def test_names_of_a_package_lead_to_their_modules_only() -> None:
     assert "wakeflow.field.flow" in sources.closure("wakeflow.field")
-    assert "wakeflow.foam.solve" not in sources.closure("wakeflow.foam.read")
+    assert "wakeflow.foam.solver" not in sources.closure("wakeflow.foam.read")
     assert Path(wakeflow.__file__).parent == sources.ROOT

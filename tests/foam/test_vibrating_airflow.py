@@ -19,9 +19,10 @@ from wakeflow.field import FlowField
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import CD, CL, read_table
+from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
-from wakeflow.foam.solve import _drop_broken_times, prepare
+from wakeflow.foam.solver import drop_broken_times
 from wakeflow.foam.start import _write_internal
 from wakeflow.foam.time_resolved import best_loop
 from wakeflow.foam.vibration import Vibration, repeats
@@ -50,7 +51,7 @@ def forces(spec: FlowSpec, folder: Path, end: float, step: float, change: Callab
     build_mesh(spec.mesh, folder)
     case = folder / "case"
     case.mkdir()
-    prepare(spec, folder / "mesh.msh", case)
+    prepare_case(spec, folder / "mesh.msh", case)
     if change:
         change(case)
     values = {"endTime": end, "deltaT": step, "maxDeltaT": step, "writeControl": "adjustableRunTime"}
@@ -251,7 +252,7 @@ class TestLoop:
         for name in (last.name, "1000"):
             shutil.copytree(last, copy / name)
         (copy / "1000" / "polyMesh" / "points").unlink()
-        _drop_broken_times(copy)
+        drop_broken_times(copy)
         assert [path.name for path in time_folders(copy)] == [last.name]
 
 

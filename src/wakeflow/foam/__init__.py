@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from .airflow import AirflowResult, solve_airflow
     from .case import FlowSpec, Stream
     from .read import read_flow
-    from .solve import Progress
+    from .watch import Progress
 
 _HOMES = {
     "AirflowResult": "airflow",
     "FlowSpec": "case",
-    "Progress": "solve",
+    "Progress": "watch",
     "Stream": "case",
     "read_flow": "read",
     "solve_airflow": "airflow",

@@ -12,9 +12,11 @@ from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start
 from .measure import AirflowResult, measure
+from .prepare import MeshCheck, prepare_case
 from .sanity import check_airflow, check_finite
-from .solve import Listener, MeshCheck, prepare, run_steady
+from .steady import run_steady
 from .time_resolved import run_time_resolved
+from .watch import Listener
 
 __all__ = ["AirflowResult", "solve_airflow"]
 
@@ -44,7 +46,7 @@ def solve_airflow(
         folder.mkdir(parents=True, exist_ok=True)
 
         def solve(how: FlowSpec, first_order: bool) -> AirflowResult:
-            check = prepare(how, msh, folder)
+            check = prepare_case(how, msh, folder)
             if first_order:
                 first_order_start(how, folder, start, listener, timeout)
             return _solve(how, folder, check, log, start, listener, timeout)

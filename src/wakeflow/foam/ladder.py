@@ -16,11 +16,13 @@ from ..core.errors import SceneError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
 from .failure import AirflowFailure, Attempt
+from .prepare import CHECKED
 from .read import LOOP, time_folders
 from .sanity import is_sane
-from .solve import CHECKED, PHASE, SAVE_EVERY, Listener, Watch, solver
+from .solver import PHASE, SAVE_EVERY, run_solver
 from .start import perturb, start_from
 from .time_resolved import RECORDED
+from .watch import Listener, Watch
 
 __all__ = ["LADDER", "climb", "first_order_start", "warning"]
 
@@ -119,7 +121,7 @@ def first_order_start(
         folder, "steady" if steady else "first-order start", listener, lambda rows: bool(rows[-1, 0] >= end),
         expected=end, least_step=0.0 if steady else LEAST_STEP * scale,
     )  # fmt: skip
-    solver(folder, "simpleFoam" if steady else "pimpleFoam", watch, timeout)
+    run_solver(folder, "simpleFoam" if steady else "pimpleFoam", watch, timeout)
     write_parameters(folder, spec.parameters())
     write_json(folder / STARTED, {"end": end})
 

@@ -16,10 +16,11 @@ from ..core.files import write_json
 from .case import FlowSpec, write_parameters
 from .history import Tail
 from .read import LOOP, CaseFields, time_folders
-from .solve import PHASE, SAVE_EVERY, Listener, Watch, solver
+from .solver import PHASE, SAVE_EVERY, run_solver
 from .start import perturb, start_from
 from .statistics import Stopping, cycles, evaluate, is_still
 from .vibration import Vibration
+from .watch import Listener, Watch
 
 __all__ = ["LONGEST", "LOOP_PERIODS", "SNAPSHOTS", "best_loop", "run_time_resolved"]
 
@@ -100,7 +101,7 @@ def _start_up(spec: FlowSpec, folder: Path, listener: Listener, timeout: float |
         "startFrom": "latestTime", "endTime": 2 * LONGEST_START * scale, "deltaT": first,
         "writeControl": "clockTime", "writeInterval": SAVE_EVERY, "purgeWrite": 2,
     })  # fmt: skip
-    solver(folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, finished, 40 * scale), timeout)
+    run_solver(folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, finished, 40 * scale), timeout)
     if spec.vibration is not None:
         _swing_to_middle(spec.vibration, spec, folder, listener, timeout)
 
@@ -118,7 +119,7 @@ def _swing_to_middle(
             "writeInterval": left,
         }
         write_parameters(folder, {"startFrom": "latestTime", **end})
-        solver(
+        run_solver(
             folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, lambda rows: False, now + left), timeout
         )
 
@@ -168,7 +169,7 @@ def _record(
         "purgeWrite": kept,
     })  # fmt: skip
     expected = min(max(40 * scale, least), end)
-    solver(folder, "pimpleFoam", _watch(spec, folder, "recording", listener, finished, expected), timeout)
+    run_solver(folder, "pimpleFoam", _watch(spec, folder, "recording", listener, finished, expected), timeout)
     (folder / RECORDED).touch()
 
 
