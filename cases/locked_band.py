@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from wakeflow.core.files import write_json
 from wakeflow.foam.case import FlowSpec, write_parameters
+from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.read import CaseFields, time_folders
 from wakeflow.foam.solver import run_solver
 from wakeflow.foam.start import perturb, start_from
 from wakeflow.foam.vibration import Vibration, repeats

@@ -27,10 +27,11 @@ from wakeflow.core.resources import case_template
 from wakeflow.core.store import Store
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
+from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import kind_of, upward_crossings
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.read import CaseFields, read_flow, time_folders
+from wakeflow.foam.read import read_flow
 from wakeflow.foam.start import start_from
 from wakeflow.foam.steady import run_steady
 from wakeflow.foam.suction import suction_zone

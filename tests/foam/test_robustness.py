@@ -26,12 +26,12 @@ from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import SETTINGS, FlowSpec, write_case, write_parameters
+from wakeflow.foam.case_fields import time_folders
 from wakeflow.foam.failure import AirflowFailure, Attempt, Cause, diagnose, disk_trouble_named
 from wakeflow.foam.history import read_table
 from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.measure import AirflowResult
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.read import time_folders
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
 from wakeflow.foam.solver import run_solver
 from wakeflow.foam.watch import Progress, Watch

@@ -15,9 +15,10 @@ from typing import TypeVar
 from ..core.errors import SceneError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
+from .case_fields import time_folders
 from .failure import AirflowFailure, Attempt
 from .prepare import CHECKED
-from .read import LOOP, time_folders
+from .read import LOOP
 from .sanity import is_sane
 from .solver import PHASE, SAVE_EVERY, run_solver
 from .start import perturb, start_from

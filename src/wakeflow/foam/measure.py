@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..laws.turbulence_models import NUT
 from .case import FlowSpec, axis_points
+from .case_fields import CaseFields, Snapshot
 from .failure import Attempt
 from .history import CD, Interval, Tail, read_table
-from .read import CaseFields, Snapshot, loop_of, read_flow
+from .read import loop_of, read_flow
 from .reconstruction import PlaneMesh
 from .statistics import evaluate, is_still
 from .steady import WINDOW
@@ -285,7 +287,7 @@ def y_plus(
     velocity = shot.velocity[cell] - shot.velocity_faces[body]
     along = velocity - (velocity * normal).sum(axis=1, keepdims=True) * normal
     effective = np.full(len(cell), nu)
-    if fields.has(time, "nut") and spec.turbulence != "laminar":
-        effective += fields.field(time, "nut")[1][body]
+    if spec.model.turbulent and fields.has(time, NUT.name):
+        effective += fields.field(time, NUT.name)[1][body]
     value = np.sqrt(effective * np.linalg.norm(along, axis=1) / distance) * distance / nu
     return float(value.min()), float(value.max())

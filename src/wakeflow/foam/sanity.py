@@ -17,7 +17,8 @@ solver ended well. With V = the largest mean speed in a gap (:func:`gap_speed`),
   about 13), the lubrication pressure of a gap (96 B^2 / (1 - B)^3 over the bodies' height, B the blocked share) and of
   the channel's own walls (24 L D / W^2); three times their sum.
 - **mass**: inflow less outflow below 1e-3 of the inflow.
-- **turbulence**: k, omega, nut not negative; k at most 2 V^2, the energy of air that consists of fluctuations alone.
+- **turbulence**: the model's fields (k, omega, nut ...) not negative; k at most 2 V^2, the energy of air that consists
+  of fluctuations alone.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from .case import FlowSpec
+from .case_fields import CaseFields, time_folders
 from .failure import AirflowFailure, Cause
 from .measure import AirflowResult
-from .read import CaseFields, time_folders
 
 __all__ = ["Check", "blockage", "check_airflow", "check_finite", "friction", "gap_speed", "is_sane"]
 
@@ -143,12 +144,11 @@ def _field_checks(spec: FlowSpec, fields: CaseFields, time: Path) -> Iterator[Ch
     lowest = head - (SPEED_FACTOR * scale / spec.speed) ** 2 - friction(spec) - pushed
     yield Check("largest Cp", float(pressure.max() - mean) / dynamic, lowest, highest)
     yield Check("least Cp", float(pressure.min() - mean) / dynamic, lowest, highest)
-    if spec.turbulence != "laminar":
-        for name in ("k", "omega", "nut"):
-            values = fields.field(time, name)[0]
-            most = TURBULENCE * scale**2 if name == "k" else np.inf
-            yield Check(f"least {name}", float(values.min()), -ROUNDING * abs(float(values.max())), np.inf)
-            yield Check(f"largest {name}", float(values.max()), 0.0, most)
+    for field in spec.model.fields:
+        values = fields.field(time, field.name)[0]
+        most = TURBULENCE * scale**2 if field.is_energy else np.inf
+        yield Check(f"least {field.name}", float(values.min()), -ROUNDING * abs(float(values.max())), np.inf)
+        yield Check(f"largest {field.name}", float(values.max()), 0.0, most)
 
 
 def is_sane(spec: FlowSpec, folder: Path, time: Path) -> bool:

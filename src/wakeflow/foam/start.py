@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..core.files import atomic_write
 from .case import FlowSpec
+from .case_fields import CaseFields
 from .polymesh import read_polymesh
-from .read import CaseFields
 
 __all__ = ["perturb", "start_from"]
 
@@ -24,8 +24,8 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     uniform.
 
     A half domain is mirrored about x = 0 first. A source written from the template may have another speed, size or
-    direction: lengths scale with the first body's width, U with the inlet speed, p and k with its square, omega with
-    speed over width; a field that it lacks keeps its inlet value. Linear between cell centres, the nearest cell's value
+    direction: lengths scale with the first body's width, U with the inlet speed, p with its square, turbulent fields
+    by their units; a field that it lacks keeps its inlet value. Linear between cell centres, the nearest cell's value
     outside them.
     """
     if source is None:
@@ -36,7 +36,8 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     speed = spec.speed / float(given.get("inletSpeed", spec.speed))
     size = spec.mesh.projected_width / float(given.get("bodyWidth", spec.mesh.projected_width))
     turned = np.sign(float(given.get("flowDirection", f"(0 {spec.along} 0)").strip("()").split()[1]) * spec.along)
-    factors = {"U": speed, "p": speed**2, "k": speed**2, "omega": speed / size}
+    factors = {"U": speed, "p": speed**2}
+    factors |= {field.name: field.rescaled(speed, size) for field in spec.transported}
     target = read_polymesh(folder).plane.centres
     half = "axis" in fields.mesh.plane.patches
     centres = fields.mesh.plane.centres * (size, size * turned)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..core.files import write_json
 from ..core.process import tail
 from .case import FlowSpec, write_parameters
+from .case_fields import time_folders
 from .history import Tail, kind_of, read_vectors
-from .read import time_folders
 from .solver import PHASE, SAVE_EVERY, run_solver
 from .start import start_from
 from .watch import Listener, Watch

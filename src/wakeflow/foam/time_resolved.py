@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
+from .case_fields import CaseFields, time_folders
 from .history import Tail
-from .read import LOOP, CaseFields, time_folders
+from .read import LOOP
 from .solver import PHASE, SAVE_EVERY, run_solver
 from .start import perturb, start_from
 from .statistics import Stopping, cycles, evaluate, is_still
@@ -30,7 +31,6 @@ LOOP_PERIODS = 3  # at least this many in the loop of a periodic wake
 BROADBAND_PERIODS = 6  # the same where periods differ from each other
 SPARE_PERIODS = 3  # more are kept until the run ends, to choose the loop from
 RECORDED = "recorded"  # a file: the solver ended by itself
-KEPT = {"U", "p", "k", "omega"}
 COLLAPSED = 1e-7  # convective times: a time step this short will never arrive
 LONGEST_START = 80.0  # convective times (projected width over speed) before a start-up is given up as irregular
 LONGEST = 300.0  # convective times after which a run ends with what it has, its intervals wider than asked
@@ -198,12 +198,13 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
             table["motion"] = spec.vibration.motion(clock[first])
         write_json(folder / LOOP, {**table, "mismatch": mismatch, "times": names})
     kept = set(json.loads((folder / LOOP).read_text())["times"])
+    read = {"U", "p", *(field.name for field in spec.model.transported)}
     for path in time_folders(folder)[:-1]:  # the last one stays whole: the run can go on from it
         if path.name not in kept:
             shutil.rmtree(path)
             continue
         for member in path.iterdir():
-            if member.name not in KEPT:
+            if member.name not in read:
                 shutil.rmtree(member) if member.is_dir() else member.unlink()
 
 

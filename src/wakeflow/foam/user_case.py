@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.geometry import distance_to
+from ..laws.turbulence_models import NUT
 from .case import FlowSpec, axis_points
+from .case_fields import CaseFields, Snapshot, time_folders
 from .measure import mean_pressure, on_edges, y_plus
-from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
+from .read import loop_of, read_flow
 from .reconstruction import PlaneMesh
 from .suction import suction_zone
 
@@ -216,8 +218,8 @@ def _drag(spec: FlowSpec, fields: CaseFields, folder: Path, shot: Snapshot, wall
     slip = shot.velocity[cell] - shot.velocity_faces[wall]
     away = ((plane.midpoints[wall] - plane.centres[cell]) * normal).sum(axis=1)
     effective = np.full(len(cell), spec.viscosity / spec.density)
-    if fields.has(folder, "nut") and shot.k is not None:
-        effective += fields.field(folder, "nut")[1][wall]
+    if fields.has(folder, NUT.name) and shot.k is not None:
+        effective += fields.field(folder, NUT.name)[1][wall]
     force = ((pressure[:, None] * normal + (effective / away)[:, None] * slip) * length[:, None]).sum(axis=0)
     twice = 2.0 if spec.mesh.half else 1.0
     return float(twice * spec.along * force[1] / (0.5 * spec.speed**2 * spec.mesh.projected_width))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..laws.turbulence_models import USUAL, turbulence_models
 from ..planning.plan import Plan
 from ..scene import Scene
 
@@ -50,7 +51,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         speed=air.speed,
         density=air.density,
         viscosity=air.viscosity,
-        turbulence="laminar" if how.turbulence == "laminar" else "kOmegaSST",
+        turbulence=how.turbulence if how.turbulence in turbulence_models else USUAL,
         stepping=how.stepping or "steady",
         intensity=air.turbulence,
         profile=air.profile,

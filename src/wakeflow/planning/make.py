@@ -96,7 +96,7 @@ def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Fl
     straight = how.impaction is not None and how.impaction.straight and not scene.obstacles
     found = flights(
         scene, name, how.drag, how.drag_scale, straight=straight,
-        turbulent=plan.airflow.turbulence in ("kOmegaSST", "given"),
+        turbulent=plan.airflow.turbulent,
     )  # fmt: skip
     scales[name] = found
     gate = open_gate(

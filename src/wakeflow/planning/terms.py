@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.registry import nearest
 from ..laws.forces import forces
+from ..laws.turbulence_models import has_no_turbulence
 from ..scene import Fraction, Scene
 from .bounds import Flight, bounds
 
@@ -78,7 +79,7 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
             continue  # of the airflow, for all fractions
         if term not in forces or not forces[term].computed:
             raise SceneError(f"--force {key}=on: this version cannot compute it; its bound is in the plan")
-        if forces[term].needs == "turbulence" and turbulence == "laminar":
+        if forces[term].needs == "turbulence" and has_no_turbulence(turbulence):
             raise SceneError(
                 f"--force {key}=on: the airflow is laminar (Re {scene.reynolds:.3g}), it has no turbulence"
             )
@@ -160,7 +161,7 @@ def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | Non
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
     if term not in forces or not forces[term].computed:
         return "not computed in this version"
-    if forces[term].needs == "turbulence" and turbulence == "laminar":
+    if forces[term].needs == "turbulence" and has_no_turbulence(turbulence):
         return "the airflow is laminar and brings no turbulence"
     if term == "magnus" and fraction.inertia is None:
         return "a point mass gets no spin at the body; impact = 'sphere' gives it one"
