@@ -18,6 +18,7 @@ __all__ = [
     "FROM_EPSILON",
     "FROM_OMEGA",
     "KINETIC_ENERGY",
+    "MIXING_LENGTH",
     "NUT",
     "OMEGA",
     "USUAL",
