@@ -29,6 +29,7 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
 from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import kind_of, upward_crossings
+from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.read import read_flow
@@ -36,7 +37,6 @@ from wakeflow.foam.start import start_from
 from wakeflow.foam.steady import run_steady
 from wakeflow.foam.suction import suction_zone
 from wakeflow.foam.time_resolved import _on_beat, best_loop
-from wakeflow.foam.vibration import Vibration
 from wakeflow.foam.watch import Progress, Watch
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
@@ -604,7 +604,7 @@ def test_the_loop_is_chosen_from_one_unbroken_recording(tmp_path: Path) -> None:
     names = ["2", *(f"{time:.15g}" for time in np.arange(6.0, 8.0, 0.1)), "8.03"]
     folders = [tmp_path / name for name in names]
     assert [path.name for path in _on_beat(folders, 2.0, 0.1, None)] == names[1:-1]
-    swing = Vibration(0.001, 2 * np.pi / 0.3)
+    swing = MeshMotion(0.001, 2 * np.pi / 0.3)
     found = _on_beat(folders, 2.0, 0.1, swing)
     assert (float(found[0].name) - 2.0) / 0.3 == pytest.approx(round((float(found[0].name) - 2.0) / 0.3))
     assert float(found[0].name) == pytest.approx(6.2)

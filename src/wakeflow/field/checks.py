@@ -8,14 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from .triangles import double_area
 
-__all__ = ["cells", "coefficients", "motion", "nodal", "numbers", "optional", "points", "positive", "times"]
+__all__ = ["cells", "coefficients", "finite", "motion", "of_shape", "optional", "points", "positive", "times"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 FLAT = 1e-12  # area over the square of its longest edge below which a triangle has none: round-off
 
 
-def numbers(name: str, values: ArrayLike) -> Array:
+def finite(name: str, values: ArrayLike) -> Array:
     """A contiguous copy in double precision; every value is finite."""
     try:
         array = np.array(values, dtype=np.float64, order="C")
@@ -30,7 +30,7 @@ def numbers(name: str, values: ArrayLike) -> Array:
 
 def points(values: ArrayLike) -> Array:
     """Points (N, 2) m, at least three."""
-    nodes = numbers("points", values)
+    nodes = finite("points", values)
     if nodes.ndim != 2 or nodes.shape[1] != 2 or len(nodes) < 3:
         raise SceneError(f"points: shape {nodes.shape}, expected (N, 2) with N of at least 3")
     return nodes
@@ -43,9 +43,9 @@ def positive(name: str, value: float) -> float:
     return float(value)
 
 
-def nodal(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Numbers of exactly this shape."""
-    array = numbers(name, values)
+    array = finite(name, values)
     if array.shape != shape:
         raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
     return array
@@ -53,7 +53,7 @@ def nodal(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
     """The same, or None."""
-    return None if values is None else nodal(name, values, shape)
+    return None if values is None else of_shape(name, values, shape)
 
 
 def cells(triangles: ArrayLike, nodes: Array) -> Index:
@@ -82,7 +82,7 @@ def times(values: ArrayLike | None, period: float | None) -> Array | None:
         if period is not None:
             raise SceneError(f"period = {period:g} s needs the times of the snapshots")
         return None
-    clock = numbers("times", values)
+    clock = finite("times", values)
     if clock.ndim != 1 or not len(clock):
         raise SceneError(f"times: shape {clock.shape}, expected (T,)")
     if np.any(np.diff(clock) <= 0):
@@ -94,7 +94,7 @@ def times(values: ArrayLike | None, period: float | None) -> Array | None:
 
 def coefficients(values: ArrayLike, knots: Array | None, period: float | None) -> Array:
     """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the period, at least four."""
-    array = numbers("coefficients", values)
+    array = finite("coefficients", values)
     if knots is None or period is None or len(knots) < 4:
         raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
     if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
@@ -108,5 +108,5 @@ def coefficients(values: ArrayLike, knots: Array | None, period: float | None) -
 
 def motion(values: ArrayLike) -> tuple[tuple[float, float], float, float]:
     """Amplitude (x, y) m, omega (rad/s) and, where it is given, phase (rad) of a moving mesh from a flat list."""
-    x, y, omega, *phase = numbers("motion", values).ravel().tolist()
+    x, y, omega, *phase = finite("motion", values).ravel().tolist()
     return (x, y), omega, phase[0] if phase else 0.0

@@ -91,11 +91,11 @@ class FlowField(Triangles):
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
         air: dict[str, Any] = {"density": checks.positive("density", density)}
         air["viscosity"] = checks.positive("viscosity", viscosity)
-        speed = checks.nodal("velocity", velocity, (*lead, 2))
+        speed = checks.of_shape("velocity", velocity, (*lead, 2))
         scalars = {"pressure": pressure, "k": k, "dissipation": dissipation}
         nodal: dict[str, Any] = {name: checks.optional(name, values, lead) for name, values in scalars.items()}
         gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2))
-        lost = None if truncation is None else Truncation.from_array(checks.numbers("truncation", truncation))
+        lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
             nodes, cells, speed, times=clock, period=None if period is None else float(period),
             given_gradient=gradient, coefficients=parts, truncation=lost, **nodal, **air,
@@ -175,7 +175,7 @@ class FlowField(Triangles):
     # -- other fields ----------------------------------------------------------------------------------------------
 
     def mean(self) -> FlowField:
-        """The time mean as a steady field: trapezoidal rule over the snapshots, over the whole period if there is one."""
+        """The time mean as a steady field: trapezoidal rule over the snapshots, round the period if there is one."""
         if self.times is None:
             return self
         share = self.time_axis.mean_weights()

@@ -9,13 +9,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .airflow import AirflowResult, solve_airflow
+    from .airflow import solve_airflow
     from .case import FlowSpec, Stream
+    from .measure import AirflowResult
     from .read import read_flow
     from .watch import Progress
 
 _HOMES = {
-    "AirflowResult": "airflow",
+    "AirflowResult": "measure",
     "FlowSpec": "case",
     "Progress": "watch",
     "Stream": "case",

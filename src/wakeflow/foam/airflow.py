@@ -16,9 +16,9 @@ from .prepare import MeshCheck, prepare_case
 from .sanity import check_airflow, check_finite
 from .steady import run_steady
 from .time_resolved import run_time_resolved
-from .watch import Listener
+from .watch import ProgressListener
 
-__all__ = ["AirflowResult", "solve_airflow"]
+__all__ = ["solve_airflow"]
 
 
 def solve_airflow(
@@ -27,7 +27,7 @@ def solve_airflow(
     folder: Path,
     *,
     start: Path | None = None,
-    listener: Listener = lambda _: None,
+    listener: ProgressListener = lambda _: None,
     timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
@@ -63,7 +63,7 @@ def _solve(
     mesh: MeshCheck,
     log: Path,
     start: Path | None,
-    listener: Listener,
+    listener: ProgressListener,
     timeout: float | None,
 ) -> AirflowResult:
     """One attempt: run, measure, and hold the result against what is possible."""

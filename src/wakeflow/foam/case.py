@@ -25,8 +25,8 @@ from ..laws.turbulence_models import (
     turbulence_models,
 )
 from ..meshing import MeshSpec
+from .mesh_motion import MeshMotion
 from .polymesh import read_polymesh
-from .vibration import Vibration
 
 __all__ = [
     "SETTINGS",
@@ -34,6 +34,7 @@ __all__ = [
     "Stream",
     "axis_points",
     "environment",
+    "read_parameters",
     "set_patch_types",
     "write_case",
     "write_inlets",
@@ -85,7 +86,7 @@ class FlowSpec:
     inlets: tuple[Stream, ...] = ()
     settings: str = "normal"
     ranks: int = 1
-    vibration: Vibration | None = None
+    vibration: MeshMotion | None = None
 
     def __post_init__(self) -> None:
         """Raise SceneError for a model that is not known, and for what the stepping cannot follow."""
@@ -218,6 +219,12 @@ def write_parameters(folder: Path, values: Mapping[str, str | float | int]) -> N
             raise FoamError(f"the case template has no parameter {name!r} in {path}")
     with atomic_write(path) as stream:
         stream.write(text)
+
+
+def read_parameters(folder: Path) -> dict[str, str]:
+    """``system/parameters`` of a case by name; empty for a case that was not written from the template."""
+    path = folder / PARAMETERS
+    return dict(re.findall(r"^(\w+)\s+([^;]*);", path.read_text(), re.M)) if path.exists() else {}
 
 
 def write_inlets(spec: FlowSpec, folder: Path) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from ..laws.turbulence_models import FROM_EPSILON, FROM_OMEGA, Dissipation, TurbulenceModel, turbulence_models
+from .case import read_parameters
 from .polymesh import FoamMesh, read_polymesh
 
 __all__ = ["CaseFields", "Snapshot", "time_folders"]
@@ -173,8 +174,7 @@ class CaseFields:
     @cached_property
     def parameters(self) -> dict[str, str]:
         """The parameters of a case written from the template; empty for other cases."""
-        path = self.case / "system" / "parameters"
-        return dict(re.findall(r"^(\w+)\s+([^;]*);", path.read_text(), re.M)) if path.exists() else {}
+        return read_parameters(self.case)
 
     def viscosity(self) -> float:
         """Kinematic viscosity (m2/s) from the parameters or ``constant/transportProperties``."""

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 from ..laws.turbulence_models import USUAL, turbulence_models
+from .case import read_parameters
 from .failure import AirflowFailure, Cause, disk_is_full
 from .parallel import gather, scatter
 from .programs import call
@@ -65,12 +66,12 @@ def _name_plainly(folder: Path) -> None:
 
 def _is_whole(folder: Path, path: Path) -> bool:
     """Whether the time folder ``path`` of the case ``folder``, or of one of its ranks, holds all that a run needs."""
-    parameters = (folder / "system" / "parameters").read_text()
-    named = re.search(r"^turbulence\s+(\w+);", parameters, re.M)
-    model = turbulence_models[named[1] if named and named[1] in turbulence_models else USUAL]
+    parameters = read_parameters(folder)
+    name = parameters.get("turbulence", USUAL)
+    model = turbulence_models[name if name in turbulence_models else USUAL]
     needed = {"U", "p", "phi", *(field.name for field in model.fields)}
     files = [member for member in path.iterdir() if member.is_file()]
-    if re.search(r"^bodyWall\s+movingWallVelocity;", parameters, re.M):  # the mesh goes on from where it stands
+    if parameters.get("bodyWall") == "movingWallVelocity":  # the mesh goes on from where it stands
         files.append(path / "polyMesh" / "points")
     ended = all(member.is_file() and _ends_well(member) for member in files)
     return ended and needed <= {member.name for member in files} and (path / "uniform" / "time").exists()

@@ -15,7 +15,7 @@ from .case_fields import time_folders
 from .history import Tail, kind_of, read_vectors
 from .solver import PHASE, SAVE_EVERY, run_solver
 from .start import start_from
-from .watch import Listener, Watch
+from .watch import ProgressListener, Watch
 
 __all__ = ["WINDOW", "run_steady"]
 
@@ -36,7 +36,7 @@ def run_steady(
     folder: Path,
     *,
     start: Path | None = None,
-    listener: Listener = lambda _: None,
+    listener: ProgressListener = lambda _: None,
     most: int = 3000,
     timeout: float | None = None,
 ) -> str:

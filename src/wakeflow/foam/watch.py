@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.process import tail
+from .case import read_parameters
 from .failure import AirflowFailure, Cause
 from .history import Tail
 
-__all__ = ["STOP", "Listener", "Progress", "Watch"]
+__all__ = ["STOP", "Progress", "ProgressListener", "Watch"]
 
 Array = NDArray[np.float64]
 STOP = "stop"  # a file of this name in the case ends the run after writing (system/controlDict)
@@ -50,7 +51,7 @@ class Progress:
         return ", ".join(parts)
 
 
-Listener = Callable[[Progress], None]
+ProgressListener = Callable[[Progress], None]
 
 
 class Watch:
@@ -60,7 +61,7 @@ class Watch:
         self,
         folder: Path,
         stage: str,
-        listener: Listener,
+        listener: ProgressListener,
         finished: Callable[[Array], bool],
         *,
         expected: float,
@@ -78,6 +79,7 @@ class Watch:
         self.absurd = ABSURD * max(1.0, 1.0 / _reynolds(folder))
 
     def __call__(self, line: str) -> None:
+        """Take in one line of the log. Raises AirflowFailure where the run can no longer end well."""
         if "Initial residual" in line:
             match = re.search(r"Solving for (\w+), Initial residual = ([^,]+).*No Iterations (\d+)", line)
             if match:
@@ -130,7 +132,6 @@ class Watch:
 
 def _reynolds(folder: Path) -> float:
     """Of the case, from its parameters; 1 without them."""
-    path = folder / "system" / "parameters"
-    values = dict(re.findall(r"^(\w+)\s+([^;]*);", path.read_text(), re.M)) if path.exists() else {}
+    values = read_parameters(folder)
     numbers = [abs(float(values[name])) for name in ("inletSpeed", "bodyWidth", "nu") if name in values]
     return numbers[0] * numbers[1] / numbers[2] if len(numbers) == 3 else 1.0

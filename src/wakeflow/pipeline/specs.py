@@ -40,7 +40,7 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
 def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     """The airflow that the plan wants through a mesh, or that a given case must be."""
     from ..foam import FlowSpec, Stream
-    from ..foam.vibration import Vibration
+    from ..foam.mesh_motion import MeshMotion
 
     air, how = scene.air, plan.airflow
     amplitude, omega = scene.motion
@@ -59,5 +59,5 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
             Stream(name, inlet.side, inlet.width, inlet.velocity) for name, inlet in scene.channel.inlet.items()
         ),
         accuracy=how.accuracy,
-        vibration=Vibration(float(amplitude[1]), omega) if how.moving else None,
+        vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
     )
