@@ -57,16 +57,12 @@ def run_steady(
     if not done.exists():
         if start is not None and not time_folders(folder):
             start_from(spec, folder, start)
-        steps: dict[str, str | float | int] = {
-            "startFrom": "latestTime",
-            "endTime": most + SPARE_ITERATIONS,
-            "deltaT": 1,
-            "writeControl": "clockTime",
-        }
-        write_parameters(folder, {**steps, "writeInterval": SAVE_EVERY, "purgeWrite": 2})
-        run_solver(
-            folder, "simpleFoam", Watch(folder, "steady", listener, finished, expected=TYPICAL_ITERATIONS), timeout
-        )
+        write_parameters(folder, {
+            "startFrom": "latestTime", "endTime": most + SPARE_ITERATIONS, "deltaT": 1, "writeControl": "clockTime",
+            "writeInterval": SAVE_EVERY, "purgeWrite": 2,
+        })  # fmt: skip
+        watch = Watch(folder, "steady", listener, finished, expected=TYPICAL_ITERATIONS)
+        run_solver(folder, "simpleFoam", watch, timeout)
         drag = Tail(folder).update()[:, 1]
         converged = "solution converged" in tail(folder / "log.simpleFoam", 40)
         verdict = "steady" if converged else kind_of(drag[-WINDOW:], USABLE)

@@ -116,7 +116,7 @@ class TurbulenceModel:
 
 turbulence_models = Registry[TurbulenceModel]("turbulence model")
 
-KINETIC_ENERGY = TurbulenceField("k", "turbulent kinetic energy", 2, 2, lambda k, width: k)
+KINETIC_ENERGY = TurbulenceField("k", "turbulent kinetic energy", 2, 2, lambda k, _: k)
 # omega = sqrt(k) / (C_mu^(1/4) l) with l = MIXING_LENGTH times the width
 OMEGA = TurbulenceField(
     "omega", "specific dissipation rate", 0, 1, lambda k, width: k**0.5 / (C_MU**0.25 * MIXING_LENGTH * width)
@@ -124,7 +124,7 @@ OMEGA = TurbulenceField(
 NUT = TurbulenceField("nut", "eddy viscosity", 2, 1)
 
 FROM_OMEGA = Dissipation("omega", lambda k, omega: C_MU * k * omega)  # Wilcox, D.C. 1988, AIAA J. 26, 1299
-FROM_EPSILON = Dissipation("epsilon", lambda k, epsilon: epsilon)  # of the k-epsilon models: the field itself
+FROM_EPSILON = Dissipation("epsilon", lambda _, epsilon: epsilon)  # of the k-epsilon models: the field itself
 
 turbulence_models.add(
     "laminar",

@@ -46,9 +46,9 @@ def plan_mesh(
 
     With ``extend`` a channel that ends too near to the bodies (3 widths upstream, 8 downstream) is meshed longer: the
     inlet's uniform air and the outlet's uniform pressure must not touch the wake. ``inlets``: openings in the side
-    walls. ``half`` None: a draft takes the half domain when bodies and openings are symmetric about x = 0; False: the
-    whole (for openings whose streams differ). Raises SceneError for bodies that touch each other or a wall, openings
-    off the channel or on each other, and ``half`` True without symmetry.
+    walls. ``half`` None: a draft takes the half domain where all is symmetric about x = 0; False: never. Raises
+    SceneError for bodies that touch each other or a wall, openings off the channel or on each other, and ``half`` True
+    without symmetry.
     """
     if rung not in RESOLUTION:
         raise SceneError(f"no mesh is planned for rung {rung!r} (known: {', '.join(RESOLUTION)})")
@@ -58,14 +58,13 @@ def plan_mesh(
     symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
-    if extend:
-        top, bottom = _extended(outlines, top, bottom, direction)
+    top, bottom = _extended(outlines, top, bottom, direction) if extend else (top, bottom)
     return MeshSpec(
         bodies=tuple(tuple((float(x), float(y)) for x, y in outline) for outline in outlines),
-        names=tuple(names) if names is not None else tuple(str(i) for i in range(len(outlines))),
+        names=tuple(names or map(str, range(len(outlines)))),
         width=width, top=top, bottom=bottom, walls="slip" if walls == "slip" else "no-slip", direction=direction,
-        half=(rung == "draft" and symmetric) if half is None else half,
-        inlets=tuple(inlets), strategy=strategy or "quads", **_sizes(rung, scale, outlines, width, walls),
+        half=(rung == "draft" and symmetric) if half is None else half, inlets=tuple(inlets),
+        strategy=strategy or "quads", **_sizes(rung, scale, outlines, width, walls),
     )  # fmt: skip
 
 
