@@ -133,3 +133,10 @@ def test_prose_is_wrapped(page: Path) -> None:
     text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
     lines = [line for line in text.splitlines() if not line.startswith(("|", "<", "    ")) and "](" not in line]
     assert not [line for line in lines if len(line) > 120]
+
+
+def test_the_glossary_has_the_words_of_the_output() -> None:
+    text = (ROOT / "docs" / "glossary.md").read_text()
+    rungs = ["none", "analytic", "given", "draft", "standard", "reference"]
+    words = [*(fate.name.lower() for fate in wakeflow.Fate), *rungs]
+    assert not [word for word in words if f"*{word}*" not in text]
