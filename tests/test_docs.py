@@ -81,7 +81,7 @@ def test_modules_and_names_exist(page: Path) -> None:
 
 def _is_there(parts: list[str]) -> bool:
     """A module of the package, a name in one, or a name of the package itself."""
-    if parts[0] in wakeflow.__all__:
+    if parts[0] in wakeflow.__all__ or parts[0] in vars(wakeflow):
         return True
     for cut in range(len(parts), 0, -1):
         base = SOURCE.joinpath(*parts[:cut])
