@@ -3,7 +3,8 @@
     (1 + chi) dv/dt = c f(Re) (u - v) / tau + g (1 - rho / rho_p) - grad p / rho_p + chi Du/Dt + lift + Magnus,
     chi = rho / (2 rho_p) with added mass, else 0; u the air's mean velocity plus, where computed, its fluctuation.
 
-The tracker computes what it is told to; the plan decides by a bound on the landing shift of each (``bounds``).
+The tracker computes the terms that it is given; the plan chooses them by a bound on the landing shift of each
+(``planning.bounds``).
 """
 
 from __future__ import annotations
