@@ -21,9 +21,7 @@ from wakeflow.foam.start import start_from
 from wakeflow.laws.constants import C_MU
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.turbulence_models import (
-    FROM_EPSILON,
     KINETIC_ENERGY,
-    MIXING_LENGTH,
     NUT,
     OMEGA,
     TurbulenceField,
@@ -35,19 +33,7 @@ from wakeflow.laws.turbulence_models import (
 from wakeflow.meshing import build_mesh, plan_mesh
 
 OWN_FILES = Path(__file__).parent / "turbulence-models"
-# -- the example of docs/extending.md ----------------------------------------------------------------------------------
-EPSILON = TurbulenceField(
-    "epsilon", "dissipation rate of k", 2, 3, lambda k, width: C_MU**0.75 * k**1.5 / (MIXING_LENGTH * width)
-)
-REALIZABLE = TurbulenceModel(
-    name="realizableKE",
-    means="k-epsilon whose C_mu depends on the strain, so that no normal stress becomes negative",
-    source="Shih, T.-H., Liou, W.W., Shabbir, A., Yang, Z. & Zhu, J. 1995, Computers Fluids 24, 227",
-    simulation_type="RAS",
-    fields=(KINETIC_ENERGY, EPSILON, NUT),
-    dissipation=FROM_EPSILON,
-)
-# ----------------------------------------------------------------------------------------------------------------------
+SECTION = (Path(__file__).parents[2] / "docs" / "extending.md").read_text().split("## A turbulence model\n")[1]
 
 
 def rhombus(turbulence: str, scale: float = 2.5) -> FlowSpec:
@@ -64,7 +50,14 @@ def realizable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TurbulenceMod
     shutil.copytree(case_template(), template)
     shutil.copytree(OWN_FILES, template / MODELS)
     monkeypatch.setattr(case_module, "case_template", lambda: template)
-    return turbulence_models.add(REALIZABLE.name, REALIZABLE)
+    code = re.search(r"^```python\n(.*?)^```", SECTION, re.M | re.S)
+    assert code is not None
+    exec(code[1], {})
+    return turbulence_models["realizableKE"]
+
+
+def epsilon(model: TurbulenceModel) -> TurbulenceField:
+    return next(field for field in model.fields if field.name == "epsilon")
 
 
 @pytest.mark.parametrize("name", list(turbulence_models))
@@ -94,18 +87,25 @@ def test_words_that_are_no_model_bring_turbulence() -> None:
     assert found == ["laminar"]
 
 
-def test_fields_scale_with_their_units() -> None:
+def test_the_files_of_the_example_are_those_of_the_page() -> None:
+    blocks = [body for language, body in re.findall(r"^```(\w*)\n(.*?)^```", SECTION, re.M | re.S) if not language]
+    for name, block in zip(("0/epsilon", "system/fvSchemes", "system/fvSolution"), blocks, strict=True):
+        assert (OWN_FILES / "realizableKE" / name).read_text().endswith("\n\n" + block)
+
+
+def test_fields_scale_with_their_units(realizable: TurbulenceModel) -> None:
     """k with U^2, omega with U / L, epsilon with U^3 / L, the eddy viscosity with U L."""
     assert KINETIC_ENERGY.rescaled(2.0, 3.0) == 4.0
     assert OMEGA.rescaled(2.0, 3.0) == 2.0 / 3.0
-    assert EPSILON.rescaled(2.0, 3.0) == 8.0 / 3.0
+    assert epsilon(realizable).rescaled(2.0, 3.0) == 8.0 / 3.0
     assert NUT.rescaled(2.0, 3.0) == 6.0
 
 
-def test_both_ways_to_give_the_dissipation_agree_on_the_inlet() -> None:
+def test_both_ways_to_give_the_dissipation_agree_on_the_inlet(realizable: TurbulenceModel) -> None:
+    entering = epsilon(realizable).entering
     assert OMEGA.entering is not None
-    assert EPSILON.entering is not None
-    assert C_MU * 0.1 * OMEGA.entering(0.1, 0.3) == pytest.approx(EPSILON.entering(0.1, 0.3))
+    assert entering is not None
+    assert C_MU * 0.1 * OMEGA.entering(0.1, 0.3) == pytest.approx(entering(0.1, 0.3))
 
 
 def test_an_unknown_model_and_one_without_its_files_are_named(
@@ -141,9 +141,10 @@ def test_a_new_model_is_solved_checked_and_read_back(realizable: TurbulenceModel
     assert flow["dissipation"] is not None
     at_inlet = flow["points"][:, 1] > 0.25 - 1e-9
     k = 1.5 * (spec.intensity * spec.speed) ** 2
-    assert EPSILON.entering is not None
+    entering = epsilon(realizable).entering
+    assert entering is not None
     np.testing.assert_allclose(flow["k"][at_inlet], k, rtol=1e-3)
-    assert np.median(flow["dissipation"][at_inlet]) == pytest.approx(EPSILON.entering(k, 0.3), rel=0.2)
+    assert np.median(flow["dissipation"][at_inlet]) == pytest.approx(entering(k, 0.3), rel=0.2)
 
     faster = FlowSpec(spec.mesh, 10.0, 1.204, 1.825e-5, turbulence=realizable.name)
     write_case(faster, tmp_path / "next")
