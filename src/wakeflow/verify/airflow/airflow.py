@@ -1,4 +1,4 @@
-"""The airflow against published values: scenes of ``cases/verify``, computed by the same pipeline as every other scene."""
+"""The airflow beside published values: scenes of ``cases/verify``, computed by the pipeline of every other scene."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def _order_row(case: Case, rung: str, airflow: Measured, studies: dict[str, Grid
 
 
 def _beside_rows(case: Case, scene: Scene, own: Sequence[Row], tell: Tell) -> Iterator[Row]:
-    """The other rung's numbers, which are only reported; and whether the scene's own rung is closer where it has to be."""
+    """The other rung's numbers, only reported; and whether the scene's own rung is closer where it has to be."""
     rung, airflow = solve(scene, min(case.scales), case.beside, tell)
     rows = {v: _row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, False) for v in case.values}
     yield from (row for row in rows.values() if row.ours is not None)
