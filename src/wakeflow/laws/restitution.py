@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import Registry
+from ..core.roots import halved
 
 __all__ = ["MOST", "Restitution", "RestitutionLaw", "restitution_at", "restitution_laws", "restitution_table"]
 
@@ -170,12 +171,8 @@ def _check_point(value: float, at: float, most: float) -> None:
 
 def _solve(function: Callable[[Array], Array], value: float) -> float:
     """Where a ``function`` that rises from 0 at 0 to 1 at infinity (or 1) first has ``value``: bisection in log x."""
-    low, high = -60.0, 60.0  # e^-60 .. e^60
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        above = float(function(np.array(math.exp(middle)))) >= value
-        low, high = (low, middle) if above else (middle, high)
-    return math.exp(high)
+    ends = -60.0, 60.0  # e^-60 .. e^60
+    return math.exp(halved(lambda x: not float(function(np.array(math.exp(x)))) >= value, *ends, 80)[1])
 
 
 class Restitution:

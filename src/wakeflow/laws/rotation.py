@@ -10,6 +10,7 @@ Scalar functions of the math module, since the tracker's kernel compiles them as
 from __future__ import annotations
 
 import math
+from typing import Any
 
 __all__ = ["SPIN_CROSSOVER", "magnus_factor", "spin_decay", "spin_rate"]
 
@@ -33,7 +34,7 @@ def magnus_factor(reynolds: float, spin_reynolds: float) -> float:
     return 1.0 - (0.825 + 0.15 * math.tanh(0.28 * (ratio - 2.0))) * math.tanh(0.18 * math.sqrt(reynolds))
 
 
-def spin_rate(diameter: float, density: float, viscosity: float, inertia: float = 0.4) -> float:
+def spin_rate(diameter: Any, density: Any, viscosity: float, inertia: Any = 0.4) -> Any:
     """Rate (1/s) at which the relative spin decays in creeping flow: 24 mu / (k rho_p d^2), k = I / (m r^2).
 
     Diameter m, density kg/m3, dynamic viscosity Pa s; arrays broadcast. The torque 8 pi mu r^3 W is Kirchhoff's
