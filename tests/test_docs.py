@@ -56,7 +56,8 @@ def _commands(text: str) -> list[str]:
 def _words(text: str) -> set[str]:
     """Words of code, spans and shell lines, that may be paths."""
     words = {word.strip("(),;:") for line in (*_spans(text), *_shell(text)) for word in line.split()}
-    return {word.removesuffix("/") for word in words if not set("*<>{}=\"'") & set(word)}
+    placeholder = re.compile(r"[*<>{}=\"']|NAME|STAGE|KEY")
+    return {word.removesuffix("/") for word in words if not placeholder.search(word)}
 
 
 @page
