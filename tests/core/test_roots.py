@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,13 +18,16 @@ def test_the_bracket_keeps_the_change_and_shrinks_by_two_each_time(halvings: int
     assert high - low == max(0.5**halvings, math.ulp(math.pi))
 
 
+def _cube_below(value: float, x: float) -> bool:
+    return x**3 < value
+
+
 def test_many_brackets_at_once_give_what_each_gives_alone() -> None:
     rng = np.random.default_rng(4)
     at = rng.uniform(-5.0, 5.0, 50)
     low, high = halved_all(lambda x: x**3 < at, np.full(50, -2.0), np.full(50, 2.0), 45)
     for i, value in enumerate(at):
-        alone = halved(lambda x, value=value: x**3 < value, -2.0, 2.0, 45)
-        assert (low[i], high[i]) == alone
+        assert (low[i], high[i]) == halved(partial(_cube_below, float(value)), -2.0, 2.0, 45)
     assert np.all((low**3 < at) & (at <= high**3))
 
 

@@ -130,7 +130,7 @@ def electric() -> Iterator[str]:
 
 @pytest.mark.parametrize("field", [None, STILL], ids=["vacuum", "air"])
 def test_granules_under_a_new_constant_force_fly_in_parabolas(electric: str, field: wf.FlowField | None) -> None:
-    grains, t, pull = grains_of(8), 0.2, PUSH + (0.0, -9.81)
+    grains, t, pull = grains_of(8), 0.2, np.add(PUSH, (0.0, -9.81))
     tracks = wf.track(field, grains, until=t, forces=("gravity", electric), tolerance=1e-8)
     np.testing.assert_allclose(tracks.position, grains.position + t * grains.velocity + 0.5 * t * t * pull, atol=1e-12)
     np.testing.assert_allclose(tracks.velocity, grains.velocity + t * pull, atol=1e-12)
