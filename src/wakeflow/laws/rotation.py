@@ -24,10 +24,10 @@ SPIN_CROSSOVER = CROSSOVER_ROOT**2
 def magnus_factor(reynolds: float, spin_reynolds: float) -> float:
     """Spin lift over that of creeping flow, 0 < c <= 1: 1 - (0.675 + 0.15 (1 + tanh(0.28 (q - 2)))) tanh(0.18 Re^1/2).
 
-    q = Re_r / Re is the spin ratio |W| d / |s|. c = 1 is Rubinow, S.I. & Keller, J.B. 1961, J. Fluid Mech. 11, 447;
-    the factor is Loth, E. 2008, AIAA J. 46, 801, for Re < 2000 and q < 20. Granules off a slope have Re up to 1000 and
-    q below 1, where c = 1/4. The fit of Oesterle, B. & Bui Dinh, T. 1998, Exp. Fluids 25, 16, holds for 10 < Re < 140
-    and fast spin only, where the two differ by up to 40 %; at slow spin it exceeds even creeping flow's lift.
+    q = Re_r / Re is the spin ratio |W| d / |s|. c = 1 is Rubinow, S.I. & Keller, J.B. 1961, J. Fluid Mech. 11, 447; the
+    factor is Loth, E. 2008, AIAA J. 46, 801, for Re < 2000 and q < 20. Granules that leave a slope have Re up to 1000
+    and q below 1, where c = 1/4. The fit of Oesterle, B. & Bui Dinh, T. 1998, Exp. Fluids 25, 16, holds for 10 < Re <
+    140 and fast spin only, where the two differ by up to 40 %; at slow spin it exceeds even creeping flow's lift.
     Continuous everywhere; 1 at Re = 0, 0.025 where both numbers are large.
     """
     ratio = spin_reynolds / max(reynolds, 1e-300)
