@@ -16,13 +16,13 @@ import wakeflow as wf
 from wakeflow.core.registry import Registry
 from wakeflow.laws.collision import impact_models
 from wakeflow.laws.drag import drag_laws
+from wakeflow.laws.forces import forces
 from wakeflow.laws.impaction import Cylinder, fronts
 from wakeflow.laws.material import materials
 from wakeflow.laws.profile import profiles
 from wakeflow.laws.restitution import restitution_laws
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.size import sizes
-from wakeflow.laws.forces import forces
 from wakeflow.planning.bounds import other_terms
 from wakeflow.planning.impaction import front_of
 from wakeflow.report.pictures import draw_all, pictures
