@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..field import FlowField, Swing
-from ..laws.drag import drag_laws, drag_table, slip_correction
-from ..laws.forces import forces as forces_known
+from ..laws.drag import drag_laws, drag_table
+from ..laws.forces import Force
+from ..laws.forces import forces as all_forces
+from ..laws.forces.record import Needs
 from ..laws.restitution import Restitution, restitution_table
-from ..laws.rotation import spin_rate
-from ..laws.turbulence import brownian_diffusivity, lifetime
+from ..laws.turbulence import lifetime
 from .frame import relative, swing_of
 from .granules import Body, Granules
 from .kernel import layout as at
 from .kernel.layout import Air, Walls
 
 __all__ = [
-    "FORCES",
     "check_forces",
     "pack_air",
     "pack_granules",
@@ -35,7 +35,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-FORCES = tuple(name for name in forces_known if forces_known[name].computed)
 MOST_TABLES = 4096
 BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach speed
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
@@ -131,16 +130,19 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 
 def check_forces(forces: Sequence[str], field: FlowField | None) -> None:
     """Raise SceneError for a force that is unknown, not computed, or lacks what it needs of the field."""
-    for force in forces:
-        needs = forces_known[force].needs
-        if not forces_known[force].computed:
-            raise SceneError(f"force {force!r} is only bounded, not computed (computed: {', '.join(FORCES)})")
-        if field is None:
-            continue
-        if needs == "pressure" and field.pressure_gradient is None:
-            raise SceneError(f"forces: {force} needs a field with pressure")
-        if needs == "turbulence" and (field.k is None or field.dissipation is None):
-            raise SceneError(f"forces: {force} needs a field with k and dissipation; a laminar airflow has none")
+    for name in forces:
+        force = all_forces[name]
+        if not force.computed:
+            computed = ", ".join(known for known in all_forces if all_forces[known].computed)
+            raise SceneError(f"force {name!r} is only bounded, not computed (computed: {computed})")
+        lacking = None if field is None else force.lacks(field)
+        if lacking is not None:
+            raise SceneError(f"forces: {name} needs {lacking}")
+
+
+def _needed(need: Needs, forces: Sequence[str]) -> bool:
+    """Whether one of the forces needs a field with pressure or turbulence."""
+    return any(all_forces[name].needs == need for name in forces)
 
 
 def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> Air:
@@ -174,7 +176,7 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
 
 def _width(forces: Sequence[str]) -> int:
     """How many quantities of the air are needed: velocity, pressure gradient, deviation and lifetime of the eddies."""
-    return 6 if "dispersion" in forces else (4 if "pressure-gradient" in forces else 2)
+    return 6 if _needed("turbulence", forces) else (4 if _needed("pressure", forces) else 2)
 
 
 def _eddies(field: FlowField) -> tuple[Array, Array]:
@@ -190,9 +192,9 @@ def _values(field: FlowField, forces: Sequence[str]) -> Array:
     lead = field.velocity.shape[:-1]
     values = np.zeros((*lead, _width(forces)))
     values[..., :2] = field.velocity
-    if "pressure-gradient" in forces:
+    if _needed("pressure", forces):
         values[..., 2:4] = field.pressure_gradient
-    if "dispersion" in forces:
+    if _needed("turbulence", forces):
         values[..., 4], values[..., 5] = _eddies(field)
     return values if field.times is not None else values[None]
 
@@ -221,10 +223,10 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: Swing | None) -> tup
         return np.swapaxes(flat.reshape(len(around), count, 2), 0, 1)
 
     values[..., :2] = drawn(field.velocity)
-    if "pressure-gradient" in forces:
+    if _needed("pressure", forces):
         assert field.pressure_gradient is not None
         values[..., 2:4] = drawn(field.pressure_gradient)
-    if "dispersion" in forces:
+    if _needed("turbulence", forces):
         deviation, life = _eddies(replace(field, pressure=None, given_gradient=None).snapshots())
         values[..., 4], values[..., 5] = deviation[around].T, life[around].T
     return values, np.array([field.times[0], knots / field.period, knots])
@@ -263,7 +265,11 @@ def distance_to(body: Body, points: Array) -> Array:
 
 
 def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[str], gravity: Sequence[float]) -> Array:
-    """Constants of every granule (n, CONSTANTS), see ``state``."""
+    """Constants of every granule (n, CONSTANTS), see ``layout``: those of its walls, and those of each force.
+
+    ``gravity`` (2,) m/s2. Without a field only forces act that need none. Raises SceneError for a gravity that is no
+    finite vector.
+    """
     rows = np.zeros((len(grains), at.CONSTANTS))
     g = np.asarray(gravity, dtype=float)
     if g.shape != (2,) or not np.all(np.isfinite(g)):
@@ -272,36 +278,44 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     rows[:, at.RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
     rows[:, at.FRICTION] = grains.friction
     rows[:, at.MOBILITY] = 1.0 / grains.inertia
-    pull = np.tile(g if "gravity" in forces else np.zeros(2), (len(grains), 1))
-    if field is None:
-        rows[:, [at.GX, at.GY]] = pull
-        return rows
-    ratio = field.density / grains.density
-    added = 0.5 * ratio if "added-mass" in forces else np.zeros(len(grains))
-    if "buoyancy" in forces:
-        pull -= ratio[:, None] * g
-    rows[:, [at.GX, at.GY]] = pull / (1.0 + added)[:, None]
-    rows[:, at.REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
-    rows[:, at.VORTICITY] = field.density * grains.diameter**2 / field.viscosity
-    rows[:, at.INERTIAL] = added / (1.0 + added)
-    for force, column, value in (
-        ("drag", at.STOKES, grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)),
-        ("pressure-gradient", at.PRESSURE, -1.0 / grains.density),
-        ("lift", at.LIFT, ratio),
-        ("magnus", at.MAGNUS, 0.75 * ratio),
-    ):
-        if force in forces:
-            rows[:, column] = value / (1.0 + added)
-    if "magnus" in forces:
-        rows[:, at.SPIN_RATE] = spin_rate(grains.diameter, grains.density, field.viscosity, grains.inertia)
-    rows[:, at.EXTRA] = np.any(rows[:, [at.INERTIAL, at.LIFT, at.MAGNUS]] != 0.0, axis=1)
-    rows[:, at.DISPERSION] = "dispersion" in forces
-    if "brownian" in forces:
-        rows[:, at.DIFFUSIVITY] = brownian_diffusivity(
-            grains.diameter, field.viscosity, slip_correction=slip_correction(grains.diameter)
-        )
-    rows[:, at.NOISE] = (rows[:, at.DISPERSION] != 0.0) | (rows[:, at.DIFFUSIVITY] != 0.0)
+    acting = [
+        all_forces[name] for name in all_forces if name in forces and (field is not None or all_forces[name].in_vacuum)
+    ]
+    pull = np.zeros((len(grains), 2))
+    for force in acting:
+        if force.acceleration is not None:
+            pull += force.acceleration(grains, field, g)
+    rows[:, [at.GX, at.GY]] = pull
+    if field is not None:
+        rows[:, at.REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
+        rows[:, at.VORTICITY] = field.density * grains.diameter**2 / field.viscosity
+        _fill_by_air(rows, acting, grains, field)
     return rows
+
+
+def _fill_by_air(rows: Array, acting: Sequence[Force], grains: Granules, field: FlowField) -> None:
+    """The constants of the ``acting`` forces of the air, in place; added mass divides all accelerations by 1 + chi."""
+    inertia = np.ones(len(grains))
+    for force in acting:
+        if force.inertia is not None:
+            inertia += force.inertia(grains, field)
+    rows[:, [at.GX, at.GY]] /= inertia[:, None]
+    for force in acting:
+        factors = {} if force.factors is None else force.factors(grains, field)
+        constants = {} if force.constants is None else force.constants(grains, field)
+        for slot, values in factors.items():
+            rows[:, getattr(at, slot)] = values / inertia
+        for slot, values in constants.items():
+            rows[:, getattr(at, slot)] = values
+        if force.by_gradient:
+            rows[:, at.EXTRA] = np.maximum(rows[:, at.EXTRA], _any_of(rows, factors))
+        if force.random:
+            rows[:, at.NOISE] = np.maximum(rows[:, at.NOISE], _any_of(rows, constants))
+
+
+def _any_of(rows: Array, slots: Iterable[str]) -> NDArray[np.bool_]:
+    """Which granules (n,) have a number other than zero in one of the ``slots``."""
+    return np.asarray(np.any(rows[:, [getattr(at, slot) for slot in slots]] != 0.0, axis=1))
 
 
 def pack_tables(law: str, sphericity: Array) -> tuple[Array, Index]:

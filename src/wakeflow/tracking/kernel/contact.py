@@ -13,10 +13,10 @@ from . import layout as at
 from .dense_output import along
 from .dispersion import mirror
 from .events import displacement, first_below
+from .forces import free_force
 from .jit import compiled, inlined
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .restitution import restitution_of
-from .step import free_force
 from .walls import constrain, grasp, inside
 
 __all__ = ["ends_of_slide", "friction_turn", "grip", "lets_go", "rescue", "settle", "strike", "takes_hold"]

@@ -15,9 +15,9 @@ import numpy as np
 from ...laws import turbulence
 from . import layout as at
 from .air import nodal, swinging
+from .forces import drag_rate
 from .jit import compiled
 from .locate import barycentric
-from .step import drag_rate
 
 __all__ = ["mirror", "renew"]
 

@@ -15,10 +15,11 @@ from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle
 from .dense_output import along, sway
 from .dispersion import renew
 from .events import displacement
+from .forces import free_force, spin_at
 from .jit import compiled, entry, inlined, merged
 from .locate import barycentric, reproject, walk
-from .step import free_force, spin_at
-from .step_control import EDGE, HOP_LIMIT, confined_step, leap, leaves, longest_step
+from .multi_cell import multi_cell_step
+from .step_control import EDGE, HOP_LIMIT, confined_step, leaves, longest_step
 from .walls import constrain, crossing, first_contact, grasp, inside, overlap
 
 __all__ = ["fly_block"]
@@ -325,7 +326,10 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
                 if meshed and _hop(state, ints, air, walls, rules):
                     continue
                 drawn = record.shape[0] > 0
-                if meshed and leap(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0:
+                if (
+                    meshed
+                    and multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0
+                ):
                     _store(state, ints, record, 0)
                     continue
                 if ints[at.FRESH] == 0:

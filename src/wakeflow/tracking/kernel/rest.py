@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from . import layout as at
 from .events import displacement, next_turn
+from .forces import free_force
 from .jit import compiled
-from .step import free_force
 from .walls import STILL, carry, constrain, facing, grasp, ride
 
 __all__ = ["STATIC", "caught", "held", "hold_still", "tangent", "unwedge", "wedge"]

@@ -1,8 +1,8 @@
-"""How long the next step is: confined to its triangle, of which it sees every event, or a march over several.
+"""How long the next confined step is. It stays in its triangle, of which it sees every event.
 
 A triangle is often much smaller than the step that the tolerance asks for, and the air seldom far from linear in time
-along a track through it: away from walls a march (see ``march``) does for many triangles what confined steps would do
-one by one.
+along a track through it: away from walls multi-cell steps (``multi_cell``) do for many triangles what confined steps
+would do one by one.
 """
 
 from __future__ import annotations
@@ -15,16 +15,13 @@ from .dense_output import along
 from .events import first_below
 from .jit import compiled, inlined
 from .locate import barycentric
-from .multi_cell import march, way_out
 from .step import attempt, exit_time
-from .stride import stride
 
-__all__ = ["EDGE", "HOP_LIMIT", "confined_step", "leap", "leaves", "longest_step"]
+__all__ = ["EDGE", "HOP_LIMIT", "confined_step", "leaves", "longest_step"]
 
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
 LOOKS = 2.0  # at the air in a confined step
 HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
-MOST_PATIENCE = 4  # steps after a march that did not get far are confined, 2, 4 ... 2^this in a row
 
 
 @inlined
@@ -91,39 +88,6 @@ def confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed
         most = 0.9 if rejected == 0 else (0.5 if rejected < 4 else 0.1)
         h *= max(0.1, most * min(1.0, (allowed / error) ** (1.0 / 3.0))) if math.isfinite(error) else 0.1
     return 0.0
-
-
-@inlined
-def leap(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn):
-    """A stride or a march over several triangles where that is worth it. Returns the steps taken, 0 for none.
-
-    Not in contact, nor with forces made of the air's gradients (they jump at faces). After a stride that was refused
-    4, 8 ... 64 triangles are marched, after a march that was cut short the next 1, 2, 4 ... steps are confined.
-    """
-    if rules.march == 0 or hold[at.KIND] != at.FREE or grain[at.EXTRA] != 0.0 or grain[at.STOKES] == 0.0:
-        return 0
-    if ints[at.PATIENCE] > 0:
-        ints[at.PATIENCE] -= 1
-        return 0
-    cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
-    if not drawn and stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
-        ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0
-        ints[at.STEPS] += 1
-        return 1
-    if air.swing[at.SWING_OMEGA] != 0.0:  # faces that move: confined steps
-        return 0
-    most = 4 if drawn else 4 * 2 ** ints[at.STRIDES_REFUSED]  # triangles till the next stride is tried
-    ints[at.STRIDES_REFUSED] = min(ints[at.STRIDES_REFUSED] + 1, 4)
-    left = march(state, ints, affine, air, grain, table, walls, rules, most)
-    if left > 2:
-        ints[at.MARCHES_CUT] = 0
-    else:
-        ints[at.PATIENCE] = 2 ** ints[at.MARCHES_CUT]
-        ints[at.MARCHES_CUT] = min(ints[at.MARCHES_CUT] + 1, MOST_PATIENCE)
-    if left > 0:
-        ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = 0
-        ints[at.STEPS] += left
-    return left
 
 
 @inlined

@@ -24,10 +24,10 @@ from ...laws.collision import collide
 from ...laws.constants import GRAVITY
 from ...tracking.granules import Body, Granules
 from ...tracking.kernel import layout as at
+from ...tracking.kernel.forces import drag_rate
 from ...tracking.kernel.jit import compiled, entry
 from ...tracking.kernel.locate import anywhere, barycentric, walk
 from ...tracking.kernel.restitution import restitution_of
-from ...tracking.kernel.step import drag_rate
 from ...tracking.kernel.walls import grasp, inside, overlap
 from ...tracking.pack import pack_air, pack_granules, pack_lines, pack_tables, pack_walls
 
