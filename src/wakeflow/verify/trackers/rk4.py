@@ -1,9 +1,9 @@
 """A good explicit tracker to compare with: classical Runge-Kutta of order 4 at a fixed step, on the same triangles.
 
 Linear interpolation, a cached triangle and a walk from it, the same drag table, granules in blocks on all cores. The
-end of a track on the mesh's edge is found on the cubic Hermite interpolant of the step, a contact by a step cut
-short there. What it lacks is what the tracker proper adds: the field's kinks at the triangles' edges cost
-it its order, dust its stability, and it knows nothing about its error.
+end of a track on the mesh's edge is found on the cubic Hermite interpolant of the step, a contact by a step that ends
+there. It lacks what wakeflow's tracker adds: it loses its order at the field's kinks on the triangles' edges, it is
+unstable for dust, and it does not know its error.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ __all__ = ["ExplicitTracks", "fly_explicit"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 BLOCK = 64
-IMPACTS = 50  # then it slides, which is not followed here
+IMPACTS = 50  # below it the granule slides, which is not followed here
 FLYING, LANDED, AIRBORNE, UNFINISHED = range(4)
 TRI, END, TAKEN, STRUCK = range(4)  # columns of a granule's counts: triangle, how it ended, steps, impacts
 _collide = compiled(collide)
@@ -181,7 +181,7 @@ def _first_touch(walls, r, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which):
 
 @compiled
 def _bounce(state, t, grain, walls, hold, kind, which):
-    """Collision with a feature; whether the granule was moving into it."""
+    """Collide with a feature; returns whether the granule was moving into it."""
     body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], t)
     nx, ny = hold[at.NX], hold[at.NY]
     if state[at.VX] * nx + state[at.VY] * ny >= 0.0:
