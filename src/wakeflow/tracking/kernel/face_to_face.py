@@ -3,7 +3,9 @@
 In a triangle the air is affine, at its faces continuous. An exponential step from face to face therefore loses no order
 at the kinks, and can take the force at a face from the step before; what the confined steps spend on events, on loading
 triangles and on a third-order step with an error of its own is left out, or done for one triangle in a few.
-docs/kernel.md derives the step, its error and the numbers below.
+With B the drag rate at the last face, N = F + B v is linear through a triangle, its slope foretold by that in the last
+one; or quadratic, once its middle was found too far off that. docs/kernel.md derives the step, its error and the
+numbers below.
 """
 
 from __future__ import annotations
@@ -18,12 +20,13 @@ from .jit import compiled, inlined
 from .locate import barycentric
 from .nodes import STIFF, excess
 from .quadrature import carried, displaced
+from .step import TRANSIENT
 
 __all__ = ["march", "way_out"]
 
-SAMPLED = 4  # the error is looked at in every so many triangles: half a look more a triangle; chosen by experiment
+SAMPLED = 4  # the error is looked at in every so many triangles: chosen by experiment for speed
 LONGER = 1.3  # than in the last triangle looked at: look again, since the error of a third-order step has doubled
-MARCH_SHARE = 0.2  # of the allowance: errors grow on their way through a sheared wake; chosen by experiment
+MARCH_SHARE = 0.2  # of the allowance: chosen by experiment: errors grow on their way through a sheared wake
 AHEAD = 10.0  # triangles for which a clearance is looked up: one look in ten where nothing is near
 KEEP = 0.1  # of the error allowed: with less bend than that the next march begins linear
 ON_FACE = 1e-7  # barycentric distance at which a face is met: far below any allowance, far above round-off
@@ -73,6 +76,15 @@ class Limits(NamedTuple):
     fall: float  # m/s, speed that gravity gives over the extent of the flight
 
 
+class Memory(NamedTuple):
+    """What a march remembers from triangle to triangle."""
+
+    free: float  # m, clearance left
+    checked: float  # s, time in the last triangle in which the error was looked at
+    bent: float  # largest error so far of a linear N over what is allowed
+    quadratic: bool  # N is a parabola from here on
+
+
 class Shape(NamedTuple):
     """What the stages find out about a triangle."""
 
@@ -80,8 +92,8 @@ class Shape(NamedTuple):
     zx: float  # m/s, velocity foretold for its end, of which the force there is
     zy: float
     onward: float  # 1/s, drag rate there
-    bent: float  # largest error so far of a linear N over what is allowed
-    quadratic: bool  # N is a parabola from here on
+    bent: float  # see ``Memory``
+    quadratic: bool
     fine: bool  # the error is within what is allowed
 
 
@@ -114,6 +126,14 @@ def _holds(geometry, tri, x, y):
         q = barycentric(geometry, tri, k, x, y)
         least = q if not q >= least else least  # NaN stays
     return least >= BEYOND
+
+
+@inlined
+def _limits(state, air, grain, rules):
+    """See ``Limits``."""
+    clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
+    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
+    return Limits(state[at.T], clock, fall)
 
 
 @inlined
@@ -201,7 +221,7 @@ def _relaxes(rules, face, dt, zx, zy, onward):
     """Whether B, frozen over a velocity transient that the stages step over, displaces more than is allowed."""
     if not face.rate * dt > STIFF:
         return False
-    passed = face.rate * dt / (face.rate * dt + 4.0)
+    passed = face.rate * dt / (face.rate * dt + TRANSIENT)
     change = math.sqrt((zx - face.vx) ** 2 + (zy - face.vy) ** 2) * abs(1.0 / face.rate - 1.0 / onward)
     return change * passed**3 > rules.allowance * dt * math.sqrt(max(face.speed2, zx * zx + zy * zy))
 
@@ -339,64 +359,59 @@ def _leave(air, walls, grain, face, tri, edge, dt, last, shape, limits, free):
 
 
 @inlined
+def _through(
+    state, ints, affine, air, grain, table, walls, rules, limits, face, tri, edge, dt, last, sampled, again, memory
+):
+    """Step through triangle ``tri`` to about its face ``edge``. Returns the next face, the memory, whether the clock
+    ended the step, and whether all is well; else the granule stays where it was. ``again``: see ``_shape``.
+    """
+    free, checked, bent, quadratic = memory
+    sampled = sampled or last or dt > LONGER * checked
+    checked = dt if sampled else checked
+    if not last:
+        dt, last = _meet(air.geometry, face, tri, edge, dt, limits)
+        if not dt > 0.0:
+            return face, memory, last, False
+    shape = _shape(
+        state, ints, affine, air, grain, table, rules, face, tri, dt, limits, sampled, quadratic, again, bent
+    )
+    fine = shape.fine
+    if fine:
+        face, free, last, fine = _leave(air, walls, grain, face, tri, edge, dt, last, shape, limits, free)
+    return face, Memory(free, checked, shape.bent, shape.quadratic), last, fine
+
+
+@inlined
 def march(state, ints, affine, air, grain, table, walls, rules, most):
     """Go from face to face up to the next snapshot or interval of noise, the mesh's end, until a wall or line may be
-    met, or as long as the estimated error is within the allowance. The state is that of the last face. Returns how
-    many triangles were left behind.
-
-    With B the drag rate at the last face, N = F + B v is linear through a triangle, its slope foretold by that in the
-    last one; or quadratic, once its middle was found too far off that. What is left at 1/4 and 3/4 then gives the
-    error. ``most``: triangles of this march.
+    met, or as long as the estimated error is within the allowance, through at most ``most`` triangles. The state is
+    that of the last face. Returns how many triangles were left behind.
     """
-    clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
-    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
-    limits = Limits(state[at.T], clock, fall)
+    limits = _limits(state, air, grain, rules)
     face = _departure(state, ints, affine, air, grain, table)
-    free = bent = checked = 0.0
-    tri, left, cut, quadratic = ints[at.TRI], 0, 0, ints[at.QUADRATIC] == 1
+    memory = Memory(0.0, 0.0, 0.0, ints[at.QUADRATIC] == 1)
+    tri, left, cut = ints[at.TRI], 0, 0
     for cell in range(most):
         dt, edge, last, verdict = _aim(air, rules, face, tri, limits)
         cut = cut + 1 if verdict == CUT else 0
         if verdict == STOP or cut > MOST_CUTS or (cut > 0 and last):
             break
         if verdict == THROUGH:
-            sampled = cell % SAMPLED == 0 or last or dt > LONGER * checked
-            checked = dt if sampled else checked
-            if not last:
-                dt, last = _meet(air.geometry, face, tri, edge, dt, limits)
-                if not dt > 0.0:
-                    break
-            shape = _shape(
-                state,
-                ints,
-                affine,
-                air,
-                grain,
-                table,
-                rules,
-                face,
-                tri,
-                dt,
-                limits,
-                sampled,
-                quadratic,
-                cell == 0,
-                bent,
-            )
-            bent, quadratic = shape.bent, shape.quadratic
-            if not shape.fine:
-                break
-            face, free, last, fine = _leave(air, walls, grain, face, tri, edge, dt, last, shape, limits, free)
+            sampled, again = cell % SAMPLED == 0, cell == 0
+            face, memory, last, fine = _through(
+                state, ints, affine, air, grain, table, walls, rules, limits, face, tri, edge, dt, last, sampled, again,
+                memory,
+            )  # fmt: skip
             if not fine:
                 break
             left += 1
             state[at.X], state[at.Y], state[at.VX], state[at.VY] = face.x, face.y, face.vx, face.vy
-            state[at.T] = clock if last else limits.t0 + face.s
-        if verdict == THROUGH and last:
-            break
+            state[at.T] = limits.clock if last else limits.t0 + face.s
+            if last:
+                break
         tri = air.neighbours[tri, edge]
         if tri < 0:
             break
         ints[at.TRI] = tri
-    ints[at.QUADRATIC] = 1 if bent > KEEP else 0
+    ints[at.QUADRATIC] = 1 if memory.bent > KEEP else 0
     return left

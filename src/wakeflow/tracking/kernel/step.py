@@ -1,7 +1,7 @@
 """One exponential step of third order, its error, and how long it may be.
 
 x' = v, v' = F(t, x, v) with the drag rate B at the step's start as linear part and N = F + B v as polynomial in time,
-which integrates exactly (see ``exponential``). N is built up by Picard iteration: constant, linear through h/2,
+which integrates exactly (see ``dense_output``). N is built up by Picard iteration: constant, linear through h/2,
 quadratic through h/2 and h; each makes the path one order better, everywhere in the step, so that a step may be cut
 at any event. The exponential quadrature is that of Cox & Matthews (2002, J. Comput. Phys. 176, 430). The defect of
 the last path, between its nodes, gives the error: it sees the error of the quadrature and that of the stages. Exact
@@ -21,8 +21,10 @@ from .jit import compiled
 from .locate import barycentric
 from .walls import constrain
 
-__all__ = ["attempt", "exit_time"]
+__all__ = ["TRANSIENT", "attempt", "exit_time"]
 
+TRANSIENT = 4.0  # drag times; (z / (z + 4))^3 of a transient counts in z of them: third order if short, all if long
+STRAIGHT = 1e-3  # of the drag time: up to there a path is taken for a parabola
 OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step
 
 
@@ -94,7 +96,7 @@ def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     error = h * (h * q2 + q1 * carried) * math.sqrt(nx * nx + ny * ny)
     if rate0 > 0.0 and rate1 > 0.0 and rate0 != rate1:
         z = rate0 * h
-        passed = z / (z + 4.0) if z < 1e100 else 1.0
+        passed = z / (z + TRANSIENT) if z < 1e100 else 1.0
         change = math.sqrt((wx - path[at.START_VX]) ** 2 + (wy - path[at.START_VY]) ** 2)
         error += change * abs(1.0 / rate0 - 1.0 / rate1) * passed * passed * passed
     return error, wx * wx + wy * wy
@@ -130,7 +132,7 @@ def exit_time(geometry, tri, path, least):
     if not math.isfinite(h):
         return h
     for _ in range(2):
-        if rate * h < 1e-3:
+        if rate * h < STRAIGHT:
             wx, wy = vx + 0.5 * h * fx, vy + 0.5 * h * fy
         else:
             _, p1, p2, _, _ = phis(-rate * h)
