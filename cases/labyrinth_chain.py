@@ -34,7 +34,7 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
 def flown(scene: wf.Scene, name: str) -> tuple[Any, float]:
     """Tracks of one fraction without air, by whom the plan says, and the processor time of flying them."""
     plan = make_plan(scene, rung="none")
-    still = scene.flown("none")
+    still = scene.without_air()
     feed = feedstock(still, plan, name, None)
     return timed(lambda: Flight(still, plan, None, scene.numerics.tolerance).fly(name, feed.granules))
 

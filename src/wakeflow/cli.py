@@ -5,18 +5,19 @@ from __future__ import annotations
 import errno
 import json
 import sys
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
 from .core.errors import ProgramError, SceneError, WakeflowError
+from .scene.overrides import changes_of, switches_of
+from .scene.rungs import rungs
 
-__all__ = ["main"]
+__all__ = ["app", "main"]
 
-INTERRUPTED = 130
+INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
 
 app = App(
     name="wakeflow",
@@ -27,7 +28,10 @@ app = App(
 )
 
 Stage = Literal["funnel", "mesh", "airflow", "tracks"]
-Rung = Literal["auto", "none", "draft", "standard", "reference"]
+if TYPE_CHECKING:
+    RungName = str
+else:
+    RungName = Literal[tuple(rungs)]
 Settings = Annotated[
     list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
 ]
@@ -49,41 +53,13 @@ def _version() -> str:
 app.version = _version
 
 
-def _split(text: str, option: str) -> tuple[str, str]:
-    key, sign, value = text.partition("=")
-    if not sign or not key:
-        raise SceneError(f"{option} {text!r}: write it as KEY=VALUE")
-    return key, value
-
-
-def _value(text: str) -> Any:
-    """A TOML value where it is one (numbers, lists, true, quoted strings), else the text itself."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
-
-
-def _changes(settings: Sequence[str]) -> dict[str, Any]:
-    return {key: _value(value) for key, value in (_split(text, "--set") for text in settings)}
-
-
-def _switches(forced: Sequence[str]) -> dict[str, bool]:
-    switches = {}
-    for term, state in (_split(text, "--force") for text in forced):
-        if state not in ("on", "off"):
-            raise SceneError(f"--force {term}={state}: write on or off")
-        switches[term] = state == "on"
-    return switches
-
-
 @app.command
 def run(
     scene: Path,
     *,
     out: Path | None = None,
     until: Stage | None = None,
-    rung: Rung | None = None,
+    rung: RungName | None = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
@@ -114,10 +90,10 @@ def run(
     from .scene import Scene
     from .terminal import live
 
-    asked = Scene.load(scene, _changes(settings))
+    asked = Scene.load(scene, changes_of(settings))
     with live(enabled=not (quiet or as_json)) as listener:
         result = runs.run(
-            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=_switches(force),
+            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=switches_of(force),
             target_error=target_error, workers=workers, listener=listener,
         )  # fmt: skip
     if as_json:
@@ -135,7 +111,7 @@ def plan(
     out: Path | None = None,
     until: Stage | None = None,
     workers: int | None = None,
-    rung: Rung | None = None,
+    rung: RungName | None = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
@@ -157,8 +133,8 @@ def plan(
     from .planning.make import make_plan
     from .scene import Scene
 
-    asked = Scene.load(scene, _changes(settings))
-    made = make_plan(asked, rung=rung, force=_switches(force), target_error=target_error)
+    asked = Scene.load(scene, changes_of(settings))
+    made = make_plan(asked, rung=rung, force=switches_of(force), target_error=target_error)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     else:
@@ -286,7 +262,10 @@ def clean(*, everything: bool = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; exit code 0 done, 2 wrong input, 3 a program failed, 130 interrupted."""
+    """Run the command line, by default with the process's own arguments.
+
+    Returns the exit code: 0 done, 2 wrong input, 3 an outside program failed, 130 interrupted.
+    """
     try:
         code = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as problem:

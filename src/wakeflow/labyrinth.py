@@ -41,7 +41,7 @@ def chain(scene: Scene, *, count: int | None = None) -> Chained:
     if count is not None:
         scene = scene.replace({"feed.count": count})
     plan = make_plan(scene, rung="none")
-    flown = scene.flown("none")
+    flown = scene.without_air()
     flight = Flight(flown, plan, None, scene.numerics.tolerance)
     landings = {}
     for name in flown.fraction:

@@ -101,12 +101,12 @@ def run(
     try:
         with FileLock(folder / ".lock", timeout=0):
             options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
-            pipeline = Pipeline(scene.flown(plan.rung), plan, listener, workers)
+            pipeline = Pipeline(plan.airflow.flown(scene), plan, listener, workers)
             poured = pipeline.funnel
             if poured is not None and until != "funnel":
                 fed = _fed(scene, poured)
                 plan = make(fed)  # its bounds on loading follow the rate
-                pipeline = replace(pipeline, scene=fed.flown(plan.rung), plan=plan)
+                pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan)
             return _run(scene, pipeline, poured, folder, options, redraw)
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None

@@ -61,7 +61,7 @@ def make_plan(
     if airflow.stepping == "time-resolved":
         motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
         airflow = replace(airflow, moving=motion is not None and motion.used)
-    asked, scene = scene, scene.flown(airflow.rung)
+    asked, scene = scene, airflow.flown(scene)
     check_switches(scene, switches, airflow.turbulence)
     flown_by = "tracker" if asked is scene else "chain"
     plan = Plan(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.process import cores
 from ..scene import Scene
-from .airflow import SHEDDING_ABOVE, AirflowPlan, ranks_for, typical_cells
+from .airflow import AirflowPlan, ranks_for, typical_cells
 from .coupling import strained
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan, Plan
@@ -18,16 +18,12 @@ from .terms import Gate
 
 __all__ = ["missing_lines", "used_lines", "warning_lines"]
 
-LAMINAR_CHANNEL = (
-    1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
-)
-
 
 def used_lines(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
     lines = list(_airflow_lines(plan.airflow, len(scene.body)))
     if plan.flown_by == "chain":
         lines.append("no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM")
-    if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
+    if scene.air is not None and scene.channel.inlet and plan.airflow.computes_streams:
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
@@ -74,11 +70,8 @@ def _spread(scene: Scene, name: str) -> str:
 
 def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
-    if airflow.rung == "given":
-        yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
-    if airflow.rung == "analytic":
-        yield f"airflow: {airflow.why}"
     if airflow.stepping is None:
+        yield from () if airflow.summary is None else (airflow.summary,)
         return
     part = ", half of the channel mirrored" if airflow.half else ""
     if airflow.mirrored:
@@ -120,7 +113,7 @@ def warning_lines(scene: Scene, plan: Plan) -> list[str]:
         if how.drag_scale < 0.9:
             lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
         lines.extend(_injected_beyond(name, how, plan.target_error))
-    return [*lines, *standing(scene), *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
+    return [*lines, *standing(scene), *strained(plan.validity), *plan.airflow.warnings(scene)]
 
 
 def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[str]:
@@ -134,17 +127,4 @@ def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[st
         yield (
             f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
             f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"
-        )
-
-
-def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
-    reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
-    if airflow.rung == "analytic" and parabolic and reynolds > LAMINAR_CHANNEL:
-        yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
-    if airflow.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
-        yield "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
-    if airflow.brackets:
-        yield (
-            f"{airflow.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
-            "truth lies between it and the draft"
         )

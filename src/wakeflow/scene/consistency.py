@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.geometry import contains, distance, edges, segments_cross
 from ..core.registry import nearest
 from .pictures import Streamlines
+from .rungs import rungs
 from .whole import SceneTables
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
@@ -199,7 +200,7 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
 
 
 def _rung_fits(scene: SceneTables) -> Iterator[str]:
-    if scene.air is None and scene.numerics.rung not in ("auto", "none"):
+    if scene.air is None and rungs[scene.numerics.rung].needs_air:
         yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
 
 
