@@ -17,7 +17,8 @@ from .core.files import atomic_write, write_json
 from .core.store import content_key, digest_files
 from .injection.impact_loads import impact_loads
 from .laws.momentum import momentum_pressure
-from .pipeline.pipeline import Listener, Pipeline, silent
+from .pipeline.cache import Listener, silent
+from .pipeline.pipeline import Pipeline
 from .planning.make import make_plan
 from .results.budget import fly_companions, make_budget, together
 from .results.companions import airflow_on_grids
@@ -141,7 +142,7 @@ def _run(
     }
     tracked: Tracked | None = None
     if scene.air is not None and until != "funnel":
-        if until not in ("mesh", "airflow") and plan.rung != "analytic":
+        if until not in ("mesh", "airflow") and not pipeline.kind.at_once:
             pipeline.compile_beside()
         table["mesh"] = pipeline.mesh_quality
         if until != "mesh":

@@ -15,7 +15,7 @@ import wakeflow
 from wakeflow import Scene
 from wakeflow.core import sources
 from wakeflow.funnel import CODE as FUNNEL
-from wakeflow.pipeline.pipeline import CODE
+from wakeflow.pipeline.cache import CODE
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 

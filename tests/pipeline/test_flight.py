@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wakeflow.field import FlowField
-from wakeflow.pipeline.landings import load
+from wakeflow.pipeline.landings import load_tracked
 from wakeflow.pipeline.tracks import Flight, ends, solids
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
@@ -33,7 +33,7 @@ def leaning(scene: Scene) -> FlowField:
 def test_half_of_the_granules_fly_in_the_mirror_image_of_a_time_resolved_airflow(scene: Scene, tmp_path: Path) -> None:
     plan = make_plan(scene, rung="standard", force={"dispersion": False})
     Flight(scene, plan, leaning(scene), 1e-4).fly_all(tmp_path, drawn=False)
-    for name, landing in load(tmp_path, scene).landings.items():
+    for name, landing in load_tracked(tmp_path, scene).landings.items():
         odd = landing.replicate % 2 == 1
         right, left = landing.position[~odd, 0].mean(), landing.position[odd, 0].mean()
         assert right > 5e-3
@@ -44,7 +44,7 @@ def test_an_unsymmetric_geometry_has_no_mirror_image(scene: Scene, tmp_path: Pat
     plan = make_plan(scene, rung="standard", force={"dispersion": False})
     plan = replace(plan, airflow=replace(plan.airflow, symmetric=False))
     Flight(scene, plan, leaning(scene), 1e-4).fly_all(tmp_path, drawn=False)
-    for landing in load(tmp_path, scene).landings.values():
+    for landing in load_tracked(tmp_path, scene).landings.values():
         assert landing.position[landing.replicate % 2 == 1, 0].mean() > 5e-3
 
 

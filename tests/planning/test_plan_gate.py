@@ -22,7 +22,7 @@ from wakeflow.laws.drag import drag_laws, slip_correction
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline import landings
 from wakeflow.pipeline import tracks as flying
-from wakeflow.pipeline.landings import Landings, load
+from wakeflow.pipeline.landings import Landings, load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import Flight as Scales
@@ -521,14 +521,14 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
     scene = Scene.load(CASES / "vacuum.toml", {"feed.count": 256})
     whole = Flight(scene, make_plan(scene), None, 1e-6)
     whole.fly_all(tmp_path, drawn=True)
-    at_once = load(tmp_path, scene)
+    at_once = load_tracked(tmp_path, scene)
     held = dict(at_once.landings)
     monkeypatch.setattr(flying, "AT_ONCE", 48)  # three replicates of sixteen at a time
     monkeypatch.setattr(landings, "KEPT", 0)
     parts = tmp_path / "parts"
     parts.mkdir()
     whole.fly_all(parts, drawn=True)
-    in_parts = load(parts, scene)
+    in_parts = load_tracked(parts, scene)
     for name in scene.fraction:
         one, other = at_once.landings[name], in_parts.landings[name]
         for column in ("position", "bin", "replicate", "diameter", "fate", "time", "impacts"):

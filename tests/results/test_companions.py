@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from wakeflow.core.store import Store
-from wakeflow.pipeline.pipeline import Companion, Pipeline
+from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
+from wakeflow.pipeline.track_stage import Companion
 from wakeflow.pipeline.warm_start import nearest, remember
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES

@@ -94,6 +94,11 @@ class AirflowPlan:
         return True
 
     @property
+    def resolves(self) -> str | None:
+        """The rung that resolves what this airflow leaves out where the wake sheds; None where nothing is left out."""
+        return rungs[self.rung].resolves if self.rung in rungs else None
+
+    @property
     def summary(self) -> str | None:
         """The plan's line on an airflow that is not solved; None where there is nothing to say."""
         return f"airflow: rung {self.rung}, {rungs[self.rung].meaning} ({self.why})"
@@ -164,11 +169,10 @@ class SolvedAirflow(AirflowPlan):
         return self.stepping
 
     def warnings(self, scene: Scene) -> Iterator[str]:
-        resolves = rungs[self.rung].resolves
-        if resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
+        if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
             yield (
-                f"{self.rung} airflow: a steady wake is too long and its suction too weak; rung {resolves} resolves "
-                "the shedding"
+                f"{self.rung} airflow: a steady wake is too long and its suction too weak; rung {self.resolves} "
+                "resolves the shedding"
             )
         if self.brackets:
             yield (

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
-from ..planning.airflow import SHEDDING_ABOVE
 from ..planning.plan import LeftOut, Plan
 from ..planning.terms import TYPICAL
 from ..scene import RESERVED_BIN, Scene
@@ -110,22 +109,17 @@ def _airflow_parts(pipeline: Pipeline, others: Companions, name: str, place: int
     """What the airflow contributes to the error of a share: its mesh, its model, its finite sample of the shedding."""
     if pipeline.scene.air is None:
         return
-    if pipeline.plan.rung == "analytic":  # nothing is solved; how far a real duct's air is from it nobody says
-        yield _unknown("airflow-model")
-        return
-    if others.grids is None:
-        yield _unknown("mesh")
-    else:
+    unknown = pipeline.kind.unknown_parts()
+    if others.grids is not None:
         found = mesh_error(others.grids, name, place)
         half = max(found.high - found.value, found.value - found.low)
         yield {"source": "mesh", "error": half, "seconds": others.grids.seconds, "how": "companion", "note": found.why}
-    how = pipeline.plan.airflow
+    elif "mesh" in unknown:
+        yield _unknown("mesh")
     if others.airflows is not None:
         yield from _model_parts(pipeline, others.airflows, name, place)
-    elif how.rung == "given" or (how.stepping == "steady" and (pipeline.scene.reynolds or 0.0) >= SHEDDING_ABOVE):
-        yield _unknown("airflow-model")
-    if others.airflows is None and pipeline.airflow["period"] is not None:
-        yield _unknown("airflow-statistics")
+    else:
+        yield from (_unknown(source) for source in unknown if source != "mesh")
 
 
 def _model_parts(pipeline: Pipeline, compared_: Comparison, name: str, place: int) -> Iterator[dict[str, Any]]:

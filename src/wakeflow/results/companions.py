@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
-from ..pipeline.pipeline import Companion, Pipeline
+from ..pipeline.pipeline import Pipeline
+from ..pipeline.track_stage import Companion
 from ..planning.plan import COMPARED
 from ..scene import RESERVED_BIN
 from .grid_convergence import GridEstimate, estimate

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def _notices(scene: Scene, pipeline: Pipeline, table: dict[str, Any], tracked: Tracked | None) -> list[str]:
     """What a user must know of the airflow and of how the tracks ended."""
-    solved = table["airflow"] is not None and pipeline.plan.rung != "analytic"
+    solved = table["airflow"] is not None and not pipeline.kind.at_once
     lines = _airflow_notices(scene, pipeline, table["airflow"]) if solved else []
     lines += [] if table["funnel"] is None else notices(table["funnel"])
     for name, met in ({} if tracked is None else tracked.injected).items():
@@ -41,8 +41,9 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: dict[str, Any]) 
     from ..foam.ladder import warning
 
     lines = []
-    if airflow["rung"] == "draft" and airflow["verdict"] != "steady":
-        lines.append(f"the steady airflow does not settle ({airflow['verdict']}): use rung standard")
+    resolves = pipeline.plan.airflow.resolves
+    if resolves is not None and airflow["verdict"] != "steady":
+        lines.append(f"the steady airflow does not settle ({airflow['verdict']}): use rung {resolves}")
     if airflow.get("period") is not None and airflow["verdict"] == "broadband":
         lines.append(
             "the wake sheds irregularly: a loop of a few periods is a small sample of it; compare left and right"
