@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     RungName = str
 else:
     RungName = Literal[tuple(rungs)]
+Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/ and the scene's name.")]
+Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
 Settings = Annotated[
     list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
 ]
@@ -42,6 +44,8 @@ Forced = Annotated[
 Target = Annotated[
     float | None, Parameter(help="Error of a bin's share that is asked for, instead of the scene's own (0.01).")
 ]
+Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
+Quiet = Annotated[bool, Parameter(help="Print nothing but errors.")]
 
 
 def _version() -> str:
@@ -57,14 +61,14 @@ app.version = _version
 def run(
     scene: Path,
     *,
-    out: Path | None = None,
+    out: Folder = None,
     until: Stage | None = None,
-    rung: RungName | None = None,
+    rung: Fidelity = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
-    workers: int | None = None,
-    quiet: bool = False,
+    workers: Threads = None,
+    quiet: Quiet = False,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> None:
     """Compute where each fraction of a scene lands; results in runs/NAME (or --out).
@@ -73,16 +77,8 @@ def run(
     ----------
     scene
         A scene file (TOML); make one with: wakeflow new
-    out
-        Folder for the results; default runs/ and the scene's name.
     until
         Stop after this stage.
-    rung
-        Fidelity of the airflow instead of the scene's own.
-    workers
-        Threads of the tracker; default all cores.
-    quiet
-        Print nothing but errors.
     as_json
         Print result.json instead of tables.
     """
@@ -111,7 +107,7 @@ def plan(
     out: Path | None = None,
     until: Stage | None = None,
     workers: int | None = None,
-    rung: RungName | None = None,
+    rung: Fidelity = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
@@ -125,11 +121,10 @@ def plan(
         A scene file (TOML).
     out, until, workers
         Taken as by run, so that its command line can be reused; a plan does not depend on them.
-    rung
-        Fidelity of the airflow instead of the scene's own.
     as_json
         Print JSON.
     """
+    del out, until, workers
     from .planning.make import make_plan
     from .scene import Scene
 
@@ -156,18 +151,10 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     overwrite
         Replace an existing file.
     """
-    from .core.files import atomic_write
-    from .core.registry import nearest
-    from .core.resources import scene_templates
+    from .scene.templates import write_template
 
-    known = scene_templates()
-    if kind not in known:
-        raise SceneError(f"unknown scene {kind!r}{nearest(kind, list(known))} (known: {', '.join(known)})")
     target = path or Path(f"{kind}.toml")
-    if target.exists() and not overwrite:
-        raise SceneError(f"{target} exists; choose another name or add --overwrite")
-    with atomic_write(target) as stream:
-        stream.write(known[kind].read_text(encoding="utf-8"))
+    write_template(kind, target, overwrite=overwrite)
     print(f"{target} written; run it with: wakeflow run {target}")
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from .injection.feed import feedstock
 from .pipeline.landings import Landings
-from .pipeline.tracks import Flight, landed
+from .pipeline.tracks import Flight, landing_columns
 from .planning.make import make_plan
 from .planning.plan import Plan
 from .results.separation import separate
@@ -46,7 +46,7 @@ def chain(scene: Scene, *, count: int | None = None) -> Chained:
     landings = {}
     for name in flown.fraction:
         feed = feedstock(flown, plan, name, None)
-        parts = landed(feed, flight.fly(name, feed.granules), len(flown.bin))
+        parts = landing_columns(feed, flight.fly(name, feed.granules), len(flown.bin))
         parts.pop("injected")
         landings[name] = Landings(**parts)
     return Chained(plan, landings, separate(flown, landings))

@@ -10,7 +10,7 @@ import pytest
 
 from wakeflow.field import FlowField
 from wakeflow.pipeline.landings import load_tracked
-from wakeflow.pipeline.tracks import Flight, ends, solids
+from wakeflow.pipeline.tracks import Flight, bodies_and_walls, end_lines
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 
@@ -61,14 +61,14 @@ def test_a_fraction_that_is_there_is_not_flown_again(scene: Scene, tmp_path: Pat
 
 
 def test_bins_open_the_walls_and_come_first_among_the_ends(scene: Scene) -> None:
-    assert len(solids(scene)) == 3  # the body and two walls
+    assert len(bodies_and_walls(scene)) == 3  # the body and two walls
     window = scene.replace({"bin.window": {"on": "left", "from": -0.1, "to": 0.0}})
-    walls = solids(window)[1:]
+    walls = bodies_and_walls(window)[1:]
     assert len(walls) == 3  # the left wall in two pieces
     left = sorted((w.outline[:, 1].min(), w.outline[:, 1].max()) for w in walls if w.outline[0, 0] < 0)
     assert left[0][1] == pytest.approx(-0.1)
     assert left[1][0] == pytest.approx(0.0)
-    lines = ends(window)
+    lines = end_lines(window)
     assert len(lines) == len(window.bin) + 2
     np.testing.assert_allclose(lines[list(window.bin).index("window")], [(-0.2, -0.1), (-0.2, 0.0)])
     assert lines[-2][0, 1] < scene.channel.bottom

@@ -148,6 +148,16 @@ class CaseAir(AirflowKind):
     def make_solution(self) -> tuple[str, Path]:
         """Solve or measure the airflow, or take it from the cache: key and folder."""
 
+    @property
+    def case(self) -> Path:
+        """The OpenFOAM case that the field is read from."""
+        return self.solution[1] / "case"
+
+    @property
+    def half(self) -> bool:
+        """Whether the case is the right half of a symmetric channel."""
+        return self.mesh_spec.half
+
     def make_table(self) -> dict[str, Any]:
         table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
         return table
@@ -156,21 +166,16 @@ class CaseAir(AirflowKind):
         from ..field import FlowField
         from .case_field import case_field
 
-        solved, folder = self.solution
-        key = content_key("field", solved, code_of("field"), version_of("foamlib"))
+        key = content_key("field", self.solution[0], code_of("field"), version_of("foamlib"))
         air, table = self.scene.air, self.make_table()
         assert air is not None
 
         def work(part: Path) -> None:
             self.cache.tell("field", "reading the airflow")
-            case, half = self.case_and_half(folder, table)
-            case_field(case, table["field_time"], air.density, half=half).save(part / "field.npz")
+            field = case_field(self.case, table["field_time"], air.density, half=self.half)
+            field.save(part / "field.npz")
 
         return key, FlowField.load(self.cache.make("field", key, work) / "field.npz")
-
-    def case_and_half(self, folder: Path, table: dict[str, Any]) -> tuple[Path, bool]:
-        """The case that the field is read from, and whether it is the right half of a symmetric channel."""
-        return folder / "case", self.mesh_spec.half
 
     def unknown_parts(self) -> tuple[str, ...]:
         statistics = () if self.make_table()["period"] is None else ("airflow-statistics",)
@@ -188,10 +193,13 @@ class GivenAir(CaseAir):
 
     @property
     def case(self) -> Path:
-        """The user's case."""
         assert self.scene.air is not None
         assert self.scene.air.case is not None
         return Path(self.scene.air.case)
+
+    @property
+    def half(self) -> bool:
+        return bool(self.make_table()["half"])
 
     def make_solution(self) -> tuple[str, Path]:
         """Its files are in the key: a new solution counts."""
@@ -208,9 +216,6 @@ class GivenAir(CaseAir):
             write_json(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
 
         return key, self.cache.make("airflow", key, work)
-
-    def case_and_half(self, folder: Path, table: dict[str, Any]) -> tuple[Path, bool]:
-        return self.case, table["half"]
 
     @property
     def mesh_quality(self) -> dict[str, Any]:

@@ -109,6 +109,7 @@ class AirflowPlan:
 
     def warnings(self, scene: Scene) -> Iterator[str]:
         """A line for each way in which the airflow of ``scene`` differs from the real one."""
+        del scene
         yield from ()
 
 
