@@ -45,8 +45,8 @@ ACCURACY = {
     "flat": 0.02,
     "bracket": 0.05,
 }  # of the airflow's statistics: usual; where model errors are tens of per cent
-# Reynolds number on the mean speed and the distance of the walls from which turbulence lasts in a channel: Patel & Head
-LAMINAR_CHANNEL = 1300.0  # 1969, J. Fluid Mech. 38, 181
+# Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
+LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
 WORTH_IT = 60_000  # cells from which a second MPI rank pays; each gets half of it at least
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
