@@ -28,6 +28,7 @@ from ..planning.make import make_plan
 from ..planning.plan import COMPARED, REPLICATES, Plan
 from ..scene import Scene
 from .specs import flow_spec, mesh_spec
+from .stages import StageKey, StageTime
 from .warm_start import nearest, remember
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ CODE = {
     "duct": ("wakeflow.pipeline.analytic",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
 }
+COMPILED = StageKey("", "compile")  # the tracker is compiled once, whatever airflow it flies in
 
 
 def silent(stage: str, text: str) -> None:
@@ -81,7 +83,7 @@ class Pipeline:
     listener: Listener = silent
     workers: int | None = None
     store: Store = field(default_factory=lambda: Store(cache_root()))
-    seconds: dict[str, dict[str, Any]] = field(default_factory=dict)
+    seconds: dict[StageKey, StageTime] = field(default_factory=dict)
     grid: int = 0
     label: str = ""
     _compiling: list[Thread] = field(default_factory=list, repr=False)
@@ -183,6 +185,10 @@ class Pipeline:
         scale = self.plan.airflow.scales[grid]
         return self if grid == self.grid else replace(self, grid=grid, label=f"{self.label}grid x {scale:.2g} ")
 
+    def spent(self, stage: str) -> float:
+        """The run time (s) of a stage that is made, when it was computed."""
+        return self.seconds[StageKey(self.label, stage)].seconds
+
     def _tell(self, stage: str, text: str) -> None:
         self.listener(f"{self.label}{stage}", text)
 
@@ -270,7 +276,7 @@ class Pipeline:
             flow = flow.blended(change.blend)
         tell = partial(self._tell, change.name)
         flights = Flight(self.scene, self.plan, flow, tolerance, self.workers, tell, replicates)
-        if self.plan.flown_by == "tracker" and "compile" not in self.seconds and not self.store.holds(change.name, key):
+        if self.plan.flown_by == "tracker" and COMPILED not in self.seconds and not self.store.holds(change.name, key):
             self._warm_up()
         folder = self._stage(change.name, key, lambda part: flights.fly_all(part, drawn=companion is None))
         return load(folder, self.scene)
@@ -304,7 +310,7 @@ class Pipeline:
         for child in self._compiling:
             child.join()
         compile_tracker()
-        self.seconds["compile"] = {"seconds": time.monotonic() - started, "cached": False}
+        self.seconds[COMPILED] = StageTime(time.monotonic() - started, cached=False)
 
     # -- cache ---------------------------------------------------------------------------------------------------
 
@@ -323,7 +329,7 @@ class Pipeline:
             stage, key, timed, on_wait=lambda: self._tell(stage, "another run is computing this; waiting for it")
         )
         seconds = json.loads((folder / "seconds.json").read_text())
-        self.seconds[self.label + stage] = {"seconds": seconds, "cached": cached}
+        self.seconds[StageKey(self.label, stage)] = StageTime(seconds, cached)
         self._tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder
 

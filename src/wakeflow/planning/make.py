@@ -26,6 +26,7 @@ from .airflow import choose_airflow, typical_cells, typical_seconds
 from .bounds import Flight, moved_by_air
 from .coupling import limits
 from .flight_scales import arrival_speed, flights
+from .flights_again import times_again
 from .impaction import deflection
 from .lock_in import vibration_of_scene
 from .messages import missing_lines, used_lines, warning_lines
@@ -183,7 +184,7 @@ def _estimate(scene: Scene, plan: Plan) -> dict[str, float]:
     count = REPLICATES * replicate_size(scene.feed.count)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
     noisy = sum("dispersion" in how.forces for how in plan.fractions.values())
-    again = 1 + (3 * plan.airflow.brackets + len(plan.airflow.scales) - 1) * COMPARED / REPLICATES
+    again = 1 + times_again(plan.airflow) * COMPARED / REPLICATES
     tracks = 150e-6 * count * (len(plan.fractions) + 2.0 * noisy) * again
     cells = typical_cells(plan.airflow, len(scene.body))
     snapshots = 150.0 if plan.airflow.stepping == "time-resolved" else 2.0
