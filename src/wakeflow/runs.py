@@ -139,6 +139,7 @@ class _Run:
             seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
             versions=_versions(),
             key=self._key(tracked),
+            pictures=None,
             folder=self.folder,
         )
         result = self._drawn(result, tracked)

@@ -143,8 +143,9 @@ def test_core_seconds_count_every_attempt_restart_and_rank(tmp_path: Path) -> No
 
 def _airflow(case: Path, **changes: Any) -> SolvedAirflow:
     table = {
-        "cd": {"value": 2.0, "low": 1.9, "high": 2.1}, "cl_rms": 0.5, "strouhal": None, "cp_base": -1.0,
-        "cp_front": {"value": 1.0, "low": 0.9, "high": 1.1}, "suction": {"reversal_length": 0.1}, "period": None,
+        "cd": {"value": 2.0, "low": 1.9, "high": 2.1}, "cl_rms": {"value": 0.5, "low": 0.5, "high": 0.5},
+        "strouhal": None, "cp_base": {"value": -1.0, "low": -1.1, "high": -0.9}, "cp_front": 1.0,
+        "suction": {"reversal_length": 0.1}, "period": None,
         "cells": 1000,
     }  # fmt: skip
     return SolvedAirflow(Airflow.read({**table, **changes}), case, 0.05)
