@@ -16,6 +16,7 @@ from typing import Any
 from ..core.files import write_json
 from ..core.sources import code_key
 from ..core.store import Store
+from .stages import StageKey, StageTime
 
 __all__ = ["CODE", "Listener", "StageCache", "code_of", "silent", "version_of"]
 
@@ -57,7 +58,7 @@ class StageCache:
 
     store: Store
     listener: Listener
-    seconds: dict[str, dict[str, Any]]
+    seconds: dict[StageKey, StageTime]
     label: str = ""
 
     def tell(self, stage: str, text: str) -> None:
@@ -79,6 +80,6 @@ class StageCache:
             stage, key, timed, on_wait=lambda: self.tell(stage, "another run is computing this; waiting for it")
         )
         seconds = json.loads((folder / "seconds.json").read_text())
-        self.seconds[self.label + stage] = {"seconds": seconds, "cached": cached}
+        self.seconds[StageKey(self.label, stage)] = StageTime(seconds, cached)
         self.tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder

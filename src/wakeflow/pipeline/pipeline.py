@@ -6,7 +6,6 @@ The airflow and its field belong to the kind of airflow that the plan chose (``a
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -15,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import SceneError
 from ..core.store import Store, cache_root
 from ..funnel import compute as compute_funnel
-from ..planning.make import make_plan
+from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..scene import Scene
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
+from .stages import StageKey, StageTime
 from .track_stage import Companion, Compilation, TrackStage
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ class Pipeline:
     """The stages of one scene under one plan; each is made at most once and comes from the cache where it can.
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
-    same scene apart in ``seconds`` and to the listener. ``plan_at`` plans a scene at another rung,
-    as ``plan`` was made.
+    same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan``
+    and plans the scene at other rungs; by default one with the plan's own options.
     """
 
     scene: Scene
@@ -45,16 +45,20 @@ class Pipeline:
     listener: Listener = silent
     workers: int | None = None
     store: Store = field(default_factory=lambda: Store(cache_root()))
-    seconds: dict[str, dict[str, Any]] = field(default_factory=dict)
+    seconds: dict[StageKey, StageTime] = field(default_factory=dict)
     grid: int = 0
     label: str = ""
-    plan_at: Callable[[Scene, str], Plan] | None = None
+    planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
 
     @property
     def cache(self) -> StageCache:
         """Where the stages are kept, under this airflow's label."""
         return StageCache(self.store, self.listener, self.seconds, self.label)
+
+    def spent(self, stage: str) -> float:
+        """The run time (s) of a stage that is made, when it was computed."""
+        return self.seconds[StageKey(self.label, stage)].seconds
 
     # -- feed ----------------------------------------------------------------------------------------------------------
 
@@ -123,11 +127,8 @@ class Pipeline:
     @cached_property
     def draft(self) -> Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
-        if self.plan_at is not None:
-            plan = self.plan_at(self.scene, "draft")
-        else:
-            plan = make_plan(self.scene, rung="draft", force=self.plan.force, target_error=self.plan.target_error)
-        return replace(self, plan=plan, grid=0, label=f"{self.label}draft ")
+        planner = self.planner or Planner(self.scene, self.plan.force, self.plan.target_error)
+        return replace(self, plan=planner.plan("draft"), grid=0, label=f"{self.label}draft ")
 
     def on_grid(self, grid: int) -> Pipeline:
         """The same scene on another of the plan's grids."""

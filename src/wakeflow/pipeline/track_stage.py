@@ -17,6 +17,7 @@ from ..planning.plan import COMPARED, REPLICATES, Plan
 from ..scene import Scene
 from .airflow_kinds import AirflowKind
 from .cache import StageCache, code_of, version_of
+from .stages import StageKey, StageTime
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from .landings import Tracked
 
 __all__ = ["Companion", "Compilation", "TrackStage"]
+
+COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class Compilation:
         for child in self.children:
             child.join()
         compile_tracker()
-        cache.seconds["compile"] = {"seconds": time.monotonic() - started, "cached": False}
+        cache.seconds[COMPILED] = StageTime(time.monotonic() - started, cached=False)
 
 
 def _compile_in_child(log: Path) -> None:
@@ -139,5 +142,5 @@ class TrackStage:
 
     def _must_compile(self, stage: str, key: str) -> bool:
         """Whether the stage will be flown by the tracker, for the first time in this run."""
-        first = self.plan.flown_by == "tracker" and "compile" not in self.cache.seconds
+        first = self.plan.flown_by == "tracker" and COMPILED not in self.cache.seconds
         return first and not self.cache.store.holds(stage, key)

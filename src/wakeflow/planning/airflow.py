@@ -113,7 +113,7 @@ class AirflowPlan:
         yield from ()
 
 
-class NoAirflow(AirflowPlan):
+class NoAirPlan(AirflowPlan):
     """No air, or air that is left out."""
 
     @property
@@ -128,7 +128,7 @@ class NoAirflow(AirflowPlan):
         return scene.without_air()
 
 
-class AnalyticAirflow(AirflowPlan):
+class AnalyticAirPlan(AirflowPlan):
     """Air in which nothing stands: known in closed form."""
 
     @property
@@ -145,7 +145,7 @@ class AnalyticAirflow(AirflowPlan):
             yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
 
 
-class GivenAirflow(AirflowPlan):
+class GivenAirPlan(AirflowPlan):
     """A solved OpenFOAM case of the user's."""
 
     @property
@@ -161,7 +161,7 @@ class GivenAirflow(AirflowPlan):
         return f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({self.why})"
 
 
-class SolvedAirflow(AirflowPlan):
+class SolvedAirPlan(AirflowPlan):
     """An airflow that OpenFOAM solves, steady or time-resolved."""
 
     @property
@@ -192,11 +192,11 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
     if scene.air is None:
         if rungs[asked].needs_air:
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
-        return NoAirflow("none", "there is no [air]", None, None, scene.symmetric, half=False)
+        return NoAirPlan("none", "there is no [air]", None, None, scene.symmetric, half=False)
     if rungs[asked].kind == "none":
         if not scene.body:
             raise SceneError(f"rung = {asked!r} leaves the air out, and without a body nothing is left: choose auto")
-        return NoAirflow(asked, "asked for: the air is left out", None, None, scene.symmetric, half=False)
+        return NoAirPlan(asked, "asked for: the air is left out", None, None, scene.symmetric, half=False)
     if not scene.body:
         return _analytic(scene, asked)
     if scene.air.case is not None:
@@ -213,7 +213,7 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
     steady = kind == "steady"
-    return SolvedAirflow(
+    return SolvedAirPlan(
         rung=name,
         why=why,
         stepping=SOLVED[kind],
@@ -237,7 +237,7 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
     assert reynolds is not None
     laminar = air.profile == "parabolic" or reynolds < LAMINAR_BELOW
     why = f"nothing stands in it: {air.profile} everywhere, neither mesh nor solver"
-    return AnalyticAirflow("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
+    return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
 
 
 def _given(case: str, asked: str) -> AirflowPlan:
@@ -245,7 +245,7 @@ def _given(case: str, asked: str) -> AirflowPlan:
     if asked != "auto":
         raise SceneError(f"rung = {asked!r}: air.case gives the airflow; leave the rung out, or air.case")
     turbulence: Literal["laminar", "given"] = "laminar" if is_laminar(Path(case)) else "given"
-    return GivenAirflow("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
+    return GivenAirPlan("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
 
 
 def _auto(reynolds: float, target_error: float) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.geometry import contains, distance, edges, segments_cross
 from ..core.registry import nearest
-from .pictures import Streamlines
+from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
 from .whole import SceneTables
 
@@ -19,7 +19,6 @@ __all__ = ["CHECKS", "RESERVED_BIN"]
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
 RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
-RESERVED_PICTURES = ("pressure", "tracks", "landing")
 Array = NDArray[np.float64]
 
 
@@ -186,7 +185,7 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
     known = list(scene.fraction)
     for name, picture in scene.picture.items():
         key = f"picture.{name}"
-        if name in RESERVED_PICTURES:
+        if name in STANDARD_FIGURES:
             yield f"{key}: every run draws one of this name; choose another"
         for one in picture.fractions or []:
             if one not in known:
