@@ -158,7 +158,7 @@ class _Run:
         if until == "mesh":
             return mesh, None
         airflow = airflow_of(pipeline)
-        momentum = _momentum(scene, airflow) if scene.body else None
+        momentum = _momentum(scene, airflow) if scene.body and airflow.cp_base is not None else None
         return mesh, airflow.extended(grids=airflow_on_grids(pipeline), momentum=momentum)
 
     def _flights(self, tracked: Tracked) -> FlightResults:

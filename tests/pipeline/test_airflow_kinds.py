@@ -15,8 +15,10 @@ from wakeflow.core.store import Store, content_key
 from wakeflow.field import FlowField
 from wakeflow.pipeline.airflow_kinds import AirflowKind, airflow_kinds
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning import make
 from wakeflow.planning.airflow import choose_airflow, typical_cells
-from wakeflow.planning.make import make_plan
+from wakeflow.planning.make import Planner, make_plan
+from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene
 from wakeflow.scene.rungs import Rung, rungs
 
@@ -36,15 +38,15 @@ class UniformAir(AirflowKind):
         corners = np.array([(-half, low), (half, low), (half, high), (-half, high)])
         velocity = np.tile([0.0, air.speed if air.direction == "up" else -air.speed], (4, 1))
         field = FlowField.from_arrays(
-            corners, [(0, 1, 2), (0, 2, 3)], velocity, density=air.density, viscosity=air.viscosity
+            corners, [(0, 1, 2), (0, 2, 3)], velocity, np.zeros(4), density=air.density, viscosity=air.viscosity
         )
         return key, field
 
     def make_table(self) -> dict[str, Any]:
-        names = ("cells", "cd", "cl_rms", "strouhal", "cp_front", "cp_base", "suction", "period", "pressure_drop")
-        known = {"turbulence": "laminar", "verdict": "uniform", "reynolds": self.scene.reynolds}
         assert self.scene.air is not None
-        return {**dict.fromkeys(names), **known, "flow_rate": self.scene.air.speed * self.scene.channel.width}
+        rate = self.scene.air.speed * self.scene.channel.width
+        known = {"turbulence": "laminar", "verdict": "uniform", "reynolds": self.scene.reynolds}
+        return {**known, "pressure_drop": 0.0, "flow_rate": rate}
 
     def unknown_parts(self) -> tuple[str, ...]:
         return ("airflow-model",)
@@ -137,3 +139,19 @@ def test_a_vacuum_has_no_airflow(cases: Path) -> None:
         _ = pipeline.field
     with pytest.raises(SceneError, match="vacuum"):
         _ = pipeline.airflow
+
+
+def test_every_grid_starts_from_one_draft_that_is_planned_once(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = rhombus.replace({"air.speed": 0.03})  # Re 100
+    planned: list[str | None] = []
+
+    def counted(scene: Scene, *, rung: str | None = None, **options: Any) -> Plan:
+        planned.append(rung)
+        return make_plan(scene, rung=rung, **options)
+
+    monkeypatch.setattr(make, "make_plan", counted)
+    planner = Planner(scene, OFF)
+    pipeline = Pipeline(scene, planner.plan("reference"), planner=planner)
+    drafts = [pipeline.on_grid(grid).draft for grid in range(3)]
+    assert all(draft.plan.airflow.stepping == "steady" for draft in drafts)
+    assert planned == ["reference", "draft"]

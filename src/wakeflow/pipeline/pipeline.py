@@ -51,6 +51,10 @@ class Pipeline:
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
 
+    def __post_init__(self) -> None:
+        if self.planner is None:
+            self.planner = Planner(self.scene, self.plan.force, self.plan.target_error)
+
     @property
     def cache(self) -> StageCache:
         """Where the stages are kept, under this airflow's label."""
@@ -127,8 +131,9 @@ class Pipeline:
     @cached_property
     def draft(self) -> Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
-        planner = self.planner or Planner(self.scene, self.plan.force, self.plan.target_error)
-        return replace(self, plan=planner.plan("draft"), grid=0, label=f"{self.label}draft ")
+        assert self.planner is not None
+        plan = self.planner.at(self.scene).plan("draft")
+        return replace(self, plan=plan, grid=0, label=f"{self.label}draft ")
 
     def on_grid(self, grid: int) -> Pipeline:
         """The same scene on another of the plan's grids."""

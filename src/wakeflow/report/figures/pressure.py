@@ -220,8 +220,9 @@ def _draw(path: Path, outcome: Outcome) -> None:
 
 
 def _needs(outcome: Outcome) -> bool:
-    field = outcome.field
-    return bool(outcome.scene.body) and field is not None and field.pressure is not None and outcome.airflow is not None
+    field, airflow = outcome.field, outcome.airflow
+    measured = airflow is not None and airflow.cd is not None  # an airflow that sees the bodies
+    return bool(outcome.scene.body) and field is not None and field.pressure is not None and measured
 
 
 figures.add(
