@@ -22,7 +22,7 @@ from wakeflow.laws.profile import profiles
 from wakeflow.laws.restitution import restitution_laws
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.size import sizes
-from wakeflow.planning.bounds import bounds
+from wakeflow.planning.bounds import other_terms
 from wakeflow.planning.impaction import front_of
 from wakeflow.report.pictures import draw_all, pictures
 from wakeflow.verify.airflow.measured import quantities
@@ -32,7 +32,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "extending.md"
 Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example
 CHECKS: dict[str, Check] = {}
 REGISTRIES: tuple[Registry[Any], ...] = (
-    bounds, drag_laws, fronts, impact_models, materials, numbers, pictures, problems, profiles, quantities,
+    drag_laws, fronts, impact_models, materials, numbers, other_terms, pictures, problems, profiles, quantities,
     restitution_laws, shapes, sizes,
 )  # fmt: skip
 
