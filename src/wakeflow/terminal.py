@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from .planning.plan import LeftOut, Plan
+    from .planning.plan import Plan
+    from .planning.terms import LeftOut
     from .results.airflow_summary import Airflow
     from .results.funnel_summary import FunnelSummary
     from .results.result import Result

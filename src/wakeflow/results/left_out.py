@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
-from ..planning.plan import LeftOut, Plan
+from ..planning.plan import Plan
+from ..planning.terms import LeftOut
 from ..scene import RESERVED_BIN, Scene
 from .landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
 from .separation import upper_limit

@@ -1,7 +1,7 @@
 """The peer: OpenFOAM's ``icoUncoupledKinematicParcelFoam`` on the same interpolant, with the same granules and laws.
 
 The cloud is read from files of a started state instead of being injected: injection would happen within the first time
-step, a shift of its own.
+step and shift the granules in time.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _write_run(case: Path, grains: Granules, scheme: str, step: float, courant: 
 
 
 def _write_cloud(carrier: Carrier, grains: Granules, case: Path) -> None:
-    """The cloud as a solver that was stopped at time 0 would have left it."""
+    """Write the cloud as a solver that was stopped at time 0 would have left it."""
     count, folder = len(grains), case / "0" / "lagrangian" / CLOUD
     triangle = carrier.field.locate(grains.position)
     if np.any(triangle < 0):
@@ -150,7 +150,7 @@ def fly_peer(
 
 
 def start_up(carrier: Carrier, grains: Granules, folder: Path) -> float:
-    """Seconds the peer needs to read its case and these granules: a run of one step of no length to speak of."""
+    """Seconds that the peer needs to read its case and these granules: a run of one very short step."""
     return fly_peer(carrier, grains, scheme="Euler", step=1e-12, courant=0.3, until=1e-12, folder=folder).seconds
 
 

@@ -41,7 +41,8 @@ TIMED = ("heavy grain", "chaff", "dust 20 um")  # in the quick comparison
 
 
 def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
-    """Fly everything, write ``tracker.json``, ``.md`` and ``.png`` into ``folder``, return the report.
+    """Fly every subject with every tracker, write ``tracker.json``, ``.md`` and ``.png`` into ``folder``, return the
+    report.
 
     ``slow``: a computed time-resolved wake besides the synthetic one, more and finer settings, 1e7 granules. Raises
     FoamError when OpenFOAM is not installed.
@@ -81,7 +82,7 @@ def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
 
 
 def _shedding(scene: Scene, carrier: Carrier, tell: Tell) -> list[Row]:
-    """The computed time-resolved wake of rung ``standard``, on everybody's mesh; minutes of OpenFOAM."""
+    """The computed time-resolved wake of rung ``standard``, on the mesh of all trackers; takes OpenFOAM minutes."""
     _, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"), rung="standard")
     field = resampled(pipeline.field[1], carrier.field)
     rows = []
@@ -111,11 +112,13 @@ def _ours_and_explicit(case: Subject, slow: bool, tell: Tell) -> tuple[Reference
 
 
 def _cost(case: Subject, fly: Callable[[Granules], object], few: Granules, least: int) -> dict[str, float]:
-    """Wall and processor seconds a granule: as many granules as make a timed run long enough, at least ``least``."""
+    """Wall and processor seconds a granule, of a run with so many granules that it lasts long enough, and at least
+    ``least``.
+    """
     each = timed(lambda: fly(few), 1)[0] / len(few)
     count = int(np.clip(ENOUGH / max(each, 1e-9), least, len(case.grains)))
     grains = case.some(count)
-    repeats = 3 if each * count < 3 * ENOUGH else 1  # one run that long averages the machine's noise itself
+    repeats = 3 if each * count < 3 * ENOUGH else 1  # a single run of that length averages the machine's noise
     wall, cpu = timed(lambda: fly(grains), repeats)
     return {"seconds": wall / len(grains), "cpu": cpu / len(grains)}
 
@@ -141,7 +144,9 @@ def _ours(case: Subject, reference: Reference, few: Granules, tolerance: float) 
 
 
 def _steps(case: Subject, slow: bool) -> list[float]:
-    """Steps of the explicit tracker: those that are stable for this granule, else some that are."""
+    """Steps of the explicit tracker: the usual ones that are stable for this granule, else some in its relaxation
+    times.
+    """
     tau = float(np.median(case.grains.density * case.grains.diameter**2)) / (18.0 * case.problem.field.viscosity)
     steps = [step for step in (*STEPS, *((1e-5,) if slow else ())) if step < LARGEST_STABLE * tau]
     return steps if len(steps) >= 3 else [share * tau for share in STABLE]
@@ -165,7 +170,7 @@ def _explicit(case: Subject, reference: Reference, few: Granules, step: float) -
 
 
 def _peer(case: Subject, reference: Reference, carrier: Carrier, folder: Path, slow: bool, tell: Tell) -> list[Row]:
-    """OpenFOAM's tracker over its step and maxCo; one core, for that is what it uses."""
+    """OpenFOAM's tracker over its step and maxCo, on one core: it uses no more."""
     few = case.some(len(reference.landed))
     free = reference.landed & (reference.impacts == 0)
     until = 1.02 * float(reference.time[free].max())
