@@ -48,7 +48,7 @@ def normals(outline: Array) -> Array:
     start, end = edges(outline)
     along = end - start
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    return outward / np.linalg.norm(outward, axis=1, keepdims=True)
+    return np.asarray(outward / np.linalg.norm(outward, axis=1, keepdims=True))
 
 
 def is_simple(outline: Array) -> bool:
