@@ -170,7 +170,7 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("A kind of picture")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    landings = {name: {"x": np.linspace(0.0, 0.1, 5)} for name in ("soft", "hard")}
+    landings = {name: SimpleNamespace(x=np.linspace(0.0, 0.1, 5)) for name in ("soft", "hard")}
     scene = SimpleNamespace(fraction=landings, picture={"where": names["Heaps"](kind="heaps", fractions=["hard"])})
     drawn = draw_all(folder, SimpleNamespace(scene=scene, landings=landings))["where"]  # type: ignore[arg-type]
     assert drawn.numbers["mean_x_m"] == {"hard": pytest.approx(0.05)}
@@ -192,7 +192,7 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("A quantity of an airflow")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    airflow: Any = SimpleNamespace(table={"suction": {"length": 0.1}}, width=0.05)
+    airflow: Any = SimpleNamespace(found=SimpleNamespace(suction=SimpleNamespace(length=0.1)), width=0.05)
     found = quantities["suction_length"].of(airflow)
     assert found is not None
     assert found.value == 2.0

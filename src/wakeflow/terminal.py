@@ -41,7 +41,7 @@ def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
 
     console = Console(stderr=True)
     if not enabled:
-        yield lambda stage, text: None
+        yield lambda *_told: None
     elif console.is_terminal:
         with console.status("starting", spinner="dots") as status:
 

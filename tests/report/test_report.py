@@ -7,6 +7,7 @@ import io
 import itertools
 import json
 import sys
+from collections.abc import Iterator
 from csv import DictReader
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -21,8 +22,9 @@ from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, csv, html, vtk, write_report
-from wakeflow.report.figures import landing, pressure
+from wakeflow.report import Landed, Outcome, clear, csv, html, is_whole, vtk, write_report
+from wakeflow.report.canvas import new_figure, save
+from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
 from wakeflow.report.figures.landing import draw_landing
 from wakeflow.report.figures.pressure import draw_pressure
@@ -33,6 +35,7 @@ from wakeflow.results.landing_results import Separation
 from wakeflow.results.measured import Measured, Share
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
+from wakeflow.scene.pictures import STANDARD_FIGURES
 from wakeflow.terminal import budget_table, separation_table
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
@@ -225,6 +228,51 @@ def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: P
     assert not (tmp_path / "figures" / "pressure.png").exists()
     with pytest.raises(ValueError, match="pressure"):
         draw_pressure(tmp_path / "p.png", outcome.field, rhombus, FOUND)
+
+
+# -- standard figures --------------------------------------------------------------------------------------------------
+
+
+def _draw_sizes(path: Path, outcome: Outcome) -> None:
+    figure = new_figure(4.0, 3.0)
+    figure.add_subplot().bar(list(outcome.landings), [len(found.bin) for found in outcome.landings.values()])
+    save(figure, path)
+
+
+@pytest.fixture
+def sizes() -> Iterator[str]:
+    """A figure that is added from outside, as docs/extending.md shows it, and taken out again."""
+    name = "sizes"
+    figures.add(name, Figure("How many granules of each fraction were flown.", _draw_sizes))
+    yield name
+    del figures._entries[name]
+
+
+def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, rhombus: Scene, tmp_path: Path) -> None:
+    page = write_report(tmp_path, _outcome(rhombus))
+    assert (tmp_path / "figures" / f"{sizes}.png").stat().st_size > 500
+    assert "How many granules of each fraction were flown." in page.read_text()
+    clear(tmp_path)
+    assert not (tmp_path / "figures" / f"{sizes}.png").exists()
+
+
+def test_a_figure_is_drawn_where_the_run_has_what_it_shows(rhombus: Scene, tmp_path: Path) -> None:
+    name = "never"
+    figures.add(name, Figure("Nothing.", _draw_sizes, lambda outcome: False, always=True))
+    try:
+        write_report(tmp_path, _outcome(rhombus))
+        assert not (tmp_path / "figures" / f"{name}.png").exists()
+        assert not is_whole(tmp_path)  # a figure that every report has is missing
+    finally:
+        del figures._entries[name]
+    assert is_whole(tmp_path)
+
+
+def test_no_picture_of_a_scene_takes_the_name_of_a_figure(cases: Path) -> None:
+    assert tuple(figures) == STANDARD_FIGURES
+    for name in figures:
+        with pytest.raises(SceneError, match=f"picture.{name}: every run draws one of this name"):
+            Scene.load(cases / "rhombus.toml", {f"picture.{name}.kind": "density"})
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------

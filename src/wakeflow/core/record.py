@@ -39,7 +39,7 @@ class Partial:
     A key that is not told reads as None. A record that is made without ``told`` tells all of its keys.
     """
 
-    told: tuple[str, ...] | None = field(default=None, kw_only=True, repr=False)
+    told: tuple[str, ...] | None = field(default=None, kw_only=True, repr=False, compare=False)
 
     def extended(self, **parts: Any) -> Self:
         """The same record with ``parts`` told after the others."""

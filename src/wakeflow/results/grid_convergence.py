@@ -83,7 +83,7 @@ def observed_order(sizes: Sequence[float], values: Sequence[float]) -> float | N
 def extrapolate(sizes: Sequence[float], values: Sequence[float], order: float) -> float:
     """Richardson's value at cells of no size from the two finest grids: (r^p f1 - f2)/(r^p - 1), r = h2/h1."""
     fine, coarse = float(values[0]), float(values[1])
-    return fine + (fine - coarse) / ((sizes[1] / sizes[0]) ** order - 1)
+    return float(fine + (fine - coarse) / ((sizes[1] / sizes[0]) ** order - 1))
 
 
 def estimate(

@@ -11,7 +11,7 @@ __all__ = [
     "CostEstimate",
     "FractionSummary",
     "ImpactionSummary",
-    "LeftOutTerm",
+    "LeftOutSummary",
     "PlanSummary",
     "ValidityLimit",
     "summary_of",
@@ -47,7 +47,7 @@ class FractionSummary:
 
 
 @dataclass(frozen=True)
-class LeftOutTerm:
+class LeftOutSummary:
     """A term that is not computed."""
 
     name: str = column("", "name of the term")
@@ -95,7 +95,7 @@ class PlanSummary(Partial):
     force: dict[str, bool] | None = column("", "terms switched by hand", default=None)
     fractions: dict[str, FractionSummary] | None = column("", "every fraction", default=None)
     used: tuple[str, ...] = column("", "what is used, in words", default=())
-    left_out: tuple[LeftOutTerm, ...] = column("", "what is left out", default=())
+    left_out: tuple[LeftOutSummary, ...] = column("", "what is left out", default=())
     estimate: CostEstimate | None = column("", "expected cost", default=None)
     warnings: tuple[str, ...] | None = column("", "what a user must know before the run", default=None)
     flown_by: str | None = column("", "tracker, or chain: impacts and parabolas in closed form", default=None)

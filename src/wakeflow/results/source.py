@@ -41,14 +41,17 @@ class Source(Generic[Flown]):
 
         It is called once a run, through :meth:`Flights.of`. What it costs stands in ``planning.flights_again``.
         """
+        del pipeline, tracked  # for subclasses
         return None
 
     def shares(self, fraction: Fraction) -> Mapping[str, Sequence[BudgetPart]]:
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
+        del fraction  # for subclasses
         return {}
 
     def landing(self, fraction: Fraction) -> Sequence[BudgetPart]:
         """Parts of the error of where the fraction's granules land, in body widths."""
+        del fraction  # for subclasses
         return ()
 
     def part(self, error: float | None, seconds: float = 0.0, note: str | None = None) -> BudgetPart:

@@ -15,11 +15,6 @@ if TYPE_CHECKING:
 __all__ = ["Figure", "figures"]
 
 
-def _anything(outcome: Outcome) -> bool:
-    """What a figure needs that every run has."""
-    return True
-
-
 @dataclass(frozen=True)
 class Figure:
     """A picture in the folder ``figures`` and on the page, NAME.png under the name that it is registered by.
@@ -30,7 +25,7 @@ class Figure:
 
     caption: str
     draw: Callable[[Path, Outcome], None]
-    needs: Callable[[Outcome], bool] = _anything
+    needs: Callable[[Outcome], bool] | None = None
     always: bool = False
 
 

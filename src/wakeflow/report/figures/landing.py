@@ -123,7 +123,7 @@ def _arc_length(line: Array, points: Array) -> Array:
     gap = np.linalg.norm(points[:, None] - start - part[..., None] * step, axis=2)
     best = np.argmin(gap, axis=1)
     before = np.concatenate([[0.0], np.cumsum(size)[:-1]])
-    return before[best] + part[np.arange(len(points)), best] * size[best]
+    return np.asarray(before[best] + part[np.arange(len(points)), best] * size[best])
 
 
 def _histogram(axes: Axes, wall: _Wall, scene: Scene, landing: Landed, colour: str) -> float:
