@@ -23,6 +23,13 @@ PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED, SLIPS, GRIPS = range(9)  # what ends a step
 SOON = 1e-3  # of a step: then a function that stands still at its beginning shows where it goes
 SAME = 1e-9  # of a period: times nearer to a crest or sample are on it
+CLOSE = 1e-3  # of the skin: so near to zero a value is a root; chosen: its place then errs by far less than the skin
+SINKS = 0.1  # of a root's nearness: what stood still goes down if it falls by more; chosen: less than a root may be off
+TURNED = 1e-4  # of the smaller rate at the ends: so slow it turns; chosen: the value errs by the square of that, 1e-8
+# Parts of a bracket between which the next look for a turning point is taken; chosen: no look leaves more than 95 %
+NEAREST, FARTHEST = 0.05, 0.95
+LAST_BIT = 4e-16  # of a time: a bracket as short as this is a root; about two spacings of doubles near it
+MOST_ROOT_LOOKS, MOST_TURN_LOOKS = 100, 40  # looks in one search; chosen: guards against loops without end
 
 
 @compiled
@@ -114,7 +121,7 @@ def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):
 def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_high, close):
     """Where the function passes from above zero at ``low`` to below at ``high``: Newton kept in the bracket."""
     s = low + (high - low) * f_low / (f_low - f_high)
-    for _ in range(100):
+    for _ in range(MOST_ROOT_LOOKS):
         f, rate = level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2)
         if abs(f) <= close:
             return s
@@ -122,7 +129,7 @@ def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_
             low = s
         else:
             high = s
-        if high - low <= 4e-16 * high:
+        if high - low <= LAST_BIT * high:
             return high
         s = s - f / rate if rate != 0.0 else low
         if not (low < s < high):
@@ -133,10 +140,10 @@ def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_
 @compiled
 def _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, r_low, high, r_high):
     """The time between ``low`` and ``high`` where the rate changes sign, and the value there (regula falsi, damped)."""
-    scale = 1e-4 * min(abs(r_low), abs(r_high))
+    scale = TURNED * min(abs(r_low), abs(r_high))
     s, f = low, 0.0
-    for _ in range(40):
-        s = low + (high - low) * min(0.95, max(0.05, r_low / (r_low - r_high)))
+    for _ in range(MOST_TURN_LOOKS):
+        s = low + (high - low) * min(FARTHEST, max(NEAREST, r_low / (r_low - r_high)))
         f, rate = level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2)
         if abs(rate) <= scale:
             break
@@ -155,7 +162,7 @@ def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, 
     At most one turning point inside is looked for, so steps must be short enough to be nearly straight. Within ``skin``
     of zero at ``a`` it falls at once when it goes down or is about to, and may rise and fall again when it goes up.
     """
-    close = 1e-3 * skin
+    close = CLOSE * skin
     if fa > skin:
         if fb < 0.0:
             return _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, b, fb, close)
@@ -166,7 +173,8 @@ def first_below(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, a, fa, ra, b, 
         return -1.0
     if ra < 0.0:
         return a
-    if ra == 0.0 and level(path, a + SOON * (b - a), t0, bodies, body, kind, ox, oy, q0, q1, q2)[0] < fa - 0.1 * close:
+    sunk, soon = fa - SINKS * close, a + SOON * (b - a)
+    if ra == 0.0 and level(path, soon, t0, bodies, body, kind, ox, oy, q0, q1, q2)[0] < sunk:
         return a
     if fb < 0.0 and fb < fa:
         if rb >= 0.0:

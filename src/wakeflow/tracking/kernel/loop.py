@@ -11,160 +11,26 @@ import math
 from . import events
 from . import layout as at
 from .air import bracket, load
-from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
+from .contact import grip, rescue, settle, strike
+from .contact_ends import ends_of_slide, friction_turn, lets_go, takes_hold
 from .crossings import first_line, first_wall
 from .dense_output import along, sway
 from .dispersion import renew
+from .edge_crossing import cross_edge, hop, relocate
 from .events import displacement
 from .forces import free_force, spin_at
-from .jit import compiled, entry, inlined, merged
-from .locate import barycentric, reproject, walk
+from .jit import entry, inlined, merged
+from .locate import reproject
 from .multi_cell import multi_cell_step
-from .step_control import EDGE, HOP_LIMIT, confined_step, leaves, longest_step
-from .walls import constrain, grasp, inside, overlap
+from .step_control import HOP_LIMIT, confined_step, leaves, longest_step
+from .track_points import store_point
+from .track_start import begin_track
+from .walls import constrain, grasp, inside
 
 __all__ = ["fly_block"]
 
 PROGRESS = 1e-8  # of the step tried: less is none
 PRESSED = 1e-8  # of the square of the speed that a body's length of the pull gives: slower is at rest in a corner
-
-
-@compiled
-def _store(state, ints, record, last):
-    """Keep a point of the track; when the room is full every second one goes and the stride doubles."""
-    room = record.shape[0]
-    if room == 0:
-        return
-    if last == 0 and ints[at.OFFERED] % ints[at.KEEP_EVERY] != 0:
-        ints[at.OFFERED] += 1
-        return
-    if ints[at.KEPT] == room - 1 and last == 0:
-        half = (room - 1) // 2
-        for i in range(half):
-            for j in range(5):
-                record[i, j] = record[2 * i, j]
-        ints[at.KEPT] = half
-        ints[at.KEEP_EVERY] *= 2
-    i = ints[at.KEPT]
-    record[i, at.REC_T] = state[at.T]
-    record[i, at.REC_X], record[i, at.REC_Y], record[i, at.REC_VX], record[i, at.REC_VY] = (
-        state[at.X],
-        state[at.Y],
-        state[at.VX],
-        state[at.VY],
-    )
-    ints[at.KEPT] = i + 1
-    ints[at.OFFERED] += 1
-
-
-@compiled
-def _at_boundary(state, ints, air, walls, rules, k):
-    """End the track on edge k of the mesh, or on the line that lies there."""
-    tri, g = ints[at.TRI], air.geometry
-    bx, by = g[tri, at.B0X + 2 * k], g[tri, at.B0Y + 2 * k]
-    off = barycentric(g, tri, k, state[at.X], state[at.Y]) / (bx * bx + by * by)
-    state[at.X] -= off * bx
-    state[at.Y] -= off * by
-    ints[at.FATE] = at.ESCAPED
-    near = 1e-9 * rules.extent + rules.allowance * rules.extent
-    sx, sy, _, _, _, _ = displacement(walls.frame, 0, state[at.T])
-    for i in range(walls.lines.shape[0]):
-        x0, y0, x1, y1 = (
-            walls.lines[i, at.FROM_X] + sx,
-            walls.lines[i, at.FROM_Y] + sy,
-            walls.lines[i, at.TO_X] + sx,
-            walls.lines[i, at.TO_Y] + sy,
-        )
-        ex, ey = x1 - x0, y1 - y0
-        w = ((state[at.X] - x0) * ex + (state[at.Y] - y0) * ey) / (ex * ex + ey * ey)
-        w = min(1.0, max(0.0, w))
-        dx, dy = state[at.X] - x0 - w * ex, state[at.Y] - y0 - w * ey
-        if math.sqrt(dx * dx + dy * dy) <= near:
-            ints[at.FATE], ints[at.LINE] = at.BINNED, walls.line_ids[i]
-            return
-
-
-@compiled
-def _cross(state, ints, air, walls, rules, k):
-    """Go over edge k of the current triangle."""
-    onward = air.neighbours[ints[at.TRI], k]
-    ints[at.FRESH] = 0
-    if onward >= 0:
-        ints[at.TRI] = onward
-    elif onward == -1:
-        _at_boundary(state, ints, air, walls, rules, k)
-    else:
-        ints[at.GAP] = -2 - onward
-
-
-@inlined
-def _hop(state, ints, air, walls, rules):
-    """Cross at once an edge the granule stands on and moves out through. Returns whether it did."""
-    tri, worst, edge = ints[at.TRI], 0.0, at.NOBODY
-    for k in range(3):
-        if barycentric(air.geometry, tri, k, state[at.X], state[at.Y]) <= EDGE:
-            bx, by = air.geometry[tri, at.B0X + 2 * k], air.geometry[tri, at.B0Y + 2 * k]
-            rate = (bx * state[at.VX] + by * state[at.VY]) / math.sqrt(bx * bx + by * by)
-            if rate < worst:
-                worst, edge = rate, k
-    if edge < 0:
-        return False
-    ints[at.HOPS] += 1
-    _cross(state, ints, air, walls, rules, edge)
-    return True
-
-
-@compiled
-def _find(state, ints, air):
-    """The triangle of a granule that has moved without a look at the faces it crossed."""
-    found, code = walk(air.geometry, air.neighbours, ints[at.TRI], state[at.X], state[at.Y])
-    ints[at.TRI] = found
-    if code <= -2:
-        ints[at.GAP] = -2 - code
-    elif code == -1:
-        ints[at.FATE] = at.ESCAPED
-
-
-@inlined
-def _born_inside(state, walls):
-    """Whether the granule's centre lies in a body."""
-    for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
-        within, _ = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
-        if within:
-            return True
-    return False
-
-
-@inlined
-def _pushed_out(state, hold, grain, walls):
-    """Put a granule that reaches into a body onto its surface; whether it did."""
-    moved = False
-    for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
-        depth, kind, which = overlap(walls, body, state[at.X] - dx, state[at.Y] - dy, grain[at.RADIUS])
-        if depth > 0.0:
-            _, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
-            state[at.X] -= off * hold[at.NX]
-            state[at.Y] -= off * hold[at.NY]
-            hold[at.KIND] = at.FREE
-            moved = True
-    return moved
-
-
-@compiled
-def _begin(state, ints, hold, air, grain, walls):
-    """The start of a track: inside a body it stops, reaching into one it is pushed out, outside the mesh it ends."""
-    if _born_inside(state, walls):
-        ints[at.FATE] = at.STOPPED
-        return
-    moved = _pushed_out(state, hold, grain, walls)
-    if air.corners.shape[0] == 0:
-        return
-    if ints[at.TRI] < 0 and ints[at.GAP] < 0:
-        ints[at.FATE] = at.ESCAPED
-    elif moved and ints[at.TRI] >= 0:
-        _find(state, ints, air)
 
 
 @inlined
@@ -320,7 +186,7 @@ def _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air
     if event == events.EXIT:
         if no_progress:
             ints[at.HOPS] += 1
-        _cross(state, ints, air, walls, rules, which)
+        cross_edge(state, ints, air, walls, rules, which)
     elif event == events.WALL:
         _hit(state, ints, hold, affine, grain, table, walls, rules, kind, which, pull)
     elif event == events.HALTED:
@@ -340,7 +206,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     speed, pull, moves = _start(state, ints, path, affine, hold, grain, table, walls, rules, timed)
     if not moves:
         ints[at.STEPS] += 1
-        _store(state, ints, record, 0)
+        store_point(state, ints, record, 0)
         return
     meshed = air.corners.shape[0] > 0 and ints[at.GAP] < 0
     blind = ints[at.HOPS] >= HOP_LIMIT
@@ -363,23 +229,8 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air, grain, table, walls, rules)
     if meshed and blind and ints[at.FATE] == at.FLYING:
         ints[at.FRESH] = 0
-        _find(state, ints, air)
-    _store(state, ints, record, 0)
-
-
-@inlined
-def _born(state, ints, affine, hold, air, grain, walls, timed):
-    """Scratch and state of a new granule."""
-    affine[:] = 0.0
-    hold[:] = 0.0
-    ints[at.KEEP_EVERY] = 1
-    state[at.T_END] = -math.inf if timed else math.inf
-    state[at.H_ERROR] = math.inf
-    state[at.T_NOISE] = -math.inf if grain[at.NOISE] != 0.0 else math.inf
-    if air.corners.shape[0] == 0:
-        affine[at.AX0], affine[at.AY0] = grain[at.GX], grain[at.GY]
-        ints[at.FRESH] = 1
-    _begin(state, ints, hold, air, grain, walls)
+        relocate(state, ints, air)
+    store_point(state, ints, record, 0)
 
 
 @entry
@@ -388,8 +239,8 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
     timed = (air.times.shape[0] > 1 or air.smooth[at.KNOT_RATE] != 0.0) and air.corners.shape[0] > 0
     for i in range(states.shape[0]):
         state, ints, grain, table, record = states[i], counts[i], grains[i], tables[table_of[i]], records[i]
-        _born(state, ints, affine, hold, air, grain, walls, timed)
-        _store(state, ints, record, 0)
+        begin_track(state, ints, affine, hold, air, grain, walls, timed)
+        store_point(state, ints, record, 0)
         while ints[at.FATE] == at.FLYING:
             if state[at.T] >= rules.until:
                 ints[at.FATE] = at.AIRBORNE
@@ -398,16 +249,16 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
             else:
                 edge = _refresh(state, ints, affine, air, grain, table, walls, rules, timed)
                 meshed = air.corners.shape[0] > 0 and ints[at.GAP] < 0 and ints[at.HOPS] < HOP_LIMIT
-                if meshed and _hop(state, ints, air, walls, rules):
+                if meshed and hop(state, ints, air, walls, rules):
                     continue
                 drawn = record.shape[0] > 0
                 if (
                     meshed
                     and multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0
                 ):
-                    _store(state, ints, record, 0)
+                    store_point(state, ints, record, 0)
                     continue
                 if ints[at.FRESH] == 0:
                     load(state, ints, affine, air, grain)
                 _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record)
-        _store(state, ints, record, 1)
+        store_point(state, ints, record, 1)

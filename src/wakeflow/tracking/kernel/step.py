@@ -26,6 +26,9 @@ __all__ = ["TRANSIENT", "attempt", "exit_time"]
 TRANSIENT = 4.0  # drag times; (z / (z + 4))^3 of a transient counts in z of them: third order if short, all if long
 STRAIGHT = 1e-3  # of the drag time: up to there a path is taken for a parabola
 OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step
+# The next estimate of that time over the last one, at least and at most; chosen: the mean velocity that it is made of
+# belongs to the last estimate, and says little about a time ten times as long or short
+LEAST_ONWARD, MOST_ONWARD = 0.1, 10.0
 
 
 @compiled
@@ -140,5 +143,5 @@ def exit_time(geometry, tri, path, least):
         onward = _nearest_exit(geometry, tri, x, y, wx, wy, least)
         if not math.isfinite(onward):
             return 2.0 * h
-        h = min(max(onward, 0.1 * h), 10.0 * h)
+        h = min(max(onward, LEAST_ONWARD * h), MOST_ONWARD * h)
     return OVERSHOOT * h
