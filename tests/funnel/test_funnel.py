@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Funnel, Scene
 from wakeflow.verify.plate import bounce_phase, lift_off_phase, on_plate
 
-needs_engine = pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}
 
 
@@ -213,7 +211,7 @@ def test_without_the_engine_one_line_says_what_to_install(
         engine.version.cache_clear()
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_lying_bead_leaves_the_plate_at_its_phase(tmp_path: Path) -> None:
     """While it lies the plate presses with m (g + z''); it leaves at sin(phase) = 1 / Gamma, the nearer the stiffer."""
     errors = []
@@ -231,7 +229,7 @@ def test_a_lying_bead_leaves_the_plate_at_its_phase(tmp_path: Path) -> None:
     assert errors[1] < 0.65 * errors[0]
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_bead_bounces_once_a_period_as_it_should(tmp_path: Path) -> None:
     gamma, e, f = 1.3, 0.5, 30.0
     funnel = Funnel(count=10, frequency=f, gamma=gamma, restitution=e, steps_per_contact=100)
@@ -249,7 +247,7 @@ def test_a_bead_bounces_once_a_period_as_it_should(tmp_path: Path) -> None:
     assert found.restitution == pytest.approx(np.full(20, e), abs=0.003)
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_small_bed_runs_out(cases: Path, tmp_path: Path) -> None:
     """Every bead is accounted for, none passes the wall, the rate is near Beverloo's and feeds the scene's bins."""
     changes = {f"funnel.{key}": value for key, value in SMALL.items()}
@@ -272,7 +270,7 @@ def test_a_small_bed_runs_out(cases: Path, tmp_path: Path) -> None:
     assert again.table["seconds"]["funnel"]["cached"]
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_narrow_outlet_jams_and_the_run_says_so(
     cases: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -289,7 +287,7 @@ def test_a_narrow_outlet_jams_and_the_run_says_so(
     assert "widen funnel.orifice" in capsys.readouterr().err
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_no_bead_passes_the_wall() -> None:
     """Neither poured nor shaken hard: at whole periods, when the wall is in its middle, every bead lies inside."""
     funnel, folders = Funnel(**SMALL), {}
@@ -309,7 +307,7 @@ def test_no_bead_passes_the_wall() -> None:
     assert len(shots) > 3
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     engine.version.cache_clear()
@@ -317,7 +315,7 @@ def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
     with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:

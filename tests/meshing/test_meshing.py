@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support import RHOMBUS
 from wakeflow.core.errors import MeshError, SceneError
 from wakeflow.core.geometry import area
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, plan_mesh, read_mesh
 from wakeflow.meshing.outline import to_edges
 from wakeflow.meshing.zones import sources
-
-RHOMBUS = shapes["rhombus"](width=0.05, slope_angle=np.pi / 4)
 
 
 def circle(points: int, width: float = 0.05) -> np.ndarray:

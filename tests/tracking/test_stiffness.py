@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from support import G
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws
 from wakeflow.tracking import Fate, Granules, track
@@ -14,7 +15,6 @@ from wakeflow.verify.problems.equation import judge
 from wakeflow.verify.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
 from wakeflow.verify.problems.flights import taylor_green, two_modes
 
-G = 9.81
 DECADES = 10.0 ** np.arange(-9.0, 4.0)
 DIAMETER = 1e-3  # Re 67 at a slip of 1 m/s
 STARTS = 8  # granules that a cost is averaged over

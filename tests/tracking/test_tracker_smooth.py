@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_tracker import DENSITY, VISCOSITY, field_of, mesh, with_tau
 
+from support import DENSITY, VISCOSITY, field_of, shaken_mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
@@ -23,7 +23,7 @@ ALL = ("drag", "gravity", "buoyancy", "pressure-gradient", "added-mass", "lift",
 
 def waving(n: int = 8, count: int = 24) -> FlowField:
     """Two harmonics that travel through the square [-1, 1]."""
-    points, cells = mesh(n)
+    points, cells = shaken_mesh(n, -1.0, 1.0)
     times = 0.05 + PERIOD * np.arange(count) / count
     x, y = points.T
 
@@ -121,7 +121,7 @@ PRESSED = ("drag", "gravity", "pressure-gradient")
 
 @pytest.mark.parametrize("forces", [PRESSED, (*PRESSED, "added-mass")])
 def test_a_linear_field_on_a_moving_mesh_is_flown_as_scipy_does(forces: tuple[str, ...]) -> None:
-    points, cells = mesh(6)
+    points, cells = shaken_mesh(6, -1.0, 1.0)
     slope, base, tau = np.array([[0.5, -1.2], [0.8, -0.5]]), np.array([0.3, -0.2]), 0.05
     air = {"pressure": points @ [3.0, -2.0], "density": DENSITY, "viscosity": VISCOSITY}
     whole = FlowField.from_arrays(points, cells, points @ slope.T + base, **air)  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from support import G
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.forces import forces
 from wakeflow.verify.problems.equation import judge
@@ -24,7 +25,6 @@ from wakeflow.verify.problems.ladder import (
     run_problems,
 )
 
-G = 9.81
 FLOWN = [name for name in problems if all(accepts(force) for force in problems[name].forces)]
 EXACT = [name for name in FLOWN if problems[name].order is None]
 CONVERGING = [name for name in FLOWN if problems[name].order is not None]

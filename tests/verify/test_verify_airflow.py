@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
-from shutil import which
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from wakeflow.verify.airflow import airflow
 from wakeflow.verify.airflow.measured import Measured, quantities
 from wakeflow.verify.airflow.published import Case, Published, cases, read_cases
 
-openfoam = pytest.mark.skipif(which("simpleFoam") is None, reason="OpenFOAM is not installed")
 VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted"}
 
 
@@ -199,7 +197,7 @@ mesh_scale = 1.7
 """
 
 
-@openfoam
+@pytest.mark.openfoam
 def test_a_scene_of_ones_own_gets_a_grid_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "own.toml"
     path.write_text(PRISM)
@@ -302,7 +300,7 @@ MISSES: dict[str, set[str]] = {
 }
 
 
-@openfoam
+@pytest.mark.openfoam
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import wakeflow as wf
+from support import RHOMBUS
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
@@ -23,7 +24,6 @@ from wakeflow.verify.trackers.rk4 import fly_explicit
 from wakeflow.verify.trackers.subjects import Subject, travelling_wave
 
 Array = NDArray[np.float64]
-RHOMBUS = np.array([(0.025, 0.0), (0.0, 0.025), (-0.025, 0.0), (0.0, -0.025)])
 GRAIN = {"diameter": 2e-3, "density": 600.0}
 CHAFF = {"diameter": 1e-3, "density": 150.0}
 DUST = {"diameter": 40e-6, "density": 1500.0}
