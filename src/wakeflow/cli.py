@@ -181,12 +181,12 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
         Replace an existing file.
     """
     from .core.files import atomic_write
-    from .core.registry import nearest
+    from .core.registry import did_you_mean
     from .core.resources import scene_templates
 
     known = scene_templates()
     if kind not in known:
-        raise SceneError(f"unknown scene {kind!r}{nearest(kind, list(known))} (known: {', '.join(known)})")
+        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
     target = path or Path(f"{kind}.toml")
     if target.exists() and not overwrite:
         raise SceneError(f"{target} exists; choose another name or add --overwrite")

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from support import AIR, RHOMBUS, ROOT, WIDTH, rhombus_spec
 from wakeflow.core.errors import FoamError, MeshError, SceneError
-from wakeflow.core.process import run
+from wakeflow.core.process import run_program
 from wakeflow.core.resources import case_template
 from wakeflow.core.store import Store
 from wakeflow.foam.airflow import solve_airflow
@@ -534,7 +534,7 @@ class TestReading:
         control = tmp_path / "system" / "controlDict"
         control.write_text(control.read_text().replace("writeFormat         binary", "writeFormat ascii"))
         command = ["gmshToFoam", str(rhombus_flow.folder / "mesh.msh")]
-        run(command, cwd=tmp_path, log=tmp_path / "log", env=environment())
+        run_program(command, cwd=tmp_path, log=tmp_path / "log", env=environment())
         set_patch_types(tmp_path, walls="slip")
         ascii_, binary = read_polymesh(tmp_path).plane, read_polymesh(rhombus_flow.case).plane
         np.testing.assert_allclose(ascii_.points, binary.points, atol=1e-9)

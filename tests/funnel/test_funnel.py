@@ -18,7 +18,7 @@ from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute, engine
 from wakeflow.funnel.cone import SIDES, cone_of, loose_heap, write_stl
 from wakeflow.funnel.engine import read_dump
-from wakeflow.funnel.pour import packing, read_bed
+from wakeflow.funnel.pour import packing_fraction, read_bed
 from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.discharge import beverloo, cone_factor
@@ -199,7 +199,7 @@ def test_a_short_or_stopped_flow_claims_nothing() -> None:
 def test_without_the_engine_one_line_says_what_to_install(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    engine.version.cache_clear()
+    engine.liggghts_version.cache_clear()
     monkeypatch.setattr(engine, "PROGRAM", "liggghts-that-is-not-there")
     try:
         assert main(["run", str(cases / "funnel.toml"), "--out", str(tmp_path), "--until", "funnel", "--quiet"]) == 3
@@ -208,7 +208,7 @@ def test_without_the_engine_one_line_says_what_to_install(
         finding = doctor._funnel()
         assert (finding.ok, finding.optional, finding.mend) == (False, True, engine.INSTALL)
     finally:
-        engine.version.cache_clear()
+        engine.liggghts_version.cache_clear()
 
 
 @pytest.mark.liggghts
@@ -298,7 +298,7 @@ def test_no_bead_passes_the_wall() -> None:
 
     compute(funnel, make, lambda text: None)
     cone, bed = cone_of(funnel), read_bed(folders["bed"])
-    assert 0.5 < packing(bed, cone) < 0.7
+    assert 0.5 < packing_fraction(bed, cone) < 0.7
     shots = [np.column_stack([bed.diameters / 2, bed.centres])]
     shots += [rows[:, 1:] for _, rows in read_dump(folders["funnel"] / "beads.dump")]
     for rows in shots:
@@ -310,8 +310,8 @@ def test_no_bead_passes_the_wall() -> None:
 @pytest.mark.liggghts
 def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    engine.version.cache_clear()
-    assert engine.version().split(".")[0] == "3"
+    engine.liggghts_version.cache_clear()
+    assert engine.liggghts_version().split(".")[0] == "3"
     assert list(tmp_path.iterdir()) == []
 
 

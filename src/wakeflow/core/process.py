@@ -24,7 +24,7 @@ from typing import IO, Any
 from . import errors
 from .errors import ProgramError, WakeflowError
 
-__all__ = ["Finished", "call_in_child", "capture", "cores", "run", "tail"]
+__all__ = ["Finished", "call_in_child", "capture", "cores", "run_program", "tail"]
 
 POLL = 0.05  # s between looks at the log
 GRACE = 3.0  # s between asking a group to end and killing it
@@ -56,7 +56,7 @@ def tail(log: Path, lines: int = 12) -> str:
     return "\n".join(text.splitlines()[-lines:])
 
 
-def run(
+def run_program(
     command: Sequence[str],
     *,
     cwd: Path,
@@ -211,7 +211,7 @@ def call_in_child(
         # -P: a file in the current folder that is called like a library must not stand in for it
         command = [sys.executable, "-P", "-m", "wakeflow.core.process", str(ask), str(answer)]
         try:
-            run(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)
+            run_program(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)
         except ProgramError as problem:
             problem.command = f"python: {target}"
             raise

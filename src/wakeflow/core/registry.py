@@ -11,12 +11,12 @@ from typing import Generic, TypeVar
 
 from .errors import SceneError
 
-__all__ = ["Registry", "nearest"]
+__all__ = ["Registry", "did_you_mean"]
 
 Entry = TypeVar("Entry")
 
 
-def nearest(name: str, known: list[str]) -> str:
+def did_you_mean(name: str, known: list[str]) -> str:
     """A hint ``; did you mean 'x'?`` when a known name is close to ``name``, else an empty string."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else ""
@@ -53,7 +53,7 @@ class Registry(Generic[Entry]):
         except KeyError:
             known = list(self)
             raise SceneError(
-                f"unknown {self.kind} {name!r}{nearest(name, known)} (known: {', '.join(known)})"
+                f"unknown {self.kind} {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})"
             ) from None
 
     def __iter__(self) -> Iterator[str]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import edges, normals
-from ..laws.granule_layer import Load, load
+from ..laws.granule_layer import Load, load_on_wall
 from ..planning.flight_scales import fall_speeds
 from ..planning.impaction import axis
 from ..planning.plan import FractionPlan, Plan
@@ -133,7 +133,7 @@ def _on_slope(scene: Scene, name: str, met: dict[str, Array], number: int) -> tu
     here = np.flatnonzero((met["fall"] > 0.0) & (met["slope"] == number))
     flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(met["fall"])
     fall = met["fall"][here]
-    found = load(
+    found = load_on_wall(
         flow, fall, met["normal"][here], met["wall"][here], granule.restitution, granule.friction,
         0.0 if inertia is None else 1.0 / inertia,
     )  # fmt: skip

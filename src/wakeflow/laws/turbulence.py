@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-__all__ = ["brownian_diffusivity", "crossing", "langevin", "lifetime"]
+__all__ = ["brownian_diffusivity", "crossing_times", "langevin", "lifetime"]
 
 C0 = 2.1  # of the simplified Langevin model, as in Minier & Peirano and in code_saturne
 LIFETIME = 1.0 / (0.5 + 0.75 * C0)
@@ -28,7 +28,7 @@ def lifetime(k: Any, dissipation: Any) -> Any:
     return LIFETIME * k / (dissipation + 1e-300)
 
 
-def crossing(lifetime: float, slip: float, rms: float) -> tuple[float, float]:
+def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, float]:
     """Integral times (s) that a granule sees (along its slip, across it): slipping out of eddies shortens both.
 
     T_L / sqrt(1 + b^2 slip^2 / rms^2) along and with 4 b^2 across, b = 0.8: Csanady, G.T. 1963, J. Atmos. Sci. 20, 201.

@@ -15,7 +15,7 @@ from typing import Literal
 
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
-from ..core.registry import nearest
+from ..core.registry import did_you_mean
 from ..scene import Scene
 from ..scene.user_case import is_laminar
 
@@ -82,7 +82,7 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
     Raises SceneError for a rung that the scene cannot have.
     """
     if asked not in RUNGS:
-        raise SceneError(f"rung = {asked!r}: unknown{nearest(asked, list(RUNGS))} (known: {', '.join(RUNGS)})")
+        raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(RUNGS))} (known: {', '.join(RUNGS)})")
     symmetric = scene.symmetric
     if scene.air is None:
         if asked not in ("auto", "none"):

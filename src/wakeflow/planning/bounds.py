@@ -18,7 +18,7 @@ from ..laws.constants import GRAVITY
 from ..laws.drag import relaxation_time, slip_correction
 from ..laws.lift import lift_coefficient
 from ..laws.rotation import magnus_factor, spin_rate
-from ..laws.turbulence import brownian_diffusivity, crossing
+from ..laws.turbulence import brownian_diffusivity, crossing_times
 
 __all__ = ["Bound", "Flight", "bounds", "history_kernel", "history_time", "moved_by_air"]
 
@@ -175,7 +175,7 @@ def _dispersion(f: Flight) -> float:
     rms = (max(f.intensity, WAKE_INTENSITY) if f.turbulent else f.intensity) * f.air_speed
     if rms == 0.0:
         return 0.0
-    lifetime = crossing(EDDY * f.width / rms, f.typical_slip, rms)[0]
+    lifetime = crossing_times(EDDY * f.width / rms, f.typical_slip, rms)[0]
     follows = f.reach(f.time) / f.tau
     return TWO_SIGMA * math.sqrt(2.0 * rms**2 * lifetime * f.near) * follows / f.width
 

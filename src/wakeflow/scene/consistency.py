@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.geometry import contains, distance, edges, segments_cross
-from ..core.registry import nearest
+from ..core.geometry import clearance, contains, edges, segments_cross
+from ..core.registry import did_you_mean
 from .pictures import Streamlines
 from .whole import SceneTables
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 def _bodies_apart(scene: SceneTables) -> Iterator[str]:
     outlines = [(name, body.outline()) for name, body in scene.body.items()]
     for (name, one), (other_name, other) in itertools.combinations(outlines, 2):
-        gap = distance(one, other)
+        gap = clearance(one, other)
         if gap < APART * scene.width:
             how = "touch each other" if gap == 0.0 else f"are only {gap:.3g} m apart"
             yield f"body.{name} and body.{other_name} {how} (allowed: at least {APART * scene.width:.3g} m)"
@@ -129,7 +129,7 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
             yield f"fraction.{name}.target names a bin twice"
         for target in fraction.targets:
             if target not in known:
-                hint = f"no such bin{nearest(target, known)} (known: {', '.join(known)})"
+                hint = f"no such bin{did_you_mean(target, known)} (known: {', '.join(known)})"
                 yield f"fraction.{name}.target = {target!r}: {hint}"
     for name, collector in scene.bin.items():
         half, slack = scene.channel.width / 2, 1e-9 * scene.channel.width
@@ -189,7 +189,7 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
             yield f"{key}: every run draws one of this name; choose another"
         for one in picture.fractions or []:
             if one not in known:
-                yield f"{key}.fractions: no fraction {one!r}{nearest(one, known)} (known: {', '.join(known)})"
+                yield f"{key}.fractions: no fraction {one!r}{did_you_mean(one, known)} (known: {', '.join(known)})"
         if isinstance(picture, Streamlines) and (scene.air is None or not scene.body):
             yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
         asked, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))

@@ -18,9 +18,9 @@ from .table import Array, Table, takes
 from .units import (  # fmt: skip
     AnyAngle,
     Coordinate,
-    Density,
     Frequency,
     Length,
+    MassDensity,
     Name,
     Point,
     PositiveSpeed,
@@ -103,7 +103,7 @@ class Air(Table):
 
     speed: PositiveSpeed
     direction: Literal["down", "up"] = "down"
-    density: Density = STANDARD_AIR[0]
+    density: MassDensity = STANDARD_AIR[0]
     viscosity: Viscosity = STANDARD_AIR[1]
     turbulence: Annotated[float, Field(ge=0.001, le=0.5)] = Field(0.05, description="inlet intensity, u'/U")
     profile: Literal["uniform", "parabolic"] = Field(

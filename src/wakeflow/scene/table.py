@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-__all__ = ["Array", "Table", "takes"]
+__all__ = ["Table", "takes"]
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..core.errors import SceneError
 from ..core.files import write_json
-from ..core.registry import nearest
+from ..core.registry import did_you_mean
 
 __all__ = ["PROOFS", "prove", "show"]
 
@@ -84,7 +84,7 @@ def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, An
     if what in PLANNED:
         raise SceneError(f"verify {what}: not in this version; choose one of: {', '.join(PROOFS)}")
     if what is not None and what not in PROOFS:
-        raise SceneError(f"verify {what!r}: unknown{nearest(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
+        raise SceneError(f"verify {what!r}: unknown{did_you_mean(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
     return {name: PROOFS[name](slow, tell) for name in ([what] if what else [p for p in PROOFS if p not in OPTIONAL])}
 
 

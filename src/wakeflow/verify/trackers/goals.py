@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import ProgramError
-from ...core.process import run
+from ...core.process import run_program
 from ...injection.feed import feedstock
 from ...pipeline.pipeline import Pipeline
 from ...pipeline.tracks import Flight
@@ -173,7 +173,9 @@ def _child(code: str, cache: str | None, *arguments: str) -> str:
         script, log = Path(folder, "script.py"), Path(folder, "log")
         script.write_text(code)
         env = os.environ if cache is None else {**os.environ, "WAKEFLOW_CACHE": cache}
-        run([sys.executable, "-P", str(script), *arguments], cwd=Path.cwd(), log=log, env=env, error=ProgramError)
+        run_program(
+            [sys.executable, "-P", str(script), *arguments], cwd=Path.cwd(), log=log, env=env, error=ProgramError
+        )
         return log.read_text()
 
 

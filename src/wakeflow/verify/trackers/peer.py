@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import FoamError
-from ...core.process import run
+from ...core.process import run_program
 from ...foam.case import INSTALL, environment
 from ...tracking import Granules
 from .carrier import Carrier, vectors, write_file
@@ -141,7 +141,7 @@ def fly_peer(
     _write_run(folder, grains, scheme, step, courant, until)
     _write_cloud(carrier, grains, folder)
     log = folder / f"log.{PROGRAM}"
-    run([PROGRAM], cwd=folder, log=log, env=environment(), error=FoamError, hint=INSTALL)
+    run_program([PROGRAM], cwd=folder, log=log, env=environment(), error=FoamError, hint=INSTALL)
     clock = re.findall(r"^ExecutionTime = (\S+) s", log.read_text(), re.M)
     if not clock:
         raise FoamError(f"{PROGRAM} took no step; log: {log}", log=log)
