@@ -49,10 +49,27 @@ CIRCLES = {
     "report, report.html, report.pictures, report.pictures.animation, report.pictures.curves, report.pictures.maps, "
     "report.pictures.view",
 }
-TWICE = {"@@"}
+TWICE = {
+    "Air",
+    "Array",
+    "Body",
+    "Flight",
+    "Layers",
+    "Listener",
+    "Vibration",
+    "around",
+    "clear",
+    "displacement",
+    "draw_discharge",
+    "first_contact",
+    "inside",
+    "interval",
+    "load",
+    "nodal",
+    "solids",
+}
 LONG = {
     "ballistics.hits:_search",
-    "core.process:run",
     "field.flow:from_arrays",
     "foam.measure:measure",
     "meshing.plan:plan_mesh",
@@ -70,7 +87,7 @@ LONG = {
     "tracking.kernel.walls:first_contact",
     "tracking.pack:pack_walls",
 }
-NAMED_LIKE_A_FUNCTION = {"meshing.layers", "meshing.plan", "planning.plan", "verify.run"}
+NAMED_LIKE_A_FUNCTION = {"meshing.layers", "meshing.plan", "planning.plan"}
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from wakeflow.laws.discharge import beverloo, cone_factor
 from wakeflow.laws.hertz import contact_time, depth
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Funnel, Scene
+from wakeflow.verify import plate
 from wakeflow.verify.plate import bounce_phase, lift_off_phase, on_plate
 
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}
@@ -319,5 +320,5 @@ def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatc
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
     with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:
-        engine.run_script(tmp_path, "plate")
+        engine.run_script(tmp_path, Path(plate.__file__).with_name("plate.liggghts"))
     assert caught.value.tail

@@ -15,7 +15,7 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
-from wakeflow.core.geometry import area, clearance, distance_to, edges, is_simple, is_symmetric, rounded
+from wakeflow.core.geometry import area, distance_between, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.laws.shape import shapes
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import ends, solids
@@ -83,10 +83,10 @@ def test_a_reentrant_corner_is_filled_by_its_arc() -> None:
 
 def test_distance_between_outlines() -> None:
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    assert clearance(square, square + np.array([1.5, 0.0])) == pytest.approx(0.5)
-    assert clearance(square, square + np.array([1.3, 1.4])) == pytest.approx(0.5)
-    assert clearance(square, square + np.array([0.5, 0.5])) == 0.0
-    assert clearance(square, 0.1 * square + 0.4) == 0.0  # one inside the other
+    assert distance_between(square, square + np.array([1.5, 0.0])) == pytest.approx(0.5)
+    assert distance_between(square, square + np.array([1.3, 1.4])) == pytest.approx(0.5)
+    assert distance_between(square, square + np.array([0.5, 0.5])) == 0.0
+    assert distance_between(square, 0.1 * square + 0.4) == 0.0  # one inside the other
 
 
 def test_crossing_edges_are_found() -> None:

@@ -18,7 +18,7 @@ from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
-from wakeflow.verify import run
+from wakeflow.verify import runner
 from wakeflow.verify.airflow import airflow
 from wakeflow.verify.airflow.measured import Measured, quantities
 from wakeflow.verify.airflow.published import Case, Published, cases, read_cases
@@ -216,21 +216,21 @@ def test_a_scene_of_ones_own_gets_a_grid_study(tmp_path: Path, capsys: pytest.Ca
     assert "| own | draft | mean Cd |" in (tmp_path / "scene-own.md").read_text()
     again = airflow.run_scene(path, tmp_path)
     assert again["rows"] == report["rows"]  # from the cache, cost and date of the computation included
-    run.show({"scene-own": report})
+    runner.show({"scene-own": report})
     assert "momentum model" in capsys.readouterr().out
 
 
 def test_a_case_that_fails_does_not_stop_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[str] = []
 
-    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[airflow.Row], dict[str, Any]]:
+    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[airflow.ComparedValue], dict[str, Any]]:
         ran.append(case.name)
         if case.name == "dfg-2d1":
             raise FoamError("the airflow diverged")
         return [], {"case": case.name, "title": case.title, "cp_model": 1.0, "cp_computed": 1.0, "cp_base": -1.0,
                     "cd_model": 2.0, "cd_computed": 2.0}  # fmt: skip
 
-    monkeypatch.setattr(airflow, "compare", compare)
+    monkeypatch.setattr(airflow, "compare_case", compare)
     with pytest.raises(FoamError, match=r"failed: dfg-2d1; the airflow diverged"):
         airflow.run_airflow(tmp_path)
     quick = [case.name for case in cases().values() if case.quick]
@@ -243,13 +243,13 @@ def test_a_case_that_fails_does_not_stop_the_others(tmp_path: Path, monkeypatch:
 
 def test_another_scene_of_a_known_name_is_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Case] = []
-    nothing: tuple[list[airflow.Row], dict[str, Any]] = ([], {})
+    nothing: tuple[list[airflow.ComparedValue], dict[str, Any]] = ([], {})
 
-    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[airflow.Row], dict[str, Any]]:
+    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[airflow.ComparedValue], dict[str, Any]]:
         asked.append(case)
         return nothing
 
-    monkeypatch.setattr(airflow, "compare", compare)
+    monkeypatch.setattr(airflow, "compare_case", compare)
     monkeypatch.setattr(airflow, "_write", lambda *_: None)
     shipped = verification_scenes()["volvo"]
     finer = tmp_path / "volvo.toml"
@@ -283,14 +283,14 @@ def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(airflow, "solve", solve)
     known = [{**VALUE, "quantity": "reversal", "within": 0.05}, {**VALUE, "value": 2.5}]
     case = read_cases({"some": {"title": "T", "beside": "draft", "closer": "reversal", "value": known}})["some"]
-    rows, _ = airflow.compare(case, Scene.parse(tomllib.loads(PRISM)))
+    rows, _ = airflow.compare_case(case, Scene.parse(tomllib.loads(PRISM)))
     length, drag, length_beside, drag_beside, closer = rows
     assert (length.ours, length.deviation, length.met) == (pytest.approx(2.2), pytest.approx(0.1), False)
     assert (drag.deviation, drag.met) == (pytest.approx(-0.2), None)
     assert (length_beside.rung, length_beside.met, drag_beside.met) == ("draft", None, None)
     assert closer.met is True
     answers["draft"] = ("draft", 0.101)
-    assert airflow.compare(case, Scene.parse(tomllib.loads(PRISM)))[0][-1].met is False
+    assert airflow.compare_case(case, Scene.parse(tomllib.loads(PRISM)))[0][-1].met is False
 
 
 # What misses today, with the cause in docs/validation.md: a miss that goes away fails the test as well

@@ -17,8 +17,8 @@ from .errors import SceneError
 __all__ = [
     "are_symmetric",
     "area",
-    "clearance",
     "contains",
+    "distance_between",
     "distance_to",
     "edges",
     "is_simple",
@@ -48,7 +48,8 @@ def normals(outline: Array) -> Array:
     start, end = edges(outline)
     along = end - start
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    return outward / np.linalg.norm(outward, axis=1, keepdims=True)
+    value: Array = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+    return value
 
 
 def is_simple(outline: Array) -> bool:
@@ -72,7 +73,7 @@ def segments_cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
     return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0) & boxes.all(axis=-1)
 
 
-def clearance(one: Array, other: Array) -> float:
+def distance_between(one: Array, other: Array) -> float:
     """Least distance (m) between two outlines; 0 where they cross, touch or one holds the other."""
     (a, b), (c, d) = edges(one), edges(other)
     if segments_cross(a[:, None], b[:, None], c, d).any() or contains(one, other).any() or contains(other, one).any():

@@ -99,7 +99,8 @@ class Layers:
 
 
 def _fallen(velocity: Array, time: Array, gravity: float) -> Array:
-    return velocity * time[..., None] - 0.5 * gravity * np.square(time)[..., None] * np.array([0.0, 1.0])
+    fall = 0.5 * gravity * np.square(time)[..., None] * np.array([0.0, 1.0])
+    return np.asarray(velocity * time[..., None] - fall)
 
 
 def layers(

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.geometry import clearance, contains, edges, segments_cross
+from ..core.geometry import contains, distance_between, edges, segments_cross
 from ..core.registry import did_you_mean
 from .pictures import Streamlines
 from .whole import SceneTables
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 def _bodies_apart(scene: SceneTables) -> Iterator[str]:
     outlines = [(name, body.outline()) for name, body in scene.body.items()]
     for (name, one), (other_name, other) in itertools.combinations(outlines, 2):
-        gap = clearance(one, other)
+        gap = distance_between(one, other)
         if gap < APART * scene.width:
             how = "touch each other" if gap == 0.0 else f"are only {gap:.3g} m apart"
             yield f"body.{name} and body.{other_name} {how} (allowed: at least {APART * scene.width:.3g} m)"
@@ -83,13 +83,18 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
 
 def _body_needed(scene: SceneTables) -> Iterator[str]:
     """What goes only with a body, or only without one."""
-    feed, air, channel = scene.feed, scene.air, scene.channel
-    if scene.body:
-        for key in ("level", "direction"):
-            if getattr(feed, key) is not None:
-                first = next(iter(scene.body))
-                yield f"feed.{key}: for a channel without a body; here the curtain falls onto body.{first}"
+    if not scene.body:
+        yield from _goes_without_a_body(scene)
+        yield from _air_is_known_without_a_body(scene)
         return
+    for key in ("level", "direction"):
+        if getattr(scene.feed, key) is not None:
+            first = next(iter(scene.body))
+            yield f"feed.{key}: for a channel without a body; here the curtain falls onto body.{first}"
+
+
+def _goes_without_a_body(scene: SceneTables) -> Iterator[str]:
+    feed, channel = scene.feed, scene.channel
     if not channel.bottom < channel.top:
         yield f"channel.bottom = {channel.bottom:g} m must be below channel.top = {channel.top:g} m"
     if not channel.bottom < scene.level <= channel.top:
@@ -100,6 +105,10 @@ def _body_needed(scene: SceneTables) -> Iterator[str]:
         yield "feed.mode = 'injected': there is no body to meet; choose auto or resolved"
     if scene.vibration is not None:
         yield "vibration: there is no body that could vibrate; add one, or leave the table out"
+
+
+def _air_is_known_without_a_body(scene: SceneTables) -> Iterator[str]:
+    air, channel = scene.air, scene.channel
     if channel.inlet:
         yield "channel.inlet: secondary streams are computed only round a body; add one, or leave them out"
     if air is not None and air.case is not None:

@@ -83,7 +83,8 @@ class Scene(SceneTables):
 
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
-        return json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))
+        tables: dict[str, Any] = json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))
+        return tables
 
     def save(self, path: Path | str) -> None:
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""

@@ -64,7 +64,8 @@ class Body(Table):
             sharp = shapes[self.shape](**given)
         except TypeError:
             raise SceneError(takes("shape", self.shape, shapes[self.shape], given)) from None
-        return (sharp if self.rounding is None else rounded(sharp, self.rounding)) + np.asarray(self.at)
+        shape: Array = sharp if self.rounding is None else rounded(sharp, self.rounding)
+        return np.asarray(shape + np.asarray(self.at))
 
 
 class Inlet(Table):

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 
 class Table(BaseModel):
+    """A table of a scene file: unknown keys and values of another type are refused, and nothing changes it later."""
+
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 

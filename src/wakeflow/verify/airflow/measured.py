@@ -16,13 +16,13 @@ from ...core.registry import Registry
 from ...foam.cost import core_seconds
 from ...pipeline.pipeline import Pipeline
 
-__all__ = ["Measured", "Number", "Quantity", "measured", "quantities"]
+__all__ = ["Measured", "Quantity", "QuantityValue", "measured", "quantities"]
 
 HISTORY_CD, HISTORY_CL = 1, 3  # columns of OpenFOAM's coefficient.dat
 
 
 @dataclass(frozen=True)
-class Number:
+class QuantityValue:
     """A value with the ends of its 95 % interval."""
 
     value: float
@@ -71,7 +71,7 @@ class Quantity:
     """``label`` as printed in tables; ``of`` a solved airflow: the number, None where it has none."""
 
     label: str
-    of: Callable[[Measured], Number | None]
+    of: Callable[[Measured], QuantityValue | None]
 
 
 quantities: Registry[Quantity] = Registry("quantity")
@@ -83,27 +83,27 @@ def measured(pipeline: Pipeline) -> Measured:
     return Measured(pipeline.airflow, pipeline.solution[1] / "case", pipeline.scene.width, start)
 
 
-def _number(entry: Any, scale: float = 1.0) -> Number | None:
+def _number(entry: Any, scale: float = 1.0) -> QuantityValue | None:
     """A value of the ``airflow`` table, with or without its interval."""
     if entry is None:
         return None
     low, value, high = (entry[k] for k in ("low", "value", "high")) if isinstance(entry, dict) else (entry,) * 3
-    return Number(scale * value, scale * low, scale * high)
+    return QuantityValue(scale * value, scale * low, scale * high)
 
 
-def _entry(name: str) -> Callable[[Measured], Number | None]:
+def _entry(name: str) -> Callable[[Measured], QuantityValue | None]:
     return lambda airflow: _number(airflow.table[name])
 
 
-def _pressures(airflow: Measured) -> Number | None:
+def _pressures(airflow: Measured) -> QuantityValue | None:
     front, base = _number(airflow.table["cp_front"]), _number(airflow.table["cp_base"])
     assert front is not None
     assert base is not None
-    return Number(front.value - base.value, front.low - base.high, front.high - base.low)
+    return QuantityValue(front.value - base.value, front.low - base.high, front.high - base.low)
 
 
-def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[Measured], Number | None]:
-    def of(airflow: Measured) -> Number | None:
+def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[Measured], QuantityValue | None]:
+    def of(airflow: Measured) -> QuantityValue | None:
         return None if airflow.table["period"] is None else _number(float(what(airflow.last_periods[:, column])))
 
     return of

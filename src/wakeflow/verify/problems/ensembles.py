@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...field import FlowField
 from ...laws.turbulence import brownian_diffusivity, lifetime
 from ...tracking import Body, Fate, Granules, track
-from .exact import VISCOSITY, Number, box, field_on, numbers, of_tau, ring
+from .exact import VISCOSITY, ExactNumber, box, exact_numbers, field_on, of_tau, ring
 
 __all__: list[str] = []
 
@@ -26,7 +26,9 @@ def number(
     def add(measure: Callable[[float], Array]) -> Callable[[float], Array]:
         known = None if exact is None else np.asarray(exact, dtype=float)
         least, most = (np.broadcast_to(np.asarray(b, dtype=float), (len(labels),)) for b in (low, high))
-        numbers.add(name, Number(means, source, frozenset(tags.split()), measure, least, most, labels, known))
+        exact_numbers.add(
+            name, ExactNumber(means, source, frozenset(tags.split()), measure, least, most, labels, known)
+        )
         return measure
 
     return add
