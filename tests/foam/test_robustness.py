@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import robustness
 
+import robustness
 from support import RHOMBUS, WIDTH
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.resources import case_template

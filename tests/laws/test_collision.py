@@ -172,7 +172,9 @@ def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
 
 
 def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
-    done = subprocess.run([sys.executable, CASES / "printed_form.py"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, CASES / "studies" / "printed_form.py"], capture_output=True, text=True, check=True
+    )
     assert done.stdout in (DOCS / "model.md").read_text()
     rows = [[float(cell) for cell in line.strip("| ").split("|")] for line in done.stdout.splitlines()[2:]]
     assert all(row[4] <= 1.0 for row in rows)  # the derived form never does
