@@ -1,50 +1,142 @@
-"""What README, docs and docstrings show in Python runs, and docstrings give what they say."""
+"""What the documents name is there: files, modules, public names, anchors, commands that the command line parses."""
 
 from __future__ import annotations
 
-import doctest
+import ast
+import importlib
 import re
-from importlib import import_module
+import shlex
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
+from cyclopts import CycloptsError, MissingArgumentError
 
-import wakeflow as wf
-from support import CASES, DOCS, ROOT
+import wakeflow
+from support import ROOT
+from wakeflow.cli import app
 
-BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-SMALL = {"numerics.rung": "draft", "numerics.mesh_scale": 3.0, "feed.count": 64}  # instead of the minutes of a page
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
-SHOWN = [  # an airflow is computed where a scene is run
-    pytest.param(code, id=f"{page.name}-{number}", marks=[pytest.mark.openfoam] if "wf.run(" in code else [])
-    for page in PAGES
-    for number, code in enumerate(BLOCK.findall(page.read_text()), 1)
-]
-SOURCES = ROOT / "src"
-WITH_EXAMPLES = [
-    ".".join(path.relative_to(SOURCES).with_suffix("").parts)
-    for path in sorted(SOURCES.rglob("*.py"))
-    if ">>> " in path.read_text()
-]
+SOURCE = ROOT / "src" / "wakeflow"
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path begins with one of these
+PRODUCED = ("runs/", "figures/")  # what a run writes
+SUFFIXES = (".py", ".toml", ".sh", ".j2", ".liggghts")
+COMMAND = re.compile(r"(?:^|\.venv/bin/)wakeflow (?=[a-z-])")
+
+page = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 
 
-@pytest.mark.parametrize("code", SHOWN)
-def test_python_on_a_page_runs(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    load = wf.Scene.load
-
-    def small(path: Path | str, changes: dict[str, Any] | None = None) -> wf.Scene:
-        scene = load(path, changes or {})
-        return scene if scene.air is None else scene.replace(SMALL)
-
-    monkeypatch.setattr(wf.Scene, "load", small)
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "cases").symlink_to(CASES)
-    exec(compile(code, "a page", "exec"), {"wf": wf})
+def _blocks(text: str, *languages: str) -> Iterator[str]:
+    """Fenced blocks of the languages."""
+    for language, body in re.findall(r"^```(\w*)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        if language in languages:
+            yield body
 
 
-@pytest.mark.parametrize("name", WITH_EXAMPLES)
-def test_examples_in_docstrings_hold(name: str) -> None:
-    done = doctest.testmod(import_module(name), report=True)
-    assert done.attempted > 0
-    assert done.failed == 0
+def _spans(text: str) -> list[str]:
+    """Code between backticks in the running text."""
+    found = re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
+    return [" ".join(span.split()) for span in found]
+
+
+def _shell(text: str) -> list[str]:
+    """Lines of shell blocks and of indented ones, without comments."""
+    fenced = [line for body in _blocks(text, "sh") for line in body.splitlines()]
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    indented = [line.strip() for line in prose.splitlines() if line.startswith("    ")]
+    return [re.sub(r"\s+#.*|\s{3,}.*", "", line).strip() for line in (*fenced, *indented)]
+
+
+def _commands(text: str) -> list[str]:
+    """Every ``wakeflow ...`` that a page shows, without its first word."""
+    lines = [line for line in (*_shell(text), *_spans(text)) if COMMAND.match(line)]
+    return [COMMAND.sub("", line) for line in lines]
+
+
+def _words(text: str) -> set[str]:
+    """Words of code, spans and shell lines, that may be paths."""
+    words = {word.strip("(),;:") for line in (*_spans(text), *_shell(text)) for word in line.split()}
+    return {word.removesuffix("/") for word in words if not set("*<>{}=\"'") & set(word)}
+
+
+@page
+def test_files_exist(page: Path) -> None:
+    missing = []
+    for word in _words(page.read_text()):
+        named = word.split("/")[0] in TOP and "/" in word and not word.startswith(PRODUCED)
+        there = any((base / word).exists() for base in (ROOT, SOURCE))
+        if (named or word.endswith(SUFFIXES)) and word != "my.toml" and not there:
+            missing.append(word)
+    assert not missing
+
+
+@page
+def test_modules_and_names_exist(page: Path) -> None:
+    text = page.read_text()
+    for name in set(re.findall(r"\bwakeflow((?:\.[a-z_]\w*)+)", text)):
+        assert _is_there(name.strip(".").split(".")), f"wakeflow{name}"
+    for name in set(re.findall(r"\bwf\.(\w+)", text)):
+        assert name in wakeflow.__all__, f"wf.{name}"
+
+
+def _is_there(parts: list[str]) -> bool:
+    """A module of the package, a name in one, or a name of the package itself."""
+    if parts[0] in wakeflow.__all__ or parts[0] in vars(wakeflow):
+        return True
+    for cut in range(len(parts), 0, -1):
+        base = SOURCE.joinpath(*parts[:cut])
+        if base.is_dir() or base.with_suffix(".py").exists():
+            module = importlib.import_module(".".join(["wakeflow", *parts[:cut]]))
+            return cut == len(parts) or hasattr(module, parts[cut])
+    return False
+
+
+@page
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text()
+    targets = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'src="([^"]+)"', text)
+    for target in targets:
+        if "://" in target or target.startswith("doi"):
+            continue
+        name, _, anchor = target.partition("#")
+        file = (page.parent / name).resolve() if name else page
+        assert file.exists(), target
+        assert not anchor or anchor in _anchors(file), target
+
+
+def _anchors(file: Path) -> set[str]:
+    """Anchors that a page's headings get: lower case, blanks become hyphens, punctuation goes."""
+    headings = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@page
+def test_commands_parse(page: Path) -> None:
+    for command in _commands(page.read_text()):
+        words = shlex.split(command)
+        try:
+            app.parse_args(words, exit_on_error=False, print_error=False)
+        except MissingArgumentError:  # the command alone, or with one option: it is there
+            app.parse_args([words[0], "--help"], exit_on_error=False, print_error=False)
+        except CycloptsError as problem:
+            raise AssertionError(f"wakeflow {command}: {problem}") from None
+
+
+@page
+def test_python_compiles(page: Path) -> None:
+    for body in _blocks(page.read_text(), "python"):
+        ast.parse(body)
+
+
+@page
+def test_prose_is_wrapped(page: Path) -> None:
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    lines = [line for line in text.splitlines() if not line.startswith(("|", "<", "    ")) and "](" not in line]
+    assert not [line for line in lines if len(line) > 120]
+
+
+def test_the_glossary_has_the_words_of_the_output() -> None:
+    text = (ROOT / "docs" / "glossary.md").read_text()
+    rungs = ["none", "analytic", "given", "draft", "standard", "reference"]
+    words = [*(fate.name.lower() for fate in wakeflow.Fate), *rungs]
+    assert not [word for word in words if f"*{word}*" not in text]

@@ -84,7 +84,8 @@ print("version", pyvista.vtk_version_info)
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at: ``version`` (or amount) as found, whether it will do, what needs it, and what mends it.
+    """One thing that was examined: ``version`` (or amount) as found, whether it is sufficient, what needs it, and the
+    command that mends it.
 
     ``mend`` is a command, empty when nothing is to be mended. What is ``optional`` may be missing.
     """
@@ -199,7 +200,7 @@ def _gmsh_starts() -> Finding:
 
 
 def _program(name: str, use: str) -> Finding:
-    """Its help text comes only when its libraries and its etc folder are found."""
+    """A program prints its help text only when its libraries and its etc folder are found."""
     where = shutil.which(name)
     if where is None:
         return Finding(name, None, False, use, f"{SETUP}    # or: apt-get install openfoam")
@@ -271,7 +272,7 @@ def _cores() -> Finding:
 
 
 def _memory() -> Finding:
-    """Available to this process: the machine's, or the container's limit where that is lower."""
+    """Memory available to this process: the machine's, or the container's limit where that is lower."""
     size = min(_memory_limits())
     mend = "" if size >= LEAST_MEMORY else "close other programs or run in a container with more memory"
     return Finding("memory", f"{size / 1e9:.1f} GB", size >= LEAST_MEMORY, "airflow, tracking", mend)
@@ -291,7 +292,7 @@ def _disk() -> Finding:
 
 
 def _cache() -> Finding:
-    """Tried, not asked: permission bits say nothing about read-only mounts."""
+    """Writing is tried, since permission bits say nothing about read-only mounts."""
     folder = _existing(cache_root())
     try:
         with tempfile.TemporaryFile(dir=folder):

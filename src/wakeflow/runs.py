@@ -161,7 +161,7 @@ def _run(
         others = fly_companions(pipeline, tracked)
         table["bracket"] = None if others.airflows is None else others.airflows.table(list(scene.bin))
         table["budget"] = make_budget(pipeline, tracked, table["separation"], others)
-    table["warnings"] = plan.warnings + _notices(scene, pipeline, table, tracked)
+    table["warnings"] = [*plan.warnings, *_notices(scene, pipeline, table, tracked)]
     table["warnings"] += together(table.get("budget", []), plan.target_error)
     table["seconds"] = pipeline.seconds
     table["versions"] = _versions()

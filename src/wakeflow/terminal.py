@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from .planning.plan import LeftOut, Plan
+    from .planning.plan import Plan
+    from .planning.terms import LeftOut
     from .runs import Result
 
 __all__ = ["live", "show_plan", "show_result"]
@@ -143,6 +144,6 @@ def _poured(funnel: dict[str, Any]) -> str:
     return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
-def _warn(console: Any, warnings: list[str]) -> None:
+def _warn(console: Any, warnings: Sequence[str]) -> None:
     for line in warnings:
         console.print(f"! {line}", highlight=False, markup=False, style="yellow")

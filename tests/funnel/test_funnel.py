@@ -320,5 +320,5 @@ def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatc
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
     with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:
-        engine.run_script(tmp_path, Path(plate.__file__).with_name("plate.liggghts"))
+        engine.run_script(tmp_path, Path(plate.__file__).with_suffix(".liggghts"))
     assert caught.value.tail

@@ -16,8 +16,8 @@ from wakeflow.laws.collision import ImpactModel, impact_models
 from wakeflow.laws.granule_layer import load_on_wall
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
-from wakeflow.planning.flight_scales import fall_speeds
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.uniform_fall import fall_speeds
 from wakeflow.scene import Scene
 
 B = math.radians(50)

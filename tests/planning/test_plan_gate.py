@@ -20,14 +20,14 @@ from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.injection.feed import feedstock
 from wakeflow.laws.drag import drag_laws, slip_correction
-from wakeflow.laws.forces import forces
+from wakeflow.laws.forces import FlightScales, forces
+from wakeflow.laws.forces.history_force import history_kernel, history_time
 from wakeflow.pipeline import landings
 from wakeflow.pipeline import tracks as flying
 from wakeflow.pipeline.landings import Landings, load
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.bounds import Flight as Scales
-from wakeflow.planning.bounds import bounds, history_kernel, history_time
+from wakeflow.planning.bounds import bounds
 from wakeflow.planning.flight_scales import flights
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
@@ -191,14 +191,14 @@ def test_fine_dust_slips_between_the_airs_molecules(draft: Scene) -> None:
 # -- the bounds themselves ---------------------------------------------------------------------------------------------
 
 
-def scales(**changes: Any) -> Scales:
+def scales(**changes: Any) -> FlightScales:
     values: dict[str, Any] = {
         "diameter": 1e-3, "density": 1000.0, "tau": 0.1, "arrival": 1.4, "thrown": 0.8, "slip": 5.0, "settling": 1.0,
         "landing": 5.0, "whole": 0.2, "time": 0.1, "near": 0.05, "beside": True, "sideways_bins": False,
         "air_density": 1.2, "viscosity": 1.8e-5, "air_speed": 5.0, "width": 0.05, "intensity": 0.05,
         "turbulent": True, "shaking": 0.1, "omega": 200.0, "meetings": 0.5,
     }  # fmt: skip
-    return Scales(**(values | changes))
+    return FlightScales(**(values | changes))
 
 
 @pytest.mark.parametrize("tau", [1e-9, 1e-3, 0.1, 1e3, 1e9])

@@ -13,7 +13,7 @@ from ..laws.collision import approach_speed, collide
 from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
-from ..tracking.kernel.layout import MOST_IMPACTS, SLOW
+from ..tracking.kernel import layout as at
 from .hits import CORNER, FACE, LINE, NONE, Falling, Hit, first_hits
 from .slide import FLIES, RESTS, Contact, arc_length, place, slide
 from .surfaces import Array, Index, Surfaces
@@ -153,14 +153,14 @@ class _Chain:
         go = ~captured
         tracks.velocity[who[go]], tracks.spin[who[go]] = np.stack([vx, vy], axis=1)[go], spin[go]
         tracks.impacts[who[go]] += (impulse > 0.0)[go]
-        rattles = go & (tracks.impacts[who] >= MOST_IMPACTS)
+        rattles = go & (tracks.impacts[who] >= at.MOST_IMPACTS)
         tracks.fate[who[rattles]] = Fate.STOPPED
         go &= ~rattles
         after = tracks.velocity[who] - wall
         rebound = (after * normal).sum(axis=1)
         along = normal[:, 0] * after[:, 1] - normal[:, 1] * after[:, 0]
         lift = ((self.gravity - shaken) * normal).sum(axis=1) + np.where(corner, along**2 / self.radius[who], 0.0)
-        stays = go & (lift < 0.0) & ((rebound <= SLOW) | (rebound**2 <= -2.0 * lift * self.tiny))
+        stays = go & (lift < 0.0) & ((rebound <= at.SLOW) | (rebound**2 <= -2.0 * lift * self.tiny))
         self._touch(who[stays], kind[stays], which[stays], along[stays], friction[stays])
         return who[go & ~stays]
 

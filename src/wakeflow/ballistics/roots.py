@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.roots import halved_all
+
 __all__ = ["falls_below", "first_roots", "rises_above"]
 
 Array = NDArray[np.float64]
@@ -85,11 +87,7 @@ def first_roots(
 
 def _turning(gap: Gap, at: Index, low: Array, high: Array, sign: Array) -> Array:
     """Where the rate times ``sign``, positive at ``low`` and negative at ``high``, passes zero."""
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        before = gap(at, middle)[1] * sign > 0.0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return high
+    return halved_all(lambda middle: gap(at, middle)[1] * sign > 0.0, low, high, HALVINGS)[1]
 
 
 def _root(gap: Gap, at: Index, low: Array, high: Array) -> Array:

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.roots import halved_all
 from .hits import CORNER, FACE
 from .roots import falls_below, rises_above
 from .surfaces import Array, Index, Surfaces
@@ -139,11 +140,8 @@ def slide(c: Contact, surfaces: Surfaces, gravity: Array, until: float, eps: flo
     after = way.after(step)
     for_search = np.flatnonzero((d.state == STAYS) & ~way.exact & way.ends(after))
     if len(for_search):
-        part, low, high = way.part(for_search), np.zeros(len(for_search)), step[for_search]
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            over = part.ends(part.after(middle))
-            low, high = np.where(over, low, middle), np.where(over, middle, high)
+        part, low = way.part(for_search), np.zeros(len(for_search))
+        _, high = halved_all(lambda time: ~part.ends(part.after(time)), low, step[for_search], HALVINGS)
         after.put(for_search, part.after(high))
         step[for_search] = high
     after.held = np.where(held, d.held + step, 0.0)

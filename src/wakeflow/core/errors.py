@@ -1,4 +1,4 @@
-"""The one error family. Each class carries the exit code the command line ends with."""
+"""The errors of the package. Each class carries the exit code with which the command line ends."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ __all__ = ["FoamError", "MeshError", "ProgramError", "SceneError", "WakeflowErro
 
 
 class WakeflowError(Exception):
-    """Base of every error this package raises on purpose; its message is one line that tells what to do."""
+    """Base of every error that this package raises on purpose; its message is one line that says what to do."""
 
     exit_code = 1
 
 
 class SceneError(WakeflowError, ValueError):
-    """The input is wrong: names the field, its value and what is allowed."""
+    """The input is wrong; the message names the field, its value and what is allowed."""
 
     exit_code = 2
 
 
 class ProgramError(WakeflowError):
-    """An outside program failed: carries the command, where its log is, the log's last lines, and how it ended.
+    """An outside program failed. Carries the command, the path of its log, the log's last lines, and how the program
+    ended.
 
     ``ended``: "missing", "timed out" or "failed" where a program was started and did not end well; then
     ``returncode`` is its exit code, or minus the number of the signal that ended it.

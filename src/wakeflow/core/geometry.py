@@ -74,7 +74,7 @@ def segments_cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
 
 
 def distance_between(one: Array, other: Array) -> float:
-    """Least distance (m) between two outlines; 0 where they cross, touch or one holds the other."""
+    """Least distance (m) between two outlines; 0 where they cross, touch or one encloses the other."""
     (a, b), (c, d) = edges(one), edges(other)
     if segments_cross(a[:, None], b[:, None], c, d).any() or contains(one, other).any() or contains(other, one).any():
         return 0.0
@@ -94,8 +94,8 @@ def rounded(outline: Array, radius: float) -> Array:
     """The outline with every corner, in or out, replaced by an arc of ``radius`` (m) that touches both its edges.
 
     The arc is a chain of an even number of chords whose middle lies on the bisector of the corner, each turning by at
-    most ARC. An arc takes radius x tan(turn / 2) off either edge; raises SceneError where an edge is too short for
-    both of its arcs.
+    most ARC. An arc takes radius x tan(turn / 2) off either edge. Raises SceneError where an edge is too short for both
+    of its arcs.
     """
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     length = np.linalg.norm(after, axis=1)

@@ -1,7 +1,7 @@
-"""The only starter of outside programs.
+"""The only module that starts outside programs.
 
 Every child runs in a process group of its own, writes to a log file, and dies with the thread that started it:
-``setpriv --pdeathsig`` covers a parent that is killed, the ``finally`` below covers everything else.
+``setpriv --pdeathsig`` ends it when the parent is killed, the ``finally`` below in every other case.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ def run_program(
 ) -> Finished:
     """Run ``command`` to its end; its output goes to ``log``, each finished line of it to ``on_line``.
 
-    ``on_idle`` hears, while the log does not grow, for how long (s); what either raises ends the program. Raises
-    ``error`` (a ProgramError) when the program is missing or ends with another code than 0, and when ``timeout`` (s)
-    passes. ``hint`` is appended to the message when the program is missing.
+    While the log does not grow, ``on_idle`` is called with the time (s) since it last grew. An exception that either
+    raises ends the program. Raises ``error`` (a ProgramError) when the program is missing or ends with another code
+    than 0, and when ``timeout`` (s) passes. ``hint`` is appended to the message when the program is missing.
     """
     words = [str(word) for word in command]
     if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
@@ -121,7 +121,7 @@ def _follow(
     """Hand every finished line of the log to ``on_line`` until the child has ended."""
     rest, heard = b"", time.monotonic()
     while True:
-        ended = child.poll() is not None  # asked before reading, so that nothing written at the end is missed
+        ended = child.poll() is not None  # asked before reading, so that nothing that is written at the end is missed
         new = source.read()
         if new:
             heard = time.monotonic()
@@ -195,9 +195,9 @@ def call_in_child(
 ) -> Any:
     """Call ``module:function`` with one JSON-able ``argument`` in a Python process of its own; return its result.
 
-    For libraries that are global, not thread-safe or may crash the interpreter (Gmsh, VTK without GL). A
-    WakeflowError raised in the child is raised again here; anything else, a crash included, becomes ``error``. A fresh
-    interpreter instead of ``multiprocessing``: the caller's script needs no ``__main__`` guard.
+    It is for libraries that have global state, are not thread-safe or may crash the interpreter (Gmsh, VTK without GL).
+    A WakeflowError raised in the child is raised again here; anything else, a crash included, becomes ``error``. It is
+    a fresh interpreter and not ``multiprocessing``, so that the caller's script needs no ``__main__`` guard.
     """
     with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
         ask, answer = Path(folder, "ask.json"), Path(folder, "answer.json")

@@ -1,6 +1,6 @@
 """One registry for everything that comes in named kinds: drag laws, size distributions, shapes, materials.
 
-Registering is also being tested: the test suite is parametrised over the registries.
+An entry that is registered is tested: the test suite is parametrised over the registries.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The code behind a cached stage: every module that computes it, found by reading imports, and their hash.
 
-A stage's key must change whenever the code that computes it does. Lists kept by hand fall short sooner or later, so a
-key holds the import closure: a module, what it imports from this package at the top or inside a function, and so on.
-Imports for type checking do not run and do not count. A package's ``__init__`` leads on only to the names asked of it.
+A stage's key must change whenever the code that computes it does. A list kept by hand becomes incomplete sooner or
+later, so a key covers the import closure: a module, the modules that it imports from this package at the top or inside
+a function, the modules that these import, and so on. Imports for type checking do not run and do not count. Of a
+package's ``__init__`` only the names that are asked of it are followed.
 """
 
 from __future__ import annotations

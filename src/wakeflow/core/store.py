@@ -46,9 +46,9 @@ def digest_files(paths: Iterable[Path]) -> str:
 class Store:
     """Finished stages on disk, ``root/stage/key/``.
 
-    A stage works in ``key.part`` under a lock, so that an interrupted one finds its own unfinished files again; when
-    it is done its files are listed with their checksums and the folder takes its final name. A folder whose files do
-    not match that list is never used: it goes back to being unfinished.
+    A stage works in ``key.part`` under a lock, so that an interrupted one finds its own unfinished files again; when it
+    is done its files are listed with their checksums and the folder takes its final name. A folder whose files do not
+    match that list is never used: it is removed and made anew.
     """
 
     root: Path
@@ -89,7 +89,9 @@ class Store:
         return self._whole(self.root / stage / key)
 
     def clean(self, *, everything: bool = False) -> tuple[int, int]:
-        """Remove unfinished stages nobody works on (with ``everything`` all stages); folders and bytes freed."""
+        """Remove unfinished stages that no process works on (with ``everything`` all stages). Returns the number of
+        folders and bytes that were freed.
+        """
         from filelock import FileLock, Timeout
 
         removed = freed = 0
@@ -114,7 +116,7 @@ class Store:
 
 
 def _members(folder: Path) -> list[str]:
-    """Every file below, but what a killed ``atomic_write`` left behind."""
+    """Every file below the folder, except what a killed ``atomic_write`` left behind."""
     files = (p for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST)
     return sorted(p.relative_to(folder).as_posix() for p in files if not (p.name[0] == "." and p.suffix == ".tmp"))
 

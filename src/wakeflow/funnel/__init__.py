@@ -1,6 +1,6 @@
 """The feed funnel: beads in a vibrated cone, computed one by one with LIGGGHTS, and the rate at which they leave it.
 
-Optional: nothing here runs, and LIGGGHTS need not be there, unless a scene has a [funnel] table.
+It is optional: without a [funnel] table in the scene nothing here runs, and LIGGGHTS need not be installed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str
     """Pour and discharge: the ``funnel`` table of result.json.
 
     ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by ``work(folder)``. The bed is a
-    stage of its own, since every vibration begins with the same. Raises ProgramError when LIGGGHTS is missing or fails.
+    stage of its own, since every vibration starts from the same bed. Raises ProgramError when LIGGGHTS is missing or
+    fails.
     """
     from .engine import liggghts_version
     from .flow import discharge

@@ -68,7 +68,7 @@ def _layers(funnel: Funnel) -> tuple[Array, float]:
 
 
 def cone_of(funnel: Funnel) -> Cone:
-    """The funnel's inner wall: as high as the loose heap and what the vibration throws up."""
+    """The funnel's inner wall, high enough for the loose heap and for the beads that the vibration throws up."""
     _, fill = _layers(funnel)
     slope = math.tan(funnel.half_angle)
     top = fill + funnel.high if funnel.width is None else (funnel.width - funnel.orifice) / (2 * slope)
@@ -80,7 +80,8 @@ def cone_of(funnel: Funnel) -> Cone:
 def loose_heap(funnel: Funnel) -> tuple[Array, Array, Array]:
     """Centres (n, 3) m, diameters (n,) m and velocities (n, 3) m/s of beads that do not touch, ready to be poured.
 
-    Diameters are uniform between low and high; velocities are small and random, so that no lattice is left.
+    Diameters are uniform between low and high; velocities are small and random, so that no trace of the lattice is
+    left.
     """
     random = np.random.default_rng(funnel.seed)
     centres, _ = _layers(funnel)

@@ -1,4 +1,4 @@
-"""LIGGGHTS, the granular engine: which one is installed, its files, one run of it."""
+"""LIGGGHTS, the granular engine: the installed version, its input and output files, one run of it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def run_script(folder: Path, script: Path, on_line: Callable[[str], None] | None
         shutil.copyfile(file, folder / file.name)
     name = script.stem
     log = folder / f"log.{name}"
-    # line by line: what stands in its buffer is lost where MPI aborts it, its reason first of all
+    # line by line: where MPI aborts it the text in its buffer is lost, and that holds the reason
     command = ["stdbuf", "-oL", PROGRAM, "-in", f"{name}.liggghts", "-log", "none", "-echo", "none"]
     try:
         run_program(command, cwd=folder, log=log, on_line=on_line, hint=INSTALL)

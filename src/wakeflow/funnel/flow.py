@@ -1,4 +1,4 @@
-"""The discharge: the lid of the vibrating funnel goes, and the beads that fall out are counted."""
+"""The discharge: the lid of the vibrating funnel is taken off, and the beads that fall out are counted."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ __all__ = ["discharge"]
 
 Array = NDArray[np.float64]
 SAMPLING = 5e-4  # s between counts
-REST = 0.03  # s with the lid on: the poured bed finds its friction again
+REST = 0.03  # s with the lid on: the friction contacts of the poured bed form again
 SHAKEN = 0.05  # s at least of vibration with the lid on
-QUIET = 0.1  # s, and four periods: without a bead that long, the discharge is over
+QUIET = 0.1  # s, and four periods: after that time without a bead the discharge is over
 PATIENCE = 10.0  # times what Beverloo's law would take, and a second
 SHOTS = 6  # pictures of the beads in the time that Beverloo's law would take
 DRAWN = 400  # points of the curve that are kept

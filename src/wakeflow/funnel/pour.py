@@ -108,7 +108,7 @@ def read_bed(folder: Path) -> Bed:
 def packing_fraction(bed: Bed, cone: Cone) -> float:
     """Share of the volume that the beads fill, inside the bed: a diameter off the walls, the outlet and the surface.
 
-    Measured with points at random: a point counts where it lies in a bead.
+    It is measured with random points: a point counts where it lies in a bead.
     """
     from scipy.spatial import cKDTree
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 __all__ = ["EMPTY", "Curve", "Rate", "rate_of", "read_curve", "time_to_empty"]
 
 Array = NDArray[np.float64]
-STEADY = (0.10, 0.75)  # of the mass gone: between them the rate is that of a funnel that neither starts nor ends
+STEADY = (0.10, 0.75)  # shares of the mass discharged: between them the funnel neither starts nor runs empty
 BATCHES = 8  # parts of the steady stretch whose rates give the interval
 FEWEST = 4  # parts below which no interval is given
-EMPTY = 0.99  # of the mass gone: the end, since single beads may stay
+EMPTY = 0.99  # share of the mass discharged at which the funnel counts as empty, since single beads may stay
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def read_curve(path: str, opened: float) -> Curve:
 
 
 def time_to_empty(curve: Curve, total: float) -> float | None:
-    """When :data:`EMPTY` of the ``total`` mass (kg) was out (s); None when it never was."""
+    """Time (s) at which the share :data:`EMPTY` of the ``total`` mass (kg) was out; None when that never happened."""
     out = curve.mass <= (1 - EMPTY) * total
     return float(curve.time[np.argmax(out)]) if out.any() else None
 

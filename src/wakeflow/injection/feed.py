@@ -22,10 +22,12 @@ from numpy.typing import NDArray
 
 from .. import tracking
 from ..core.geometry import edges, normals
+from ..core.roots import halved
 from ..field import FlowField
 from ..laws.collision import approach_speed, collide
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
+from ..laws.forces import forces
 from ..laws.restitution import restitution_at
 from ..planning.impaction import axis
 from ..planning.plan import REPLICATES, FractionPlan, Plan, replicate_size
@@ -38,8 +40,9 @@ __all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "granules_of"]
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
 LEAST_WAY = 0.01  # body widths over which an acceleration is taken from speeds
+ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1, where a distribution may be infinite
+HALVINGS = 60  # of a bracket in time: to round-off
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
-CALM = ("drag", "gravity", "buoyancy", "added-mass")  # terms that act in uniform air without turbulence
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,8 @@ def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int)
     from scipy.stats import qmc
 
     source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-    return np.clip(qmc.Sobol(dimensions, scramble=True, rng=source).random(size), 1e-12, 1 - 1e-12)
+    points = qmc.Sobol(dimensions, scramble=True, rng=source).random(size)
+    return np.asarray(np.clip(points, ROUND_OFF, 1 - ROUND_OFF))
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -128,7 +132,7 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
     tracks = tracking.track(
         column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=how.drag, lines=(level,),
-        forces=[force for force in how.forces if force in CALM], gravity=(0.0, -GRAVITY),
+        forces=[force for force in how.forces if forces[force].calm], gravity=(0.0, -GRAVITY),
     )  # fmt: skip
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
 
@@ -162,12 +166,8 @@ def _dead_point(scene: Scene) -> float:
         return 0.75 * period
     times = np.linspace(0.0, period, 4097)
     lowest = int(np.argmin(motion.at(times)[0] @ along))
-    low, high = times[max(lowest - 1, 0)], times[min(lowest + 1, len(times) - 1)]
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        falls = motion.at(middle)[1] @ along < 0.0
-        low, high = (middle, high) if falls else (low, middle)
-    return float(high)
+    bracket = times[max(lowest - 1, 0)], times[min(lowest + 1, len(times) - 1)]
+    return float(halved(lambda time: motion.at(time)[1] @ along < 0.0, *bracket, HALVINGS)[1])
 
 
 def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.roots import halved_all
 from ..scene import Scene
 from ..tracking import Motion
 
@@ -103,8 +104,4 @@ def _end_of(
     value: Callable[[Array, Index], Array], i: Index, low: Array, high: Array, *, above: bool, halvings: int = HALVINGS
 ) -> Array:
     """The time within (low, high) up to which a value is above zero, or not above; (n,), by bisection."""
-    for _ in range(halvings):
-        middle = 0.5 * (low + high)
-        holds = (value(middle, i) > 0) == above
-        low, high = np.where(holds, middle, low), np.where(holds, high, middle)
-    return high
+    return halved_all(lambda time: (value(time, i) > 0) == above, low, high, halvings)[1]

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..core.geometry import edges, normals
 from ..laws.granule_layer import Load, load_on_wall
-from ..planning.flight_scales import fall_speeds
 from ..planning.impaction import axis
 from ..planning.plan import FractionPlan, Plan
+from ..planning.uniform_fall import fall_speeds
 from ..scene import Scene
 from .feed import contact_points, granules_of
 from .first_contact import first_contact, motion_of

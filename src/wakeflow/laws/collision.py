@@ -26,7 +26,7 @@ __all__ = ["Impact", "ImpactModel", "approach_speed", "bounce", "collide", "impa
 
 Array = NDArray[np.float64]
 TINY = np.finfo(float).tiny
-ROUGH = 1e300  # any friction above it is it: an infinite one times no impulse at all would be no number
+ROUGH = 1e300  # a larger friction counts as this one: an infinite friction times no impulse would not be a number
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Mass flow of granules through an orifice under gravity, without vibration: Beverloo's law and its cone factor.
 
-A law of experience for dry, free-flowing, nearly equal granules. Range: orifice wider than about 6 granules (narrower
-ones jam), container wider than about 2.5 orifices, filled higher than about one orifice, granules above 0.5 mm (finer
-ones are held back by the air). Vibration is outside of it.
+An empirical law for dry, free-flowing, nearly equal granules. Range: orifice wider than about 6 granules (narrower ones
+jam), container wider than about 2.5 orifices, filled higher than about one orifice, granules above 0.5 mm (finer ones
+are held back by the air). Vibration is outside the range.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__ = ["BEVERLOO_C", "BEVERLOO_K", "STAGNANT_ANGLE", "beverloo", "cone_facto
 
 BEVERLOO_C = 0.58  # Beverloo, Leniger & van de Velde (1961); later authors: 0.55 to 0.65
 BEVERLOO_K = 1.4  # spheres; the same source: 1.3 to 2.9 with the shape
-STAGNANT_ANGLE = math.radians(45)  # of the stagnant zone's edge to the horizontal where it is not measured
+STAGNANT_ANGLE = math.radians(45)  # angle of the stagnant zone's edge to the horizontal, where it is not measured
 
 
 def beverloo(

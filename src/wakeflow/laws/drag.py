@@ -37,8 +37,8 @@ MEAN_FREE_PATH = 0.066e-6  # of air at 20 C and 1 atm, m
 
 @dataclass(frozen=True)
 class DragLaw:
-    """``factor(reynolds, sphericity)`` gives f = Cd Re / 24 (both broadcast); valid up to ``reynolds_max``; its
-    ``source``.
+    """``factor(reynolds, sphericity)`` gives f = Cd Re / 24 (both broadcast); the law holds up to ``reynolds_max``;
+    ``source`` names where it comes from.
     """
 
     factor: Callable[[Array, ArrayLike], Array]
@@ -164,7 +164,8 @@ def relaxation_time(diameter: ArrayLike, density: ArrayLike, viscosity: float) -
 
 
 def slip_correction(diameter: ArrayLike, mean_free_path: float = MEAN_FREE_PATH) -> Array:
-    """Cunningham's Cc, by which the gas's molecules let a small sphere slip: drag is divided by it; -> 1 when large.
+    """Cunningham's Cc: drag is divided by it, since a small sphere slips between the gas's molecules; -> 1 for a large
+    one.
 
     Cc = 1 + (2 L / d) (1.257 + 0.4 exp(-0.55 d / L)), diameter and mean free path L in m: Davies, C.N. 1945, Proc.
     Phys. Soc. 57, 259; creeping flow, any d / L. In air of 20 C 1.17 at 1 um, 1.017 at 10 um.
@@ -187,7 +188,7 @@ def terminal_velocity(
 
     Diameter m, densities kg/m3, dynamic viscosity Pa s, gravity m/s2; ``drag_scale`` multiplies the law: 1 / Cc of
     :func:`slip_correction` for the finest dust, or a calibration. All broadcast. The balance f(Re) v = v_Stokes /
-    drag_scale has one root, bisected to round-off: f >= 1 bounds it above.
+    drag_scale has one root, which is bisected to round-off; since f >= 1, it lies below v_Stokes / drag_scale.
     """
     d, rho_p, rho, mu, phi, scale = np.broadcast_arrays(
         *(np.asarray(a, dtype=float) for a in (diameter, density, fluid_density, viscosity, sphericity, drag_scale))

@@ -99,8 +99,7 @@ class Layers:
 
 
 def _fallen(velocity: Array, time: Array, gravity: float) -> Array:
-    fall = 0.5 * gravity * np.square(time)[..., None] * np.array([0.0, 1.0])
-    return np.asarray(velocity * time[..., None] - fall)
+    return np.asarray(velocity * time[..., None] - 0.5 * gravity * np.square(time)[..., None] * np.array([0.0, 1.0]))
 
 
 def layers(
@@ -170,7 +169,7 @@ def load_on_wall(
     ``fall_speed`` (n,) m/s they meet walls of unit outward ``normal`` (n, 2) that move with ``wall`` (n, 2) m/s.
 
     The samples carry the phases in the right proportion (``injection.first_contact``), so this holds for any vibration.
-    ``mobility`` 1 / k. No samples: no load.
+    ``mobility`` 1 / k. Without samples the load is zero.
     """
     if not len(fall_speed):
         return Load(0.0, 0.0, 0.0, np.zeros(2), 0.0, np.zeros(2))

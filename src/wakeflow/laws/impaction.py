@@ -34,9 +34,9 @@ __all__ = ["Cylinder", "Front", "Impaction", "Met", "Wedge", "approach", "fronts
 Array = NDArray[np.float64]
 Complex = NDArray[Any]
 STEP = 0.1  # of the distance to the nearest edge of the body: how far a granule or the air goes in a step
-NEAREST = 0.01  # half widths: where steps shrink no more
+NEAREST = 0.01  # half widths: nearer to an edge steps do not shrink any more
 SLOWEST = 1e-3  # of the air's speed: what a step's length is at least divided by
-STEPS = 2000  # granules that have not come past the body by then hover before it
+STEPS = 2000  # steps; granules that are not past the body by then hover before it
 AHEAD = 2.5  # half channels upstream, where the flow is uniform to 4e-4
 DOWN = 50.0  # half channels downstream, where nothing is left to change
 RAYS = 48  # granules across the body, in each of two rounds: the efficiency is known to 1/2300
@@ -188,8 +188,9 @@ class Met:
 @dataclass(frozen=True)
 class Impaction:
     """What becomes of n kinds of granules. ``reach`` (n,) m: those that start nearer to the axis meet the body;
-    ``efficiency`` (n,): that over what they would meet falling straight, half width and radius. ``start`` (n, m) m off
-    the axis: where m of each kind begin, how they are ``turned`` by the air, and how they would fall ``straight``.
+    ``efficiency`` (n,): ``reach`` over half width and radius, within which they would meet the body falling straight.
+    ``start`` (n, m) m off the axis: where m of each kind begin, how they are ``turned`` by the air, and how they would
+    fall ``straight``.
     """
 
     reach: Array
@@ -226,7 +227,9 @@ def _fly(
     front: Front, start: Array, above: float, speed: float, radius: Array, relax: Callable[[Array], Array],
     pull: float, *, deflect: bool,
 ) -> Met:  # fmt: skip
-    """Second-order exponential steps of every granule, each with its own clock, until it meets the face or is past."""
+    """Fly every granule by second-order exponential steps, each with its own clock, until it meets the face or is past
+    the body.
+    """
     rim = np.broadcast_to(radius[:, None], start.shape)
     z = -(above + rim) + 1j * start
     v = np.full(z.shape, speed, dtype=complex)
@@ -268,6 +271,8 @@ def _gap(front: Front, z: Complex) -> Array:
 
 
 def _step(z: Complex, v: Complex, final: Complex, tau: Array, dt: Array) -> tuple[Complex, Complex]:
-    """Position and velocity after ``dt`` in air that lets a granule tend to the velocity ``final``, exactly."""
+    """Exact position and velocity after ``dt`` where the granule's velocity tends to ``final`` with the relaxation time
+    ``tau``.
+    """
     left = np.exp(-dt / tau)
     return z + final * dt + (v - final) * tau * (1.0 - left), final + (v - final) * left

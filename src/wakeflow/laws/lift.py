@@ -1,4 +1,4 @@
-"""Shear lift of Saffman and Mei: a granule that slips in air which turns is pushed across its slip.
+"""Shear lift of Saffman and Mei: a granule that slips in rotating air is pushed across its slip.
 
     F = rho V_p C_l (u - v) x curl u,    Re = rho |u - v| d / mu,    Re_w = rho |curl u| d^2 / mu
 
@@ -20,7 +20,7 @@ def lift_coefficient(reynolds: float, shear_reynolds: float) -> float:
     Saffman, P.G. 1965, J. Fluid Mech. 22, 385 (corrigendum 1968, 31, 624): the bracket is 1, for Re << sqrt(Re_w) << 1.
     Mei, R. 1992, Int. J. Multiphase Flow 18, 145, fits Dandy & Dwyer's simulations for 0.1 <= Re <= 100 and 0.005 <
     beta < 0.4, beta = Re_w / (2 Re); his a keeps growing as sqrt(Re) above Re = 40. There his fit drops e, a jump of up
-    to 1.8 % of Saffman's force; here e dies out instead, since a jump would cost every track that crosses it steps.
+    to 1.8 % of Saffman's force; here e fades out instead, since every track that crosses a jump would need more steps.
 
     Outside these ranges it stays finite, positive and continuous: Re -> 0 gives Saffman's force however strong the
     shear, and Re_w -> infinity above Re = 40 gives C_l = 0.114. For Re_w -> 0 C_l grows as Re_w^(-1/2) while the force

@@ -72,8 +72,8 @@ def table(p: Array, width: float, *, positions: Sequence[float], weights: Sequen
 
 
 def crowding(quantile: Callable[[Array], Array], width: float) -> float:
-    """How much denser the curtain is where a granule falls, mean over the granules, than if it were uniform: width
-    times the integral of the density squared; 1 uniform, 4/3 triangular, 6/5 parabolic.
+    """How much denser than a uniform curtain the curtain is about a granule, in the mean over the granules: width times
+    the integral of the density squared; 1 uniform, 4/3 triangular, 6/5 parabolic.
     """
     edges = quantile(np.linspace(1e-9, 1.0 - 1e-9, 4001))
     return float(np.mean(1.0 / np.maximum(np.diff(edges), 1e-9 * width)) * width / 4000)

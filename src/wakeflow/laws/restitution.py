@@ -1,8 +1,9 @@
 """Restitution laws: how the coefficient of restitution e depends on the normal speed v of approach, 0 <= e <= 1.
 
-A plain number is the law of Newton, e the same at every speed. Measured, e falls with the speed: the faster the impact,
-the larger the part of the contact that yields (e ~ v^-1/4), or that viscous losses take (1 - e ~ v^1/5). Each law here
-is fixed by what a drop test gives, one value at one speed, or by all the points that were measured.
+A plain number is the law of Newton, e the same at every speed. Measured values of e fall with the speed: the faster the
+impact, the larger the part of the contact that yields (e ~ v^-1/4), or the part of the energy that viscous losses take
+(1 - e ~ v^1/5). Each law here is fixed by what a drop test gives, one value at one speed, or by all the points that
+were measured.
 
 Laws are pure and vectorised; ``value(speed, *, parameters...)`` takes speeds (m/s, not negative) of any shape.
 """
@@ -21,11 +22,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import Registry
+from ..core.roots import halved
 
 __all__ = ["MOST", "Restitution", "RestitutionLaw", "restitution_at", "restitution_laws", "restitution_table"]
 
 Array = NDArray[np.float64]
-MOST = 0.99  # largest e of laws that are elastic below a yield speed: so that what bounces on a floor comes to rest
+MOST = 0.99  # largest e of laws that are elastic below a yield speed, so that a bouncing granule comes to rest
 TABLE_SPEEDS = (1e-8, 1e3)  # m/s: between them a law is tabulated, beyond them it stays what it is there
 TABLE_CELLS = 24  # cells a decade
 PADE = (0.501086, 1.15345, 0.577977, 0.532178)  # of the viscoelastic law: c1 = b1, b2, b3, b4
@@ -131,7 +133,7 @@ def viscoelastic(speed: ArrayLike, *, value: float, at: float) -> Array:
     """e = (1 + c x) / (1 + c x + b2 x^2 + b3 x^3 + b4 x^4), x^2 = beta v^1/5: 1 - 1.15345 beta v^1/5 + ... when slow.
 
     Hertz's contact with Kelvin-Voigt dissipation, which may not pull. beta is the one that gives ``value`` at the speed
-    ``at`` (m/s). Against that contact integrated: within 3e-4 where e > 0.8, 9e-3 at any speed.
+    ``at`` (m/s). It agrees with the integrated contact within 3e-4 where e > 0.8 and within 9e-3 at any speed.
     """
     _check_point(value, at, 1.0)
     most = _solve(lambda x: _pade(1.0 / x), value)  # e rises with 1 / x
@@ -169,18 +171,15 @@ def _check_point(value: float, at: float, most: float) -> None:
 
 def _solve(function: Callable[[Array], Array], value: float) -> float:
     """Where a ``function`` that rises from 0 at 0 to 1 at infinity (or 1) first has ``value``: bisection in log x."""
-    low, high = -60.0, 60.0  # e^-60 .. e^60
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        above = float(function(np.array(math.exp(middle)))) >= value
-        low, high = (low, middle) if above else (middle, high)
-    return math.exp(high)
+    ends = -60.0, 60.0  # e^-60 .. e^60
+    return math.exp(halved(lambda x: not float(function(np.array(math.exp(x)))) >= value, *ends, 80)[1])
 
 
 class Restitution:
     """A registered law with its parameters: ``Restitution("power", value=0.5, at=1.0)``; call it with speeds (m/s).
 
-    Raises SceneError for an unknown law, a parameter that it lacks or has not, and one out of range.
+    Raises SceneError for an unknown law, for a parameter that is missing or that the law does not have, and for one out
+    of range.
     """
 
     def __init__(self, law: str, **parameters: Any) -> None:

@@ -10,6 +10,7 @@ Scalar functions of the math module, since the tracker's kernel compiles them as
 from __future__ import annotations
 
 import math
+from typing import Any
 
 __all__ = ["SPIN_CROSSOVER", "magnus_factor", "spin_decay", "spin_rate"]
 
@@ -23,17 +24,17 @@ SPIN_CROSSOVER = CROSSOVER_ROOT**2
 def magnus_factor(reynolds: float, spin_reynolds: float) -> float:
     """Spin lift over that of creeping flow, 0 < c <= 1: 1 - (0.675 + 0.15 (1 + tanh(0.28 (q - 2)))) tanh(0.18 Re^1/2).
 
-    q = Re_r / Re is the spin ratio |W| d / |s|. c = 1 is Rubinow, S.I. & Keller, J.B. 1961, J. Fluid Mech. 11, 447;
-    the factor is Loth, E. 2008, AIAA J. 46, 801, for Re < 2000 and q < 20. Granules off a slope have Re up to 1000 and
-    q below 1, where c = 1/4. The fit of Oesterle, B. & Bui Dinh, T. 1998, Exp. Fluids 25, 16, holds for 10 < Re < 140
-    and fast spin only, where the two differ by up to 40 %; at slow spin it exceeds even creeping flow's lift.
+    q = Re_r / Re is the spin ratio |W| d / |s|. c = 1 is Rubinow, S.I. & Keller, J.B. 1961, J. Fluid Mech. 11, 447; the
+    factor is Loth, E. 2008, AIAA J. 46, 801, for Re < 2000 and q < 20. Granules that leave a slope have Re up to 1000
+    and q below 1, where c = 1/4. The fit of Oesterle, B. & Bui Dinh, T. 1998, Exp. Fluids 25, 16, holds for 10 < Re <
+    140 and fast spin only, where the two differ by up to 40 %; at slow spin it exceeds even creeping flow's lift.
     Continuous everywhere; 1 at Re = 0, 0.025 where both numbers are large.
     """
     ratio = spin_reynolds / max(reynolds, 1e-300)
     return 1.0 - (0.825 + 0.15 * math.tanh(0.28 * (ratio - 2.0))) * math.tanh(0.18 * math.sqrt(reynolds))
 
 
-def spin_rate(diameter: float, density: float, viscosity: float, inertia: float = 0.4) -> float:
+def spin_rate(diameter: Any, density: Any, viscosity: float, inertia: Any = 0.4) -> Any:
     """Rate (1/s) at which the relative spin decays in creeping flow: 24 mu / (k rho_p d^2), k = I / (m r^2).
 
     Diameter m, density kg/m3, dynamic viscosity Pa s; arrays broadcast. The torque 8 pi mu r^3 W is Kirchhoff's

@@ -1,7 +1,8 @@
-"""The turbulence that a granule sees, as a Langevin process, and the air's molecules.
+"""Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen, and Brownian motion.
 
-Each component of the seen fluctuation is rms = sqrt(2 k / 3) times a unit Ornstein-Uhlenbeck process of the integral
-time that :func:`crossing` shortens from :func:`lifetime`; :func:`langevin` steps it exactly, whatever the step.
+Each component of the fluctuation that the granule sees is rms = sqrt(2 k / 3) times a unit Ornstein-Uhlenbeck process
+of the integral time that :func:`crossing_times` shortens from :func:`lifetime`; :func:`langevin` steps it exactly,
+whatever the step.
 
 Scalar functions of the math module, since the tracker's kernel compiles them as they stand; np.vectorize takes arrays.
 """
@@ -29,7 +30,8 @@ def lifetime(k: Any, dissipation: Any) -> Any:
 
 
 def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, float]:
-    """Integral times (s) that a granule sees (along its slip, across it): slipping out of eddies shortens both.
+    """Integral times (s) that a granule sees, along its slip and across it: it slips out of eddies, which shortens
+    both.
 
     T_L / sqrt(1 + b^2 slip^2 / rms^2) along and with 4 b^2 across, b = 0.8: Csanady, G.T. 1963, J. Atmos. Sci. 20, 201.
     slip = |u - v| m/s of the mean air velocity, rms = sqrt(2 k / 3) m/s. T_L for both at slip 0; 0 where rms = 0.

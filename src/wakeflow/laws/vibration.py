@@ -1,8 +1,9 @@
 """A measured vibration: one period of acceleration samples, integrated twice without error.
 
 Between samples the acceleration is linear, so velocity is a parabola and displacement a cubic from sample to sample:
-the integrals are sums of closed forms, and nothing is filtered. Two things of a record are not kept: its mean, since a
-body that vibrates goes nowhere; and the place and speed it began with, since the body swings about where it stands.
+the integrals are sums of closed forms, and nothing is filtered. Two things of a record are not kept: its mean
+acceleration, since a vibrating body stays where it is in the mean, and its initial place and speed, since the body
+swings about the place where it stands.
 """
 
 from __future__ import annotations
@@ -65,7 +66,9 @@ class Record:
 
     @property
     def pace(self) -> float:
-        """Largest rate of change of the acceleration over its peak (rad/s): what w is for a harmonic."""
+        """Largest rate of change of the acceleration over its peak (rad/s); for a harmonic motion this is its angular
+        frequency w.
+        """
         return float(np.max(np.abs(np.diff(self.acceleration)) / np.diff(self.time))) / self.peak_acceleration
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array]:
@@ -97,9 +100,9 @@ class Record:
 def integrated(time: ArrayLike, acceleration: ArrayLike) -> Record:
     """The motion of one period of a measured ``acceleration`` (k,) m/s2 at ``time`` (k,) s, at any spacing.
 
-    The mean acceleration over the period is taken off, the constants of both integrations make the means of velocity
-    and displacement zero. Raises SceneError for fewer than four samples, more than MOST_SAMPLES, times that do not
-    increase, values that are not finite, or an acceleration that does not change.
+    The mean acceleration over the period is taken off, and the constants of both integrations make the means of
+    velocity and displacement zero. Raises SceneError for fewer than four samples, more than MOST_SAMPLES, times that do
+    not increase, values that are not finite, or an acceleration that does not change.
     """
     try:
         t, a = np.asarray(time, dtype=float), np.asarray(acceleration, dtype=float)
@@ -126,5 +129,5 @@ def integrated(time: ArrayLike, acceleration: ArrayLike) -> Record:
 
 
 def _moved(v: Array, a: Array, h: Array) -> Array:
-    """Ways (m) from sample to sample: the integral of the parabola that the velocity is."""
+    """Displacements (m) from sample to sample: the integral of the velocity, which is a parabola."""
     return h * (v[:-1] + h * (2 * a[:-1] + a[1:]) / 6)

@@ -7,8 +7,9 @@ the feed rate, the value up to which that holds, and the feed rate at which it i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 from ..core.geometry import edges, normals
 from ..laws.collision import impact
 from ..laws.constants import GRAVITY
+from ..laws.forces import FlightScales
 from ..scene import Scene
-from .bounds import Flight, bounds
+from .bounds import COLLISIONS, bounds
 from .flight_scales import CROSSED, meetings, packing
 
 Array = NDArray[np.float64]
@@ -26,8 +28,11 @@ __all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained
 COUPLING, INDEPENDENT, TURBULENCE = "one-way coupling", "independent granules", "the air's own turbulence"
 COLLIDING = 1e-3  # volume fraction above which granules of a suspension collide: "four-way" in Elghobashi 1994
 MODULATING = 1e-6  # volume fraction above which granules change the turbulence: "two-way" there
-LOADED = 0.1  # of the air's own flow of mass or momentum, and of the slope covered: what is let pass as small
-SLOWEST = 0.1  # m/s: granules that the air holds in the curtain
+LOADED = 0.1  # of the air's own flow of mass or momentum, and of the slope covered: chosen, what passes as small
+SLOWEST = 0.1  # m/s: taken for the speed of granules that the air holds in the curtain; chosen
+SHADE = 1.5  # area that a sphere covers, times its diameter, over its volume: (pi d^2 / 4) d / (pi d^3 / 6)
+PLACES = 500  # of the curtain, to tell which share of it falls on a body
+LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
 ELGHOBASHI = "Elghobashi 1994, Appl. Sci. Res. 52, 309"
 
 
@@ -46,11 +51,14 @@ class Limit:
 
     @property
     def holds(self) -> bool:
+        """Whether the value stays within its limit."""
         return self.limit is None or self.value <= self.limit
 
 
-def limits(scene: Scene, arrivals: Mapping[str, float], found: Mapping[str, list[Flight]], shift: float) -> list[Limit]:
-    """Every row, from the speeds of ``arrivals`` (m/s) at the body and the scales ``found`` of each fraction's flight
+def limits(
+    scene: Scene, arrivals: Mapping[str, float], scales: Mapping[str, Sequence[FlightScales]], shift: float
+) -> Iterator[Limit]:
+    """Every row, from the speeds of ``arrivals`` (m/s) at the body and the ``scales`` of each fraction's flight
     (nothing in a vacuum); ``shift``: the landing shift (body widths) that the accuracy asked for allows.
     """
     rate = 3600.0 * scene.feed.mass_flow
@@ -62,39 +70,47 @@ def limits(scene: Scene, arrivals: Mapping[str, float], found: Mapping[str, list
     speeds = {name: max(abs(speed), SLOWEST) for name, speed in arrivals.items()}
     dense = scene.feed.crowding * sum(share for share, _ in packing(scene, speeds))
     why = "solid volume in the curtain at the body, at each fraction's own speed"
-    rows = [row("curtain", INDEPENDENT, dense, COLLIDING, f"{why} ({ELGHOBASHI})")]
-    rows.append(row("meetings", INDEPENDENT, *_meetings(scene, speeds, found, shift)))
+    yield row("curtain", INDEPENDENT, dense, COLLIDING, f"{why} ({ELGHOBASHI})")
+    yield row("meetings", INDEPENDENT, *_meetings(scene, speeds, scales, shift))
     layer = _layer(scene, speeds)
     if layer is not None:
-        cover, thickness, sizes, solid = layer
         why = "share of the slope under granules that have bounced and not left it yet"
-        rows.append(row("slope-covered", INDEPENDENT, cover, LOADED, why))
-        why = f"m, height to which granules bounce off the slope: {sizes:.2g} granule sizes, {solid:.2g} of it solid"
-        rows.append(Limit("layer", INDEPENDENT, thickness, None, None, why))
+        yield row("slope-covered", INDEPENDENT, layer.covered, LOADED, why)
+        size = f"{layer.sizes:.2g} granule sizes, {layer.solid:.2g} of it solid"
+        why = f"m, height to which granules bounce off the slope: {size}"
+        yield Limit("layer", INDEPENDENT, layer.height, None, None, why)
     if scene.air is not None:
-        taken, loading = _on_the_air(scene, found)
+        taken = _taken_from_the_air(scene, scales)
         why = "mass of granules through the channel over that of the air"
-        rows.append(row("mass-loading", COUPLING, loading, LOADED, why))
+        yield row("mass-loading", COUPLING, taken.mass, LOADED, why)
         why = "momentum that drag takes from the air over that of the air"
-        rows.append(row("air-momentum", COUPLING, taken, LOADED, why))
+        yield row("air-momentum", COUPLING, taken.momentum, LOADED, why)
         why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
-        rows.append(row("turbulence", TURBULENCE, dense, MODULATING, why))
-    return rows
+        yield row("turbulence", TURBULENCE, dense, MODULATING, why)
+
+
+class _Meetings(NamedTuple):
+    """``number`` of meetings of a granule, how many are ``bearable``, and ``why``: what they are."""
+
+    number: float
+    bearable: float
+    why: str
 
 
 def _meetings(
-    scene: Scene, speeds: Mapping[str, float], found: Mapping[str, list[Flight]], shift: float
-) -> tuple[float, float, str]:
-    """Meetings of a granule of the fraction that bears the fewest, how many those are, and what they are."""
-    rows = []
+    scene: Scene, speeds: Mapping[str, float], scales: Mapping[str, Sequence[FlightScales]], shift: float
+) -> _Meetings:
+    """Of the fraction whose granules bear the fewest."""
+    every = []
     for name, fraction in scene.fraction.items():
-        own, shift_of = fraction.properties, bounds["collisions-between-granules"].shift
-        each = [(flight.meetings, shift_of(replace(flight, meetings=1.0))) for flight in found.get(name, [])]
-        for met, moves in each or [(meetings(scene, own.diameter, own.density), _free_shift(scene, speeds[name]))]:
-            path = CROSSED * scene.feed.width / met * 1e3
+        granule, shift_of = fraction.properties, bounds[COLLISIONS].shift
+        each = [(flight.meetings, shift_of(replace(flight, meetings=1.0))) for flight in scales.get(name, [])]
+        free = meetings(scene, granule.diameter, granule.density), _free_shift(scene, speeds[name])
+        for number, shift_by_one in each or [free]:
+            path = CROSSED * scene.feed.width / number * 1e3
             why = f"of {name} with others in the curtain, by the momentum they take: one every {path:.3g} mm of way"
-            rows.append((met, shift / moves, why))
-    return max(rows, key=lambda row: row[0] / row[1])
+            every.append(_Meetings(number, shift / shift_by_one, why))
+    return max(every, key=lambda one: one.number / one.bearable)
 
 
 def _free_shift(scene: Scene, speed: float) -> float:
@@ -102,20 +118,36 @@ def _free_shift(scene: Scene, speed: float) -> float:
     return speed * math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY) / scene.width
 
 
-def _on_the_air(scene: Scene, found: Mapping[str, list[Flight]]) -> tuple[float, float]:
-    """Momentum that granules take from the air over the air's own flow of it, and the same of mass."""
+class _TakenFromTheAir(NamedTuple):
+    """Of the air's own flow through the channel: the ``momentum`` that granules take from it, and their ``mass``."""
+
+    momentum: float
+    mass: float
+
+
+def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> _TakenFromTheAir:
+    """An upper bound: every granule slips at the largest slip of a median one."""
     assert scene.air is not None
     air = scene.air.density * scene.air.speed * scene.channel.width * scene.feed.depth
-    taken = 0.0
+    speed = 0.0
     for name, share in scene.mass_shares().items():
-        flight = found[name][len(found[name]) // 2]
-        taken += share * flight.slip * flight.reach(flight.whole) / flight.tau
-    return scene.feed.mass_flow * taken / (air * scene.air.speed), scene.feed.mass_flow / air
+        flight = scales[name][len(scales[name]) // 2]
+        speed += share * flight.slip * flight.reach(flight.whole) / flight.tau
+    return _TakenFromTheAir(scene.feed.mass_flow * speed / (air * scene.air.speed), scene.feed.mass_flow / air)
 
 
-def _layer(scene: Scene, speeds: Mapping[str, float]) -> tuple[float, float, float, float] | None:
-    """The layer on the first body's slopes: share of them covered; height (m) to which the fraction that bounces
-    highest does, in its own sizes; solid volume in the layer. None where the slopes' face is level or away.
+@dataclass(frozen=True)
+class _Layer:
+    """The layer of granules on the first body's slopes."""
+
+    covered: float  # share of the slopes under granules
+    height: float  # m, to which the fraction that bounces highest does
+    sizes: float  # the same in that fraction's granule sizes
+    solid: float  # share of the layer's volume
+
+
+def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer | None:
+    """The layer on the first body's slopes; None without a body, and where its top is level.
 
     A granule that meets the slope goes half its length at the tangential speed of eq. (2), and faster by gravity
     less friction, until it leaves: t = (sqrt(v^2 + a L) - v) / a. It bounces to v_n^2 / (2 g cos b). Without vibration.
@@ -126,19 +158,19 @@ def _layer(scene: Scene, speeds: Mapping[str, float]) -> tuple[float, float, flo
     if beta <= 0.0:
         return None
     on_slope = scene.feed.mass_flow * _share_on(scene, scene.first_outline) / scene.feed.depth
-    cover = solid = 0.0
-    highest, sizes = 0.0, 0.0
+    covered = solid = height = sizes = 0.0
     for name, share in scene.mass_shares().items():
-        own = scene.fraction[name].properties
-        after = impact(beta, speeds[name], 0.0, own.restitution, own.friction, scene.fraction[name].inertia)
+        granule = scene.fraction[name].properties
+        after = impact(beta, speeds[name], 0.0, granule.restitution, granule.friction, scene.fraction[name].inertia)
         along, out = float(after.tangential), float(after.normal)
-        pull = GRAVITY * (math.sin(beta) - own.friction * math.cos(beta))
-        volume = on_slope * share / own.density * _stay(along, pull, length) / length
-        cover += 1.5 * volume / own.diameter
+        pull = GRAVITY * (math.sin(beta) - granule.friction * math.cos(beta))
+        volume = on_slope * share / granule.density * _stay(along, pull, length) / length
+        covered += SHADE * volume / granule.diameter
         solid += volume
-        if (height := 0.5 * out**2 / (GRAVITY * math.cos(beta))) + own.diameter > highest:
-            highest, sizes = height + own.diameter, height / own.diameter + 1.0
-    return cover, highest, sizes, solid / highest
+        bounce = 0.5 * out**2 / (GRAVITY * math.cos(beta))
+        if bounce + granule.diameter > height:
+            height, sizes = bounce + granule.diameter, bounce / granule.diameter + 1.0
+    return _Layer(covered, height, sizes, solid / height)
 
 
 def _stay(along: float, pull: float, length: float) -> float:
@@ -151,7 +183,7 @@ def _stay(along: float, pull: float, length: float) -> float:
 def _slope(outline: Array) -> tuple[float, float]:
     """Angle (rad) of the faces that granules fall on, mean over their projected width; their length (m) together."""
     start, end = edges(outline)
-    up = normals(outline)[:, 1] > 1e-9
+    up = normals(outline)[:, 1] > LEVEL
     across, length = np.abs(end - start)[up, 0], np.linalg.norm(end - start, axis=1)[up]
     beta = np.arccos(np.clip(across / length, 0.0, 1.0))
     return float(np.average(beta, weights=across)), float(length.sum())
@@ -160,11 +192,11 @@ def _slope(outline: Array) -> tuple[float, float]:
 def _share_on(scene: Scene, outline: Array) -> float:
     """Share of the curtain that falls within the width of ``outline``."""
     x = outline[:, 0]
-    places = scene.feed.places((np.arange(500) + 0.5) / 500)
+    places = scene.feed.places((np.arange(PLACES) + 0.5) / PLACES)
     return float(np.mean((places > x.min()) & (places < x.max())))
 
 
-def strained(rows: list[Limit]) -> Iterator[str]:
+def strained(rows: Sequence[Limit]) -> Iterator[str]:
     """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds."""
     for about in (COUPLING, INDEPENDENT):
         beyond = [row for row in rows if row.about == about and not row.holds]

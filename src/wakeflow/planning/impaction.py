@@ -18,6 +18,7 @@ from ..laws.collision import approach_speed, collide
 from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxation_time, slip_correction
 from ..laws.impaction import Front, Impaction, Met, approach, fronts
+from ..laws.relaxation import relaxed
 from ..laws.restitution import restitution_at
 from ..scene import Scene
 
@@ -172,8 +173,7 @@ def _landing(scene: Scene, name: str, kind: _Kind, met: Met) -> Array:
     step = 2.0 * np.sqrt(2.0 * floor / GRAVITY) / FALL_STEPS
     for _ in range(FALL_STEPS):
         tau = kind.relax(np.abs(air - v))
-        left, final = np.exp(-step / tau), air + kind.pull * tau
-        way, after = final * step + (v - final) * tau * (1.0 - left), final + (v - final) * left
+        way, after = relaxed(v, air + kind.pull * tau, tau, step, np.exp(-step / tau))
         away = front.away(z + way)
         meets = front.inside(z + way) & (z.real < front.depth) | (np.abs(away) < rim * CLOSE)
         normal = front.away(z)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from ..core.errors import SceneError
 from ..scene import Scene
 from .airflow import SHEDDING_ABOVE
-from .terms import VIBRATION
+from .bounds import VIBRATION
 
 __all__ = ["AirMotion", "frequency_ratios", "vibration_of_air", "vibration_of_scene"]
 

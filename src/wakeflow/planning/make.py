@@ -1,13 +1,14 @@
 """The plan: what a scene needs, what is left out and by which bound, and what it will cost. Starts nothing heavy.
 
-``gate`` chooses the forces of each fraction: a bound on each term's landing shift against the accuracy asked for.
+``terms`` chooses the forces of each fraction: a bound on each term's landing shift against the accuracy asked for.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,22 +22,28 @@ from ..laws.drag import (
     slip_correction,
     terminal_velocity,
 )
+from ..laws.forces import FlightScales, forces
 from ..scene import Scene
-from .airflow import choose_airflow, typical_cells, typical_seconds
-from .bounds import Flight, moved_by_air
+from .airflow import AirflowPlan, choose_airflow
+from .bounds import VIBRATION, moved_by_air
+from .cost import estimate
 from .coupling import limits
-from .flight_scales import arrival_speed, flights
+from .flight_scales import flights
 from .impaction import deflection
-from .lock_in import vibration_of_scene
+from .lock_in import AirMotion, vibration_of_scene
 from .messages import missing_lines, used_lines, warning_lines
-from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, Plan, replicate_size
-from .terms import VIBRATION, Gate, LeftOut, check_switches, limit_of, open_gate
+from .plan import FractionPlan, Plan
+from .terms import Gate, LeftOut, check_switches, limit_of, open_gate
+from .uniform_fall import arrival_speed
 
-__all__ = ["TURNING", "make_plan"]
+__all__ = ["AIR", "TURNING", "Planner", "make_plan"]
 
-TURNING = "turning-before-the-impact"  # the term that injection leaves out
-MATTERS = 0.1  # body widths that the air moves a fraction by when it is left out: beyond, a warning
-RARE = 1e-3  # mass below and above which a measured terminal velocity may be anything
+AIR = "air"  # left out as a whole: in a vacuum, and at rung none
+TURNING = "turning-before-the-impact"  # what injection leaves out: how the air before the body moves granules
+MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
+RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
+CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
+LARGEST_ERROR = 0.5  # of a share: an accuracy beyond would say nothing
 
 
 def make_plan(
@@ -52,83 +59,193 @@ def make_plan(
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
     """
-    scene = scene.fed()
-    target = scene.numerics.target_error if target_error is None else target_error
-    if not 0.0 < target <= 0.5:
+    given = scene.fed()
+    target = given.numerics.target_error if target_error is None else target_error
+    if not 0.0 < target <= LARGEST_ERROR:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
-    airflow, switches = choose_airflow(scene, rung or scene.numerics.rung, target), dict(force or {})
-    motion = None
-    if airflow.stepping == "time-resolved":
-        motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
-        airflow = replace(airflow, moving=motion is not None and motion.used)
-    asked, scene = scene, scene.flown(airflow.rung)
-    check_switches(scene, switches, airflow.turbulence)
-    flown_by = "tracker" if asked is scene else "chain"
-    plan = Plan(
-        airflow, target, switches, fractions={}, used=[], left_out=[], estimate={}, flown_by=flown_by, unit=scene.unit
+    switches = dict(force or {})
+    airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
+    flown = given.flown(airflow.rung)
+    check_switches(flown, switches, airflow.turbulence)
+    decided = {name: _decide(flown, name, airflow, switches, target) for name in flown.fraction}
+    fractions = {name: one.plan for name, one in decided.items()}
+    arrivals = {name: fraction.arrival_speed for name, fraction in fractions.items()}
+    scales = {name: one.scales for name, one in decided.items() if one.scales}
+    validity = tuple(limits(flown, arrivals, scales, limit_of(flown, target)))
+    gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
+    without_air = _WithoutAir() if flown is given else _without_air(given, fractions)
+    chain = flown is not given
+    used = used_lines(flown, airflow, fractions, validity, motion, chain=chain)
+    missing = missing_lines(gates, flown.unit)
+    strained = warning_lines(flown, airflow, fractions, validity, target)
+    return Plan(
+        airflow=airflow,
+        target_error=target,
+        force=switches,
+        fractions=fractions,
+        used=(*used, *(() if flown.funnel is None else (summary(flown.funnel),))),
+        left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
+        estimate=estimate(flown, airflow, fractions, 0.0 if flown.funnel is None else estimated_seconds(flown.funnel)),
+        warnings=(*missing, *without_air.warnings, *strained),
+        flown_by="chain" if chain else "tracker",
+        validity=validity,
+        unit=flown.unit,
     )
-    found: dict[str, list[Flight]] = {}
-    gates = {name: gate for name in scene.fraction if (gate := _add_fraction(scene, plan, name, found)) is not None}
-    arrivals = {name: how.arrival_speed for name, how in plan.fractions.items()}
-    plan.validity.extend(limits(scene, arrivals, found, limit_of(scene, target)))
-    plan.warnings.extend(missing_lines(gates, scene.unit))
-    plan.estimate.update(_estimate(scene, plan))
-    if asked is not scene:
-        _leave_air_out(asked, plan)
-    elif scene.air is None:
-        plan.left_out.append(LeftOut("air", 0.0, "no [air] table: neither mesh nor airflow is computed"))
-    plan.used.extend(used_lines(scene, plan, motion))
-    if scene.funnel is not None:
-        plan.estimate["seconds"] += estimated_seconds(scene.funnel)
-        plan.used.append(summary(scene.funnel))
-    plan.warnings.extend(warning_lines(scene, plan))
-    return plan
 
 
-def _add_fraction(scene: Scene, plan: Plan, name: str, scales: dict[str, list[Flight]]) -> Gate | None:
-    """Decide how fraction ``name`` is computed, and with which forces; None in a vacuum, where there is no choice. The
-    scales of its flight are added to ``scales``.
+@dataclass(frozen=True)
+class Planner:
+    """Makes the plans of one scene with the same options: each rung's once, however often it is asked for.
+
+    A run needs the plan of the rung asked for and, where its airflow is time-resolved, that of rung draft, from which
+    this one starts; with a funnel the same for the rate that the funnel turned out to have (:meth:`at`).
     """
-    how = _fraction_plan(scene, name, plan.target_error)
+
+    scene: Scene
+    force: Mapping[str, bool] = field(default_factory=dict)
+    target_error: float | None = None
+    _made: dict[str | None, Plan] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def plan(self, rung: str | None = None) -> Plan:
+        """The plan of a ``rung``; None: the scene's own. Raises SceneError as :func:`make_plan` does."""
+        if rung not in self._made:
+            made = make_plan(self.scene, rung=rung, force=self.force, target_error=self.target_error)
+            self._made[rung] = made
+        return self._made[rung]
+
+    def at(self, scene: Scene) -> Planner:
+        """The same options for another scene, as for one whose feed rate is known by now."""
+        return self if scene == self.scene else Planner(scene, self.force, self.target_error)
+
+
+class _ChosenAirflow(NamedTuple):
+    """The airflow, and what the vibration asks of it."""
+
+    airflow: AirflowPlan
+    motion: AirMotion | None
+
+
+def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> _ChosenAirflow:
+    """The airflow of a ``rung`` asked for; ``vibrates``: the mesh's motion is switched by hand."""
+    airflow = choose_airflow(scene, rung, target)
+    if airflow.stepping != "time-resolved":
+        return _ChosenAirflow(airflow, None)
+    motion = vibration_of_scene(scene, airflow.accuracy, asked=vibrates)
+    return _ChosenAirflow(replace(airflow, moving=motion is not None and motion.used), motion)
+
+
+class _Decided(NamedTuple):
+    """What was decided for a fraction; in a vacuum, where there is no choice of forces, without ``gate`` and
+    ``scales``.
+    """
+
+    plan: FractionPlan
+    gate: Gate | None = None
+    scales: Sequence[FlightScales] = ()
+
+
+def _decide(scene: Scene, name: str, airflow: AirflowPlan, switches: Mapping[str, bool], target: float) -> _Decided:
+    """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
+    law, scale = scene.fraction[name].drag_law, _drag_scale(scene, name)
     if scene.air is None:
-        plan.fractions[name] = replace(how, forces=("gravity",))
-        return None
-    straight = how.impaction is not None and how.impaction.straight and not scene.obstacles
-    found = flights(
-        scene, name, how.drag, how.drag_scale, straight=straight,
-        turbulent=plan.airflow.turbulence in ("kOmegaSST", "given"),
+        weight = tuple(force for force in forces if forces[force].always and forces[force].needs == "nothing")
+        mode = _mode(scene, clear=bool(scene.body))
+        return _Decided(
+            FractionPlan(mode, law, scale, None, math.inf, math.inf, scene.feed.fall_speed, forces=weight)
+        )  # fmt: skip
+    turned = deflection(scene, name, law, scale)
+    scales = flights(
+        scene, name, law, scale, straight=turned is not None and turned.straight and not scene.obstacles,
+        turbulent=airflow.turbulence in ("kOmegaSST", "given"),
     )  # fmt: skip
-    scales[name] = found
-    gate = open_gate(
-        scene, name, found, plan.force, plan.target_error, plan.airflow.turbulence, moving=plan.airflow.moving
+    gate = open_gate(scene, name, scales, switches, target, airflow.turbulence, moving=airflow.moving)
+    small = turned is not None and turned.missed <= target and turned.shift <= gate.limit
+    arrival = _arrival(scene, name, law, scale)
+    plan = FractionPlan(
+        mode=_mode(scene, clear=small),
+        drag=law,
+        drag_scale=scale,
+        terminal_velocity=arrival.settling,
+        relaxation_time=arrival.tau,
+        stokes=arrival.stokes,
+        arrival_speed=arrival.speed,
+        impaction=turned,
+        forces=gate.forces,
+        bounds=gate.bounds,
+        limit=gate.limit,
     )
-    plan.fractions[name] = replace(how, forces=gate.forces, bounds=gate.bounds, limit=gate.limit)
-    plan.left_out.extend(gate.left_out)
-    if how.mode == "injected" and how.impaction is not None:
-        why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
-        plan.left_out.append(LeftOut(TURNING, how.impaction.shift, why, name))
-    return gate
+    return _Decided(plan, gate, scales)
 
 
-def _leave_air_out(scene: Scene, plan: Plan) -> None:
-    """For each fraction of a scene with air that is flown without: what the air could move it by, and a warning."""
+def _left_out(
+    scene: Scene, decided: Mapping[str, _Decided], without_air: _WithoutAir, *, chain: bool
+) -> Iterator[LeftOut]:
+    """What is left out of each fraction's flight, and of the whole run."""
+    for name, (plan, gate, _) in decided.items():
+        if gate is None:
+            continue
+        yield from gate.left_out
+        if plan.mode == "injected" and plan.impaction is not None:
+            why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
+            yield LeftOut(TURNING, plan.impaction.shift, why, name)
+    yield from without_air.left_out
+    if scene.air is None and not chain:
+        yield LeftOut(AIR, 0.0, "no [air] table: neither mesh nor airflow is computed")
+
+
+@dataclass(frozen=True)
+class _WithoutAir:
+    """What leaving the air out of a scene that has some does to each fraction, and where that is worth a warning."""
+
+    left_out: tuple[LeftOut, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _WithoutAir:
+    """For each fraction of a scene with air that is flown without: what the air could move it by."""
     assert scene.air is not None
     air, widest = scene.air, scene.channel.width / scene.width
-    for name in scene.fraction:
-        how = plan.fractions[name]
-        found = flights(scene, name, how.drag, how.drag_scale, straight=False, turbulent=True)
-        middle = found[len(found) // 2]
-        shift = min(widest, max(moved_by_air(flight) for flight in found))
+    left_out, warnings = [], []
+    for name, fraction in fractions.items():
+        scales = flights(scene, name, fraction.drag, fraction.drag_scale, straight=False, turbulent=True)
+        middle = scales[len(scales) // 2]
+        shift = min(widest, max(moved_by_air(flight) for flight in scales))
         carried = air.direction == "up" and middle.settling < air.speed
         stokes = middle.tau * middle.arrival / (0.5 * scene.width)
         fate = "the air would carry it up" if carried else f"Stokes number of its fall {stokes:.2g}"
         why = f"drag on the way at the largest slip, {middle.slip:.2g} m/s; {fate}"
-        plan.left_out.append(LeftOut("air", shift, why, name))
+        left_out.append(LeftOut(AIR, shift, why, name))
         if carried or shift > MATTERS:
-            plan.warnings.append(
+            warnings.append(
                 f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
                 f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
             )
+    return _WithoutAir(tuple(left_out), tuple(warnings))
+
+
+# -- one fraction ------------------------------------------------------------------------------------------------------
+
+
+def _mode(scene: Scene, *, clear: bool) -> str:
+    """Whether granules are injected at the first body's face or released above it; ``clear``: no air turns them."""
+    wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
+    if wanted != "auto":
+        return wanted
+    return "injected" if clear and not scene.obstacles else "resolved"
+
+
+def _drag_scale(scene: Scene, name: str) -> float:
+    """The factor on the fraction's drag law; every terminal velocity that was measured must be one that can be."""
+    fraction = scene.fraction[name]
+    if fraction.measured_settling is None:
+        return 1.0
+    granule, law = fraction.properties, fraction.drag_law
+    scale = _calibration(name, law, *fraction.measured_settling)
+    ends = fraction.settling(np.array([RARE, 1.0 - RARE]))
+    if ends is not None:
+        for speed in ends.tolist():
+            _calibration(name, law, granule.diameter, granule.density, speed)
+    return scale
 
 
 def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
@@ -137,7 +254,7 @@ def _calibration(name: str, law: str, diameter: float, density: float, speed: fl
         raise SceneError(f"fraction.{name}.density = {density:g} kg/m3: lighter than air, it has no terminal velocity")
     scale = float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, law))
     scale *= float(slip_correction(diameter))  # the granule that was measured slipped as well
-    if not 0.5 <= scale <= 100.0:
+    if not CALIBRATED[0] <= scale <= CALIBRATED[1]:
         sphere = float(terminal_velocity(diameter, density, *STANDARD_AIR, GRAVITY, law))
         raise SceneError(
             f"fraction.{name}.terminal_velocity = {speed:g} m/s needs {scale:.2g} times a sphere's drag: a sphere of "
@@ -146,49 +263,27 @@ def _calibration(name: str, law: str, diameter: float, density: float, speed: fl
     return scale
 
 
-def _fraction_plan(scene: Scene, name: str, target: float) -> FractionPlan:
-    fraction = scene.fraction[name]
-    granule, law = fraction.properties, fraction.drag_law
-    entry, phi = drag_laws[law], fraction.sphericity or 1.0
-    scale = 1.0
-    if fraction.measured_settling is not None:
-        scale = _calibration(name, law, *fraction.measured_settling)
-        for speed in () if (spread := fraction.settling(np.array([RARE, 1.0 - RARE]))) is None else spread.tolist():
-            _calibration(name, law, granule.diameter, granule.density, speed)
-    wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
-    if scene.air is None:
-        clear = "injected" if scene.body and not scene.obstacles else "resolved"
-        mode = clear if wanted == "auto" else wanted
-        return FractionPlan(mode, law, scale, None, math.inf, math.inf, scene.feed.fall_speed)
-    air, own = scene.air, scale / float(slip_correction(granule.diameter))
-    settling = float(
-        terminal_velocity(
-            granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=own
-        )
+class _Arrival(NamedTuple):
+    """The median granule of a fraction at the top of the body, in air."""
+
+    settling: float  # m/s, terminal velocity
+    tau: float  # s, relaxation time at the slip it arrives with
+    stokes: float  # tau times the arrival speed over the body's half width; inf without a body
+    speed: float  # m/s, downward
+
+
+def _arrival(scene: Scene, name: str, law: str, scale: float) -> _Arrival:
+    assert scene.air is not None
+    fraction, air = scene.fraction[name], scene.air
+    granule, phi = fraction.properties, fraction.sphericity or 1.0
+    slips = scale / float(slip_correction(granule.diameter))
+    settling = terminal_velocity(
+        granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=slips
     )
     along = air.speed if air.direction == "down" else -air.speed
-    fall = arrival_speed(scene, name, law, scale)
-    reynolds = air.density * abs(fall - along) * granule.diameter / air.viscosity
-    factor = own * float(entry.factor(np.array([reynolds]), phi)[0])
+    speed = arrival_speed(scene, name, law, scale)
+    reynolds = air.density * abs(speed - along) * granule.diameter / air.viscosity
+    factor = slips * float(drag_laws[law].factor(np.array([reynolds]), phi)[0])
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
-    stokes = tau * max(fall, 0.0) / (0.5 * scene.width) if scene.body else math.inf
-    turned = deflection(scene, name, law, scale)
-    small = turned is not None and turned.missed <= target and turned.shift <= limit_of(scene, target)
-    mode = wanted if wanted != "auto" else ("injected" if small and not scene.obstacles else "resolved")
-    return FractionPlan(mode, law, scale, settling, tau, stokes, fall, turned)
-
-
-def _estimate(scene: Scene, plan: Plan) -> dict[str, float]:
-    """Seconds, memory and disk, from runs of the shipped scenes on two cores of 2020s hardware; good to a factor 3."""
-    count = REPLICATES * replicate_size(scene.feed.count)
-    at_once = max(min(count, AT_ONCE), count // REPLICATES)
-    noisy = sum("dispersion" in how.forces for how in plan.fractions.values())
-    again = 1 + (3 * plan.airflow.brackets + len(plan.airflow.scales) - 1) * COMPARED / REPLICATES
-    tracks = 150e-6 * count * (len(plan.fractions) + 2.0 * noisy) * again
-    cells = typical_cells(plan.airflow, len(scene.body))
-    snapshots = 150.0 if plan.airflow.stepping == "time-resolved" else 2.0
-    return {
-        "seconds": 5.0 + typical_seconds(plan.airflow) + tracks,
-        "memory": 4e8 + 1500.0 * at_once + 120.0 * count,
-        "disk": 1e6 + cells * (1500.0 + 80.0 * snapshots) + 80.0 * count * len(plan.fractions),
-    }
+    stokes = tau * max(speed, 0.0) / (0.5 * scene.width) if scene.body else math.inf
+    return _Arrival(float(settling), tau, stokes, speed)

@@ -3,57 +3,77 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from ..core.process import cores
 from ..scene import Scene
 from .airflow import SHEDDING_ABOVE, AirflowPlan, ranks_for, typical_cells
-from .coupling import strained
+from .coupling import Limit, strained
 from .lock_in import AirMotion
-from .plan import COMPARED, REPLICATES, FractionPlan, Plan
+from .plan import COMPARED, REPLICATES, FractionPlan
 from .standing import standing
 from .terms import Gate
 
 __all__ = ["missing_lines", "used_lines", "warning_lines"]
 
-LAMINAR_CHANNEL = (
-    1300.0  # mean speed, plate distance; turbulence lasts above: Patel & Head 1969, J. Fluid Mech. 38, 181
-)
+# Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
+# Fluid Mech. 38, 181
+LAMINAR_CHANNEL = 1300.0
+LARGE = 0.95  # mass quantile that stands for a fraction's large granules
+POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
+FASTER = 0.9  # factor on a sphere's drag below which data look wrong; chosen: drag laws scatter by some 5 %
 
 
-def used_lines(scene: Scene, plan: Plan, motion: AirMotion | None) -> list[str]:
-    lines = list(_airflow_lines(plan.airflow, len(scene.body)))
-    if plan.flown_by == "chain":
-        lines.append("no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM")
-    if scene.air is not None and scene.channel.inlet and plan.airflow.rung != "given":
+def used_lines(
+    scene: Scene,
+    airflow: AirflowPlan,
+    fractions: Mapping[str, FractionPlan],
+    validity: Sequence[Limit],
+    motion: AirMotion | None,
+    *,
+    chain: bool,
+) -> Iterator[str]:
+    """A line for each thing that is computed: airflow, streams, fractions, feed, vibration. ``motion``: what the
+    vibration asks of the airflow; ``chain``: a scene with air is flown without.
+    """
+    yield from _airflow_lines(airflow, len(scene.body))
+    if chain:
+        yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
+    if scene.air is not None and scene.channel.inlet and airflow.rung != "given":
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
-        lines.append(f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air")
-    for name, how in plan.fractions.items():
-        resolved = "released above the body, impacts resolved" if scene.body else f"enters at y = {scene.level:.3g} m"
-        impact = "injected by eq. (1)-(2)" if how.mode == "injected" else resolved
-        stokes = "" if math.isinf(how.stokes) else f" (approach Stokes number {how.stokes:.2g}{_turned(how)})"
-        drag = "" if scene.air is None else f"; drag {how.drag} x {how.drag_scale:.3g}"
-        fall = f", arrives at {how.arrival_speed:.3g} m/s"
-        lines.append(f"{name}: {impact}{stokes}{fall}{drag}{_spread(scene, name)}; forces {', '.join(how.forces)}")
-    rows = ", ".join(f"{row.name} {row.value:.2g}" for row in plan.validity if row.limit is not None)
-    lines.append(f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {rows}")
+        yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
+    for name, fraction in fractions.items():
+        yield _fraction_line(scene, name, fraction)
+    numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
+    yield f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {numbers}"
     if scene.vibration is not None:
         peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
-        seen = "the mesh vibrates with the body" if plan.airflow.moving else "the air sees a body at rest"
+        sight = "the mesh vibrates with the body" if airflow.moving else "the air sees a body at rest"
         why = "" if motion is None else f" ({motion.why})"
-        lines.append(
+        yield (
             f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
-            f"impacts; {seen}{why}"
+            f"impacts; {sight}{why}"
         )
-    return lines
 
 
-def _turned(how: FractionPlan) -> str:
+def _fraction_line(scene: Scene, name: str, fraction: FractionPlan) -> str:
+    """How a fraction enters the field, arrives, and with which forces it flies."""
+    resolved = "released above the body, impacts resolved" if scene.body else f"enters at y = {scene.level:.3g} m"
+    impact = "injected by eq. (1)-(2)" if fraction.mode == "injected" else resolved
+    stokes = ""
+    if not math.isinf(fraction.stokes):
+        stokes = f" (approach Stokes number {fraction.stokes:.2g}{_turned(fraction)})"
+    drag = "" if scene.air is None else f"; drag {fraction.drag} x {fraction.drag_scale:.3g}"
+    fall = f", arrives at {fraction.arrival_speed:.3g} m/s"
+    return f"{name}: {impact}{stokes}{fall}{drag}{_spread(scene, name)}; forces {', '.join(fraction.forces)}"
+
+
+def _turned(fraction: FractionPlan) -> str:
     """What the air does to the fraction before the body."""
-    turned = how.impaction
+    turned = fraction.impaction
     if turned is None:
         return ", the slopes lie in the wake"
     return (
@@ -65,11 +85,9 @@ def _turned(how: FractionPlan) -> str:
 def _spread(scene: Scene, name: str) -> str:
     """Between which terminal velocities nine in ten granules of a fraction lie, where a distribution was measured."""
     ends = scene.fraction[name].settling(np.array([0.05, 0.95]))
-    return (
-        ""
-        if ends is None
-        else f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
-    )
+    if ends is None:
+        return ""
+    return f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
 
 
 def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
@@ -104,33 +122,40 @@ def missing_lines(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
         yield f"{term}, left out, could move {', '.join(moved)} {unit}: {why}"
 
 
-def warning_lines(scene: Scene, plan: Plan) -> list[str]:
-    """Where the model's assumptions strain, with numbers."""
-    lines = []
+def warning_lines(
+    scene: Scene,
+    airflow: AirflowPlan,
+    fractions: Mapping[str, FractionPlan],
+    validity: Sequence[Limit],
+    target: float,
+) -> Iterator[str]:
+    """Where the model's assumptions strain, with numbers; ``target``: the accuracy asked for (a share)."""
     for name, fraction in scene.fraction.items():
-        size = float(fraction.diameters(np.array([0.95]))[0])
-        if size > 0.1 * scene.width:
-            lines.append(
+        size = float(fraction.diameters(np.array([LARGE]))[0])
+        if size > POINT * scene.width:
+            yield (
                 f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
                 "treated as points in the air"
             )
         if fraction.properties.confidence == "low":
-            lines.append(f"{name}: material data of low confidence; measure your own terminal velocity")
-        how = plan.fractions[name]
-        if how.drag_scale < 0.9:
-            lines.append(f"{name}: falls faster than a sphere of its size and density; check its terminal velocity")
-        lines.extend(_injected_beyond(name, how, plan.target_error))
-    return [*lines, *standing(scene), *strained(plan.validity), *_airflow_warnings(scene, plan.airflow)]
+            yield f"{name}: material data of low confidence; measure your own terminal velocity"
+        plan = fractions[name]
+        if plan.drag_scale < FASTER:
+            yield f"{name}: falls faster than a sphere of its size and density; check its terminal velocity"
+        yield from _injected_beyond(name, plan, target)
+    yield from standing(scene)
+    yield from strained(validity)
+    yield from _airflow_warnings(scene, airflow)
 
 
-def _injected_beyond(name: str, how: FractionPlan, target: float) -> Iterator[str]:
+def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterator[str]:
     """A line where injection was asked for and does not hold."""
-    if how.mode != "injected":
+    if fraction.mode != "injected":
         return
-    turned = how.impaction
-    if turned is None and how.stokes < math.inf:
+    turned = fraction.impaction
+    if turned is None and fraction.stokes < math.inf:
         yield f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
-    elif turned is not None and (turned.missed > target or turned.shift > (how.limit or 0.0)):
+    elif turned is not None and (turned.missed > target or turned.shift > (fraction.limit or 0.0)):
         yield (
             f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
             f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"

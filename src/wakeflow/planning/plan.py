@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from .airflow import AirflowPlan
@@ -12,7 +13,7 @@ from .coupling import Limit
 from .impaction import Deflection
 from .terms import LeftOut
 
-__all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "LeftOut", "Plan", "replicate_size"]
+__all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "Plan", "replicate_size"]
 
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
@@ -33,13 +34,16 @@ class FractionPlan:
     arrival_speed: float  # m/s at the top of the body, drag included; negative where the air carries it up
     impaction: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
     forces: tuple[str, ...] = ()  # the terms it is flown with
-    bounds: dict[str, float] = field(default_factory=dict)  # body widths each term could move it by
+    bounds: Mapping[str, float] = field(default_factory=dict)  # body widths each term could move it by
     limit: float | None = None  # body widths: what a term must be able to move to be used
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bounds", MappingProxyType(dict(self.bounds)))
 
     @property
     def tracked(self) -> dict[str, Any]:
         """What its tracks depend on: everything but the bounds that chose the forces."""
-        table = {key: value for key, value in asdict(self).items() if key not in ("bounds", "limit", "impaction")}
+        table = {key: value for key, value in _table(self).items() if key not in ("bounds", "limit", "impaction")}
         if self.mode == "injected" and self.impaction is not None:
             table["reach"] = self.impaction.diameters, self.impaction.reach
         return table
@@ -47,19 +51,23 @@ class FractionPlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """What will be computed and what will not."""
+    """What will be computed and what will not: complete when it is made, and not changed afterwards."""
 
     airflow: AirflowPlan
     target_error: float  # of a bin's share: what the bounds were compared with
-    force: dict[str, bool]  # terms switched by hand
-    fractions: dict[str, FractionPlan]
-    used: list[str]
-    left_out: list[LeftOut]
-    estimate: dict[str, float]  # seconds, memory (bytes), disk (bytes)
-    warnings: list[str] = field(default_factory=list)
+    force: Mapping[str, bool]  # terms switched by hand
+    fractions: Mapping[str, FractionPlan]
+    used: tuple[str, ...]  # what is computed, in words
+    left_out: tuple[LeftOut, ...]
+    estimate: Mapping[str, float]  # seconds, memory (bytes), disk (bytes)
+    warnings: tuple[str, ...] = ()
     flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
-    validity: list[Limit] = field(default_factory=list)  # what the feed rate strains, and from which rate on
-    unit: str = "body widths"  # of lengths: of the channel where nothing stands
+    validity: tuple[Limit, ...] = ()  # what the feed rate strains, and from which rate on
+    unit: str = "body widths"  # of lengths; channel widths where nothing stands
+
+    def __post_init__(self) -> None:
+        for name in ("force", "fractions", "estimate"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property
     def rung(self) -> str:
@@ -68,16 +76,27 @@ class Plan:
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
         """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
-        rows = {name: replace(how, forces=tuple(forces)) for name, how in self.fractions.items()}
-        return replace(self, fractions=rows)
+        fractions = {name: replace(fraction, forces=tuple(forces)) for name, fraction in self.fractions.items()}
+        return replace(self, fractions=fractions)
 
     def summary(self) -> dict[str, Any]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
-        table = asdict(self)
+        table = _table(self)
         table = {**table.pop("airflow"), **table}
         for row in [*table["fractions"].values(), *table["validity"]]:
             row.update({key: None for key, value in row.items() if isinstance(value, float) and math.isinf(value)})
         return table
+
+
+def _table(value: Any) -> Any:
+    """Records and mappings as plain dictionaries, sequences as lists, through all levels."""
+    if is_dataclass(value):
+        return {part.name: _table(getattr(value, part.name)) for part in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _table(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_table(part) for part in value]
+    return value
 
 
 def replicate_size(count: int) -> int:

@@ -12,7 +12,7 @@ from ..scene import Scene
 
 __all__ = ["standing"]
 
-SEAM = 0.1  # of its peak: a larger jump from the end of a record to its beginning is warned of
+SEAM = 0.1  # of a record's peak acceleration: a larger jump from its end to its beginning is warned of; chosen
 
 
 def standing(scene: Scene) -> Iterator[str]:

@@ -10,37 +10,46 @@ of that together; the budget turns the bounds into shares with the landing densi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
-from ..laws.forces import forces
+from ..laws.forces import FlightScales, forces
 from ..scene import Fraction, Scene
-from .bounds import Flight, bounds
+from .bounds import VIBRATION, bounds
 
-__all__ = ["TYPICAL", "VIBRATION", "Gate", "LeftOut", "check_switches", "limit_of", "open_gate"]
+__all__ = [
+    "TYPICAL", "Gate", "LeftOut", "LeftOutTerm", "check_switches", "limit_of", "open_gate",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
-ALWAYS = ("drag", "gravity")
-VIBRATION = "vibration-of-the-air"
-NOTHING = 0.05  # of the limit: a term below is left out whatever else is
-TYPICAL = 0.5  # mean shift over the bound, at most
+NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, whatever else is; chosen
+TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
+MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
+TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A term that is not computed for a ``fraction``: the bound on what it would move (body widths; None: not a
-    shift) and why it is left out.
+    """A part of the physics that is not computed, for a ``fraction`` or (None) for all: the ``bound`` on what it would
+    move (body widths; None: it moves nothing by a length) and ``why`` it is left out. What is no term of the equation
+    of motion stands as it is here: the air as a whole, or the turning of granules before they are injected.
     """
 
     name: str
     bound: float | None
     why: str
     fraction: str | None = None
+
+
+@dataclass(frozen=True)
+class LeftOutTerm(LeftOut):
+    """A term of the equation of motion that is left out: its ``name`` is one of ``bounds``, and has a switch."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +60,10 @@ class Gate:
     """
 
     forces: tuple[str, ...]
-    bounds: dict[str, float]
+    bounds: Mapping[str, float]
     limit: float
-    left_out: list[LeftOut] = field(default_factory=list)
-    missing: dict[str, str] = field(default_factory=dict)
+    left_out: tuple[LeftOutTerm, ...]
+    missing: Mapping[str, str]
 
 
 # -- switches ----------------------------------------------------------------------------------------------------------
@@ -66,7 +75,7 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
         fraction, _, term = key.rpartition(".")
         if fraction and fraction not in scene.fraction:
             raise SceneError(f"--force {key}: no fraction {fraction!r}{did_you_mean(fraction, list(scene.fraction))}")
-        if term in ALWAYS:
+        if term in _always():
             raise SceneError(f"--force {key}: {term} always acts")
         if term not in bounds:
             raise SceneError(
@@ -77,7 +86,7 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
         if scene.air is None:
             raise SceneError(f"--force {key}=on: a term of the air; add an [air] table")
         if term == VIBRATION and not fraction:
-            continue  # of the airflow, for all fractions
+            continue  # a switch of the airflow, for all fractions
         if term not in forces or not forces[term].computed:
             raise SceneError(f"--force {key}=on: this version cannot compute it; its bound is in the plan")
         if forces[term].needs == "turbulence" and turbulence == "laminar":
@@ -97,44 +106,57 @@ def _switch(force: Mapping[str, bool], fraction: str, term: str) -> bool | None:
 def open_gate(
     scene: Scene,
     name: str,
-    found: list[Flight],
+    scales: Sequence[FlightScales],
     force: Mapping[str, bool],
     target: float,
     turbulence: str | None,
     *,
     moving: bool = False,
 ) -> Gate:
-    """Decide for fraction ``name``; ``found``: its flights at several sizes (``scales.flights``); ``target`` a share;
-    ``moving``: the airflow is computed round bodies that vibrate.
+    """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
+    share; ``moving``: the airflow is computed round bodies that vibrate.
 
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
-    channel = scene.channel
-    widest = channel.width / scene.width  # nothing lands farther off
-    if not scene.body:
-        widest = max(widest, (channel.top - channel.bottom) / scene.width)
-    sizes = {term: min(widest, max(bounds[term].shift(f) for f in found)) for term in bounds}
+    limit = limit_of(scene, target)
+    shifts = _shifts(scene, scales)
     blocked = {term: _blocked(scene.fraction[name], term, turbulence) for term in bounds}
-    gate = Gate(ALWAYS, sizes, limit_of(scene, target))
-    small = _small(sizes, blocked, gate.limit)
-    used = []
-    for term, size in sizes.items():
+    small = _small(shifts, blocked, limit)
+    used, left_out, missing = set(), [], {}
+    for term, shift in shifts.items():
         if moving and term == VIBRATION:
             continue
-        asked = _switch(force, name, term)
-        if asked or (asked is None and term not in small and blocked[term] is None):
-            used.append(term)
+        switched, obstacle = _switch(force, name, term), blocked[term]
+        if switched or (switched is None and term not in small and obstacle is None):
+            used.add(term)
             continue
-        reason = "switched off by --force" if asked is False else None if term in small else blocked[term]
-        if reason is None:
-            reason = f"below the {gate.limit:.2g} that an accuracy of {target:.2g} allows"
-        gate.left_out.append(LeftOut(term, size, f"{bounds[term].why}; {reason}", name))
-        if asked is None and term not in small:
+        reason = f"below the {limit:.2g} that an accuracy of {target:.2g} allows"
+        if switched is False:
+            reason = "switched off by --force"
+        elif term not in small and obstacle is not None:
+            reason = obstacle
             if term in forces and not forces[term].computed:
-                raise SceneError(_refusal(name, term, size, gate.limit, target, scene.unit))
-            gate.missing[term] = blocked[term] or ""
-    order = [term for term in forces if term in used]
-    return Gate((*ALWAYS, *order), sizes, gate.limit, gate.left_out, gate.missing)
+                raise SceneError(_refusal(name, term, shift, limit, target, scene.unit))
+            missing[term] = obstacle
+        left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
+    order = tuple(term for term in forces if term in used)
+    return Gate(
+        (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
+    )  # fmt: skip
+
+
+def _always() -> tuple[str, ...]:
+    """The forces that act in every flight."""
+    return tuple(name for name in forces if forces[name].always)
+
+
+def _shifts(scene: Scene, scales: Sequence[FlightScales]) -> dict[str, float]:
+    """The largest landing shift (body widths) by each term; nothing lands farther off than the channel is wide."""
+    channel = scene.channel
+    widest = channel.width / scene.width
+    if not scene.body:
+        widest = max(widest, (channel.top - channel.bottom) / scene.width)
+    return {term: min(widest, max(bounds[term].shift(flight) for flight in scales)) for term in bounds}
 
 
 def limit_of(scene: Scene, target: float) -> float:
@@ -142,17 +164,17 @@ def limit_of(scene: Scene, target: float) -> float:
     return target * _sides(scene) / TYPICAL
 
 
-def _small(sizes: Mapping[str, float], blocked: Mapping[str, str | None], limit: float) -> set[str]:
+def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit: float) -> set[str]:
     """Terms small enough to be left out: those below ``limit``, and of those that can be computed, smallest first,
     only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING).
     """
-    below = sorted((term for term, size in sizes.items() if size <= limit), key=lambda term: sizes[term])
+    below = sorted((term for term, shift in shifts.items() if shift <= limit), key=lambda term: shifts[term])
     small = {term for term in below if blocked[term] is not None}
-    total = sum(sizes[term] for term in small if term in forces)
+    total = sum(shifts[term] for term in below if term in small and term in forces)
     for term in below:
-        if term not in small and (total + sizes[term] <= 0.5 * limit or sizes[term] <= NOTHING * limit):
+        if term not in small and (total + shifts[term] <= 0.5 * limit or shifts[term] <= NOTHING * limit):
             small.add(term)
-            total += sizes[term]
+            total += shifts[term]
     return small
 
 
@@ -160,19 +182,15 @@ def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | Non
     """Why a term cannot be computed for a fraction; None where it can."""
     if term == VIBRATION:
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
-    if term not in forces or not forces[term].computed:
+    if term not in forces:
         return "not computed in this version"
-    if forces[term].needs == "turbulence" and turbulence == "laminar":
-        return "the airflow is laminar and brings no turbulence"
-    if term == "magnus" and fraction.inertia is None:
-        return "a point mass gets no spin at the body; impact = 'sphere' gives it one"
-    return None
+    return forces[term].blocked(laminar=turbulence == "laminar", point_mass=fraction.inertia is None)
 
 
-def _refusal(name: str, term: str, size: float, limit: float, target: float, unit: str) -> str:
-    enough = math.ceil(1000.0 * target * size / limit) / 1000.0
+def _refusal(name: str, term: str, shift: float, limit: float, target: float, unit: str) -> str:
+    enough = math.ceil(1000.0 * target * shift / limit) / 1000.0
     return (
-        f"{name}: {term} is not computed in this version and could move it by {size:.2g} {unit}, more than the "
+        f"{name}: {term} is not computed in this version and could move it by {shift:.2g} {unit}, more than the "
         f"{limit:.2g} that an accuracy of {target:.2g} allows; accept it with --force {name}.{term}=off, or ask for "
         f"--target-error {enough:g}"
     )
@@ -183,5 +201,5 @@ def _sides(scene: Scene) -> int:
     outline = scene.first_outline
     if outline is None:
         return 1
-    top = outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=1e-9 * scene.width), 0]
-    return 2 if abs(scene.feed.position - top.mean()) < 0.5 * scene.feed.width else 1
+    top = outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=TOP * scene.width), 0]
+    return MOST_SIDES if abs(scene.feed.position - top.mean()) < 0.5 * scene.feed.width else 1

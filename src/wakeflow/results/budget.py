@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..planning.airflow import SHEDDING_ABOVE
-from ..planning.plan import LeftOut, Plan
-from ..planning.terms import TYPICAL
+from ..planning.plan import Plan
+from ..planning.terms import TYPICAL, LeftOut
 from ..scene import RESERVED_BIN, Scene
 from .companions import HALVED, Comparison, airflows, compared, differences, finer_steps, grids, mesh_error
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from ..core.errors import SceneError
+from ..core.roots import halved
 
 __all__ = ["GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
 
@@ -75,9 +76,7 @@ def observed_order(sizes: Sequence[float], values: Sequence[float]) -> float | N
         low, high = high, 2 * high
         if high > 64:
             return None  # the two finer grids agree to round-off beside the third
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if growth(middle) < wanted else (low, middle)
+    low, high = halved(lambda p: growth(p) < wanted, low, high, 100)
     return 0.5 * (low + high)
 
 

@@ -16,8 +16,8 @@ from .whole import SceneTables
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
 
-APART = 0.02  # widths of the first body: bodies nearer to each other, or to an opening, are not meshed
-RESERVED_BIN = "elsewhere"  # where everything counts that reaches no bin
+APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
+RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
 RESERVED_PICTURES = ("pressure", "tracks", "landing")
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
 
 
 def _body_needed(scene: SceneTables) -> Iterator[str]:
-    """What goes only with a body, or only without one."""
+    """Check the keys that go only with a body, or only without one."""
     if not scene.body:
         yield from _goes_without_a_body(scene)
         yield from _air_is_known_without_a_body(scene)

@@ -91,7 +91,7 @@ class Feed(Table):
 
     @property
     def crowding(self) -> float:
-        """How much denser the curtain is about a granule, in the mean, than one that is uniform over its width."""
+        """How much denser the curtain is about a granule, in the mean, than one of uniform density over its width."""
         return crowding(lambda p: self.profile.quantile(p, self.width), self.width)
 
     @property

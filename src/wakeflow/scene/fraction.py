@@ -88,7 +88,7 @@ class Speeds(Table):
 
 
 def _number_or_table(value: Any) -> str:
-    """The tag of what may be either; brackets keep it out of the places that messages name."""
+    """The tag that tells a number from a table; its brackets keep it out of the places that messages name."""
     return "[table]" if isinstance(value, Mapping | Table) else "[number]"
 
 
@@ -117,7 +117,9 @@ class Rebound(Table):
 
     @property
     def of_speed(self) -> Restitution:
-        """The law itself. Raises SceneError for parameters that it lacks, has not, or that are out of range."""
+        """The law itself. Raises SceneError for parameters that are missing, that the law does not have, or that are
+        out of range.
+        """
         return Restitution(**self.model_dump(exclude_none=True))
 
 
@@ -215,7 +217,7 @@ class Fraction(Table):
 
     @property
     def drag_law(self) -> str:
-        """Its name: the one given, else Haider & Levenspiel's with a sphericity, Brown & Lawler's without."""
+        """Name of the drag law: as given, else Haider & Levenspiel's with a sphericity, Brown & Lawler's without."""
         return self.drag or ("brown-lawler" if self.sphericity is None else "haider-levenspiel")
 
     @property
@@ -227,7 +229,8 @@ class Fraction(Table):
 
     @property
     def measured_settling(self) -> tuple[float, float, float] | None:
-        """Diameter (m), density (kg/m3) and terminal velocity (m/s) of the granule that was measured; None without.
+        """Diameter (m), density (kg/m3) and terminal velocity (m/s) of the granule that was measured; None where none
+        was.
 
         The material's own granule when the material brings the velocity: a scene's other size or density does not
         change what was measured, it changes how fast its granules fall.
@@ -241,7 +244,9 @@ class Fraction(Table):
         return own.diameter, own.density, own.terminal_velocity
 
     def settling(self, p: Array) -> Array | None:
-        """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where they spread not."""
+        """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where no distribution was
+        given.
+        """
         return self.terminal_velocity.quantile(p) if isinstance(self.terminal_velocity, Speeds) else None
 
     def diameters(self, p: Array) -> Array:

@@ -81,7 +81,7 @@ class Funnel(Table):
 
     @property
     def bead_restitution(self) -> float:
-        """Of beads with each other and with the wall."""
+        """Restitution of beads with each other and with the wall."""
         return float(
             restitution_at(self._material.restitution if self.restitution is None else self.restitution, USUAL)
         )
@@ -116,12 +116,12 @@ class Funnel(Table):
 
     @property
     def amplitude(self) -> float:
-        """Of the wall's motion amplitude sin(2 pi f t) (m): Gamma g / omega^2; 0 at rest."""
+        """Amplitude (m) of the wall's motion amplitude sin(2 pi f t): Gamma g / omega^2; 0 at rest."""
         if self.frequency is None or self.gamma == 0:
             return 0.0
         return self.gamma * GRAVITY / (2 * math.pi * self.frequency) ** 2
 
     @property
     def expected_rate(self) -> float:
-        """Mass flow (kg/s) by Beverloo's law for the poured bed at rest: what a plan reckons with."""
+        """Mass flow (kg/s) by Beverloo's law for the poured bed at rest: the rate that a plan uses."""
         return beverloo(self.orifice, self.diameter, LOOSE * self.bead_density, gravity=GRAVITY)

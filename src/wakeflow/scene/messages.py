@@ -1,4 +1,4 @@
-"""What pydantic found wrong with a scene, said in one line: field, value and what is allowed."""
+"""Messages for what pydantic finds wrong with a scene: one line with field, value and what is allowed."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """[picture.NAME]: pictures that a scene asks for beside the usual ones, and the data behind them.
 
-Every kind is a table of its own here and a drawing function of the same name in ``report.pictures``.
+Each kind is a table here and a drawing function of the same name in ``report.pictures``.
 """
 
 from __future__ import annotations

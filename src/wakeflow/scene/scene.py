@@ -34,7 +34,8 @@ class Scene(SceneTables):
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], name: str = "scene", base: Path | None = None) -> Scene:
-        """Validate plain tables; files of the user's are looked for from the folder ``base`` on (default: here).
+        """Validate plain tables; paths of the user's files are relative to the folder ``base`` (default: the current
+        one).
 
         Raises SceneError, one line: every mistake with field, value and what is allowed.
         """
@@ -69,8 +70,8 @@ class Scene(SceneTables):
         return self.parse(_changed(self.tables(), changes))
 
     def fed(self, rate: float | None = None) -> Scene:
-        """The scene with the funnel's ``rate`` (kg/s) as its feed's, Beverloo's estimate without one; unchanged where
-        the feed has its own or there is no funnel.
+        """The scene with the funnel's ``rate`` (kg/s) as the rate of its feed; Beverloo's estimate if ``rate`` is None.
+        Unchanged where the feed has a rate of its own or there is no funnel.
         """
         if self.funnel is None or self.feed.rate is not None:
             return self
@@ -97,7 +98,9 @@ class Scene(SceneTables):
 
 
 def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
-    """The tables with the full path of the user's case, and what that says of its air where it is not given."""
+    """The tables with the full path of the user's case, and with what the case says of its air where the scene does not
+    give it.
+    """
     air = data.get("air")
     if not isinstance(air, Mapping) or not isinstance(air.get("case"), str):
         return data
@@ -115,7 +118,9 @@ def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, A
 
 
 def _with_samples(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
-    """The tables with what a file of vibration samples holds in place of its name: results tell what was computed."""
+    """The tables with the contents of a file of vibration samples in place of its name, so that results tell what was
+    computed.
+    """
     vibration = data.get("vibration")
     if not isinstance(vibration, Mapping) or not isinstance(vibration.get("samples"), str):
         return data
@@ -127,7 +132,7 @@ def _with_samples(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str
 
 
 def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A deep copy of ``data`` with dotted keys set; a table on the way is made when it is missing."""
+    """A deep copy of ``data`` with dotted keys set; tables that are missing on the way are made."""
     result: dict[str, Any] = json.loads(json.dumps(data, default=str))
     for key, value in changes.items():
         *tables, last = key.split(".")

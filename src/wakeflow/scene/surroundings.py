@@ -180,7 +180,7 @@ class Vibration(Table):
 
     @property
     def omega(self) -> float:
-        """Angular frequency (rad/s), of samples that of their period."""
+        """Angular frequency (rad/s); for samples that of their period."""
         return 2 * math.pi / self.period
 
     @property
@@ -190,7 +190,9 @@ class Vibration(Table):
 
     @property
     def displacement(self) -> Array:
-        """Amplitude vector (m), shape (2,); from Gamma = a w^2 / g when gamma is given, the largest one of samples."""
+        """Amplitude vector (m), shape (2,); from Gamma = a w^2 / g when gamma is given; for samples the largest
+        displacement.
+        """
         if self.samples is not None:
             return self.record.reach * self.along
         if self.amplitude is not None:

@@ -1,4 +1,4 @@
-"""Number types of scene files: a number in SI, or a string with a unit, with the range that makes sense."""
+"""Number types of scene files: a number in SI, or a string with a unit, each with the range that makes sense."""
 
 from __future__ import annotations
 

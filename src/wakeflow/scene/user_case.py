@@ -36,7 +36,7 @@ def _latest(case: Path) -> Path | None:
 
 
 def _text(path: Path) -> str:
-    """A file's text, unpacked where it is packed, binary parts as they are; empty where there is none."""
+    """A file's text, decompressed where it is packed, with binary parts as they are; empty where there is no file."""
     packed = path.with_name(path.name + ".gz")
     if path.exists():
         return path.read_bytes().decode("latin-1")
@@ -71,7 +71,7 @@ def air_of(case: Path) -> dict[str, Any]:
 
 
 def is_laminar(case: Path) -> bool:
-    """Whether the case's solution brings no turbulence: no k beside its velocity."""
+    """Whether the case's solution has no turbulence: no k beside its velocity."""
     folder = _latest(case)
     assert folder is not None
     return not any((folder / name).exists() for name in ("k", "k.gz"))

@@ -83,8 +83,8 @@ class SceneTables(Table):
 
     @property
     def motion(self) -> tuple[Array, float]:
-        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest. Of samples the
-        largest displacement, and the frequency of their period.
+        """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest. For samples these
+        are the largest displacement and the frequency of their period.
         """
         return (np.zeros(2), 0.0) if self.vibration is None else (self.vibration.displacement, self.vibration.omega)
 
@@ -105,8 +105,8 @@ class SceneTables(Table):
     def release(self) -> tuple[float, float]:
         """Height (m) above :attr:`level` at which the curtain begins, and its fall speed (m/s) there.
 
-        With feed.speed it begins at most one body width above, with the speed that makes feed.speed of it at the top.
-        Without a body it begins there, with the speed it has.
+        With feed.speed it begins at most one body width above, with the speed that free fall turns into feed.speed at
+        the top. Without a body it begins at the level itself, with its own speed.
         """
         feed = self.feed
         if not self.body:

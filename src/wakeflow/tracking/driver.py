@@ -15,27 +15,8 @@ from ..field import FlowField
 from ..laws.constants import GRAVITY
 from .frame import from_frame, swing_of, to_frame
 from .granules import Body, Granules, Motion, Tracks
-from .kernel.dense_output import PATH
-from .kernel.layout import (
-    AFFINE,
-    CONSTRAINT,
-    EVALUATIONS,
-    FATE,
-    IMPACTS,
-    LINE,
-    MOST_IMPACTS,
-    STEPS,
-    STORED,
-    TURN,
-    VX,
-    VY,
-    Air,
-    Rules,
-    T,
-    Walls,
-    X,
-    Y,
-)
+from .kernel import layout as at
+from .kernel.layout import Air, Rules, Walls
 from .kernel.loop import fly_block
 from .pack import check_forces, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
 
@@ -110,21 +91,21 @@ def track(
         some = to_frame(grains[part], swing)
         floats, ints = pack_state(some, low, field, air, solids, reach)
         constants = pack_granules(some, field, forces, gravity)
-        room = np.zeros((len(some), points, 5))
-        scratch = (np.zeros(PATH), np.zeros(AFFINE), np.zeros(CONSTRAINT))
+        room = np.zeros((len(some), points, at.RECORD))
+        scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
         fly_block(floats, ints, constants, tables, table_of[part], air, walls, rules, room, *scratch)
-        found.time[part], found.spin[part] = floats[:, T], floats[:, TURN]
-        ends = from_frame(floats[:, [X, Y]], floats[:, [VX, VY]], floats[:, T], swing)
+        found.time[part], found.spin[part] = floats[:, at.T], floats[:, at.SPIN]
+        ends = from_frame(floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]], floats[:, at.T], swing)
         found.position[part], found.velocity[part] = ends
         for whole, column in (
-            (found.fate, FATE), (found.steps, STEPS), (found.impacts, IMPACTS), (found.line, LINE),
-            (found.evaluations, EVALUATIONS),
+            (found.fate, at.FATE), (found.steps, at.STEPS), (found.impacts, at.IMPACTS), (found.line, at.LINE),
+            (found.evaluations, at.EVALUATIONS),
         ):  # fmt: skip
             whole[part] = ints[:, column]
         if found.recorded is not None:
             for table in room:
                 table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], swing)
-            found.recorded[part] = [room[i, : ints[i, STORED]].copy() for i in range(len(some))]
+            found.recorded[part] = [room[i, : ints[i, at.KEPT]].copy() for i in range(len(some))]
         return len(some)
 
     if not len(grains):
@@ -180,5 +161,5 @@ def _rules(
         bottom=float(np.min(box[:, 1] - swing[:, 1], initial=0.0)),
         top=float(np.max(box[:, 3] + swing[:, 1], initial=0.0)),
         steps=MOST_STEPS,
-        impacts=MOST_IMPACTS,
+        impacts=at.MOST_IMPACTS,
     )

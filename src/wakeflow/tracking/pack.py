@@ -19,46 +19,8 @@ from ..laws.rotation import spin_rate
 from ..laws.turbulence import brownian_diffusivity, lifetime
 from .frame import relative, swing_of
 from .granules import Body, Granules
-from .kernel.layout import (
-    BORN,
-    CONSTANTS,
-    DIFFUSIVITY,
-    DISPERSION,
-    EXTRA,
-    FATE,
-    FEATURE,
-    FLOATS,
-    FLYING,
-    FRICTION,
-    GAP,
-    GX,
-    GY,
-    INERTIAL,
-    INTS,
-    LIFT,
-    LINE,
-    MAGNUS,
-    MOBILITY,
-    NOISE,
-    PRESSURE,
-    RADIUS,
-    RESTITUTION,
-    REYNOLDS2,
-    SAMPLES,
-    SPIN,
-    STOKES,
-    STREAM,
-    TRI,
-    TURN,
-    VORTICITY,
-    VX,
-    VY,
-    Air,
-    T,
-    Walls,
-    X,
-    Y,
-)
+from .kernel import layout as at
+from .kernel.layout import Air, Walls
 
 __all__ = [
     "FORCES",
@@ -123,12 +85,12 @@ def pack_walls(
         own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
         rows.append([*low, *high, *relative(body.motion, swing), *own, *_samples(body)])
         members.append([first_edge, len(edges), first_vertex, len(vertices), not body.open, body.capture])
-    width = max((len(row) for row in rows), default=SAMPLES)
+    width = max((len(row) for row in rows), default=at.SAMPLES)
     rows = [row + [0.0] * (width - len(row)) for row in rows]
     frame = [0.0] * 4 + relative(None, swing)
     return Walls(
         _floats(edges, 7), _ints(edge_links, 3), _floats(vertices, 2), _ints(vertex_links, 3), _floats(rows, width),
-        _ints(members, 6), *lines, _floats([frame + [0.0] * (SAMPLES - len(frame))], SAMPLES),
+        _ints(members, 6), *lines, _floats([frame + [0.0] * (at.SAMPLES - len(frame))], at.SAMPLES),
         restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
     )  # fmt: skip
 
@@ -302,43 +264,43 @@ def distance_to(body: Body, points: Array) -> Array:
 
 def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[str], gravity: Sequence[float]) -> Array:
     """Constants of every granule (n, CONSTANTS), see ``state``."""
-    rows = np.zeros((len(grains), CONSTANTS))
+    rows = np.zeros((len(grains), at.CONSTANTS))
     g = np.asarray(gravity, dtype=float)
     if g.shape != (2,) or not np.all(np.isfinite(g)):
         raise SceneError(f"gravity = {gravity}, expected two finite numbers in m/s2")
-    rows[:, RADIUS] = grains.diameter / 2
-    rows[:, RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
-    rows[:, FRICTION] = grains.friction
-    rows[:, MOBILITY] = 1.0 / grains.inertia
+    rows[:, at.RADIUS] = grains.diameter / 2
+    rows[:, at.RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
+    rows[:, at.FRICTION] = grains.friction
+    rows[:, at.MOBILITY] = 1.0 / grains.inertia
     pull = np.tile(g if "gravity" in forces else np.zeros(2), (len(grains), 1))
     if field is None:
-        rows[:, [GX, GY]] = pull
+        rows[:, [at.GX, at.GY]] = pull
         return rows
     ratio = field.density / grains.density
     added = 0.5 * ratio if "added-mass" in forces else np.zeros(len(grains))
     if "buoyancy" in forces:
         pull -= ratio[:, None] * g
-    rows[:, [GX, GY]] = pull / (1.0 + added)[:, None]
-    rows[:, REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
-    rows[:, VORTICITY] = field.density * grains.diameter**2 / field.viscosity
-    rows[:, INERTIAL] = added / (1.0 + added)
+    rows[:, [at.GX, at.GY]] = pull / (1.0 + added)[:, None]
+    rows[:, at.REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
+    rows[:, at.VORTICITY] = field.density * grains.diameter**2 / field.viscosity
+    rows[:, at.INERTIAL] = added / (1.0 + added)
     for force, column, value in (
-        ("drag", STOKES, grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)),
-        ("pressure-gradient", PRESSURE, -1.0 / grains.density),
-        ("lift", LIFT, ratio),
-        ("magnus", MAGNUS, 0.75 * ratio),
+        ("drag", at.STOKES, grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)),
+        ("pressure-gradient", at.PRESSURE, -1.0 / grains.density),
+        ("lift", at.LIFT, ratio),
+        ("magnus", at.MAGNUS, 0.75 * ratio),
     ):
         if force in forces:
             rows[:, column] = value / (1.0 + added)
     if "magnus" in forces:
-        rows[:, SPIN] = spin_rate(grains.diameter, grains.density, field.viscosity, grains.inertia)
-    rows[:, EXTRA] = np.any(rows[:, [INERTIAL, LIFT, MAGNUS]] != 0.0, axis=1)
-    rows[:, DISPERSION] = "dispersion" in forces
+        rows[:, at.SPIN_RATE] = spin_rate(grains.diameter, grains.density, field.viscosity, grains.inertia)
+    rows[:, at.EXTRA] = np.any(rows[:, [at.INERTIAL, at.LIFT, at.MAGNUS]] != 0.0, axis=1)
+    rows[:, at.DISPERSION] = "dispersion" in forces
     if "brownian" in forces:
-        rows[:, DIFFUSIVITY] = brownian_diffusivity(
+        rows[:, at.DIFFUSIVITY] = brownian_diffusivity(
             grains.diameter, field.viscosity, slip_correction=slip_correction(grains.diameter)
         )
-    rows[:, NOISE] = (rows[:, DISPERSION] != 0.0) | (rows[:, DIFFUSIVITY] != 0.0)
+    rows[:, at.NOISE] = (rows[:, at.DISPERSION] != 0.0) | (rows[:, at.DIFFUSIVITY] != 0.0)
     return rows
 
 
@@ -360,19 +322,19 @@ def pack_state(
     """State arrays at birth of granules numbered from ``first``; one in the room a vibrating body has left begins at
     the boundary edge it is next to.
     """
-    floats = np.zeros((len(grains), FLOATS))
-    floats[:, X], floats[:, Y] = grains.position.T
-    floats[:, VX], floats[:, VY] = grains.velocity.T
-    floats[:, TURN], floats[:, T], floats[:, BORN] = grains.spin, grains.time, grains.time
-    ints = np.zeros((len(grains), INTS), dtype=np.int64)
-    ints[:, [FATE, LINE, FEATURE, GAP, TRI]] = -1
-    ints[:, FATE] = FLYING
-    ints[:, STREAM] = first + np.arange(len(grains))
+    floats = np.zeros((len(grains), at.FLOATS))
+    floats[:, at.X], floats[:, at.Y] = grains.position.T
+    floats[:, at.VX], floats[:, at.VY] = grains.velocity.T
+    floats[:, at.SPIN], floats[:, at.T], floats[:, at.BORN] = grains.spin, grains.time, grains.time
+    ints = np.zeros((len(grains), at.INTS), dtype=np.int64)
+    ints[:, [at.FATE, at.LINE, at.FEATURE, at.GAP, at.TRI]] = -1
+    ints[:, at.FATE] = at.FLYING
+    ints[:, at.STREAM] = first + np.arange(len(grains))
     if field is not None and len(grains):
-        ints[:, TRI] = field.locate(grains.position)
-        outside = np.flatnonzero(ints[:, TRI] < 0)
+        ints[:, at.TRI] = field.locate(grains.position)
+        outside = np.flatnonzero(ints[:, at.TRI] < 0)
         if len(outside) and len(air.covered):
-            ints[outside, GAP] = _nearest_covered(grains.position[outside], field, air, bodies, reach)
+            ints[outside, at.GAP] = _nearest_covered(grains.position[outside], field, air, bodies, reach)
     return floats, ints
 
 

@@ -1,6 +1,6 @@
 """The feed funnel's proofs: a bead on a vibrating plate, and the discharge against Beverloo's law, step, stiffness.
 
-Needs LIGGGHTS. Every bed and discharge is cached, so that a stopped study goes on.
+It needs LIGGGHTS. Every bed and discharge is cached, so that an interrupted study can go on.
 """
 
 from __future__ import annotations

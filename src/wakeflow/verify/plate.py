@@ -1,10 +1,10 @@
 """One bead on a vibrating plate: the funnel's engine, contact law and moving walls, where the exact answer is known.
 
 The plate moves as z = a sin(omega t), Gamma = a omega^2 / g. A bead that lies on it leaves where the plate's
-acceleration falls below -g: sin(phase) = 1 / Gamma. One that bounces once a period T meets it at gT / 2 against the
-lab, at the phase cos(phase) = pi (1 - e) / ((1 + e) Gamma): the rebound (1 + e) w + e gT / 2, w the plate's speed, must
-send it up at gT / 2 again. That orbit is there above Gamma = pi (1 - e) / (1 + e), and stable up to
-sqrt((pi (1 - e) / (1 + e))^2 + (2 (1 + e^2) / (1 + e)^2)^2) (Luck & Mehta 1993, Phys. Rev. E 48, 3988).
+acceleration falls below -g: sin(phase) = 1 / Gamma. A bead that bounces once a period T meets the plate with the speed
+gT / 2 in the laboratory, at the phase cos(phase) = pi (1 - e) / ((1 + e) Gamma): the rebound (1 + e) w + e gT / 2, w
+the plate's speed, must send it up with gT / 2 again. That orbit exists above Gamma = pi (1 - e) / (1 + e), and stable
+up to sqrt((pi (1 - e) / (1 + e))^2 + (2 (1 + e^2) / (1 + e)^2)^2) (Luck & Mehta 1993, Phys. Rev. E 48, 3988).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["Contacts", "bounce_phase", "lift_off_phase", "on_plate"]
 
 Array = NDArray[np.float64]
 SIZE = 0.01  # m: of the plate
-FORCELESS = 1e-5  # of the weight: less is rounding
+FORCELESS = 1e-5  # of the weight: a smaller force is round-off
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Contacts:
     """Collisions (k,): when each begins, the plate last presses, it ends (s); ``before`` and ``after``: velocity (m/s).
 
     ``force`` (n,): the contact force over the bead's weight at ``time`` (n,) s. ``omega`` (rad/s) and ``speed`` a omega
-    (m/s) of the plate. A contact is where there is a force: the damping pulls a little before it ends.
+    (m/s) of the plate. A contact lasts as long as there is a force; just before its end the damping pulls a little.
     """
 
     start: Array
@@ -58,7 +58,9 @@ class Contacts:
 
     @property
     def restitution(self) -> Array:
-        """Departure over approach speed (k,), against the plate's in the middle; gravity's part taken off."""
+        """Departure over approach speed (k,), relative to the plate's speed in the middle of the contact; gravity's
+        part is taken off.
+        """
         wall = self.speed * np.cos(self.omega * self.middle)
         drop = GRAVITY * 0.5 * (self.end - self.start)
         return (self.after + drop - wall) / (wall - (self.before - drop))
@@ -70,7 +72,7 @@ def lift_off_phase(gamma: float) -> float:
 
 
 def bounce_phase(gamma: float, restitution: float) -> float:
-    """Phase (rad) of the one bounce a period."""
+    """Phase (rad) at which a bead that bounces once a period meets the plate."""
     return math.acos(math.pi * (1 - restitution) / ((1 + restitution) * gamma))
 
 
@@ -105,6 +107,6 @@ def _contacts(time: Array, v: Array, omega: float, speed: float) -> Contacts:
     change = np.diff(touching.astype(int), prepend=0)
     start, end = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
     pushes = np.array([(force[i:j] > 0).any() for i, j in zip(start, end, strict=False)], dtype=bool)
-    start, end = start[: len(end)][pushes], end[pushes]  # a graze that only pulls is none
+    start, end = start[: len(end)][pushes], end[pushes]  # a graze that only pulls is no contact
     pressed = np.array([i + int(np.flatnonzero(force[i:j] > 0)[-1]) for i, j in zip(start, end, strict=True)])
     return Contacts(time[start], time[pressed], time[end], v[start], v[end], time[:-1], force, omega, speed)

@@ -73,7 +73,7 @@ def _small(value: float | None) -> str:
 
 
 def goal_table(report: dict[str, Any]) -> Table:
-    """What was to be reached and what was."""
+    """The goals, what was measured, and whether they are met."""
     from rich.table import Table
 
     table = Table(*GOALS, title="to reach, and reached", title_justify="left", pad_edge=False, box=None)
@@ -103,7 +103,9 @@ def _grid(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def problem_table(report: dict[str, Any]) -> Table:
-    """Every exact problem at every tolerance: error, observed order, what the stated error is worth."""
+    """Every exact problem at every tolerance: error, observed order, and how the stated error compares with the actual
+    one.
+    """
     from rich.table import Table
 
     table = Table("problem", "tolerance", "error (m)", "steps", "order", "expected", "error / tolerance",
@@ -117,7 +119,7 @@ def problem_table(report: dict[str, Any]) -> Table:
 
 
 def mesh_tables(report: dict[str, Any]) -> list[Table]:
-    """One table a flow: what each way to mesh costs and errs."""
+    """One table a flow: cost and error of each meshing strategy."""
     from rich.table import Table
 
     tables = []

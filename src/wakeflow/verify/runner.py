@@ -1,4 +1,4 @@
-"""What ``wakeflow verify`` runs: each proof writes its report into ``runs/verify`` and is shown as tables."""
+"""What ``wakeflow verify`` runs: each proof writes its report into ``runs/verify`` and prints it as tables."""
 
 from __future__ import annotations
 

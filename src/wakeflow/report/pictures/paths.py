@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import distance_to
+from ...core.roots import halved
 from ...injection.first_contact import motion_of
 
 if TYPE_CHECKING:
@@ -75,8 +76,4 @@ class Path2D:
         if not len(below) or below[0] == 0:
             return None
         low, high = self.time[first + below[0] - 1], self.time[first + below[0]]
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            above = self.at(np.array([middle]))[0][0, 1] > level
-            low, high = (middle, high) if above else (low, middle)
-        return float(high)
+        return float(halved(lambda time: self.at(np.array([time]))[0][0, 1] > level, low, high, 60)[1])

@@ -8,47 +8,12 @@ from __future__ import annotations
 import math
 
 from ...laws.collision import collide
+from . import events
+from . import layout as at
 from .dense_output import along
 from .dispersion import mirror
-from .events import HALTED, LIFTED, NOTHING, PLANE, SLID_OFF, SLIPS, SPEED, SPIN, displacement, first_below
+from .events import displacement, first_below
 from .jit import compiled, inlined
-from .layout import (
-    ARM,
-    BODY,
-    CAPTURED,
-    CONTACT,
-    FATE,
-    FEATURE,
-    FREE,
-    FRICTION,
-    H_ERROR,
-    HELD,
-    IMPACTS,
-    KIND,
-    MOBILITY,
-    MU,
-    NOBODY,
-    NOISE,
-    NX,
-    NY,
-    ON_EDGE,
-    ON_VERTEX,
-    OX,
-    OY,
-    PAIR,
-    PAIRED,
-    RADIUS,
-    ROLL,
-    SIGN,
-    SLOW,
-    STUCK,
-    TURN,
-    VX,
-    VY,
-    T,
-    X,
-    Y,
-)
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .restitution import restitution_of
 from .step import free_force
@@ -62,69 +27,69 @@ _collide = compiled(collide)
 @compiled
 def settle(state, ints, hold, walls, rolls):
     """Put a granule in contact exactly on its surface, moving along it; where it rolls its contact point is at rest."""
-    _, off = grasp(hold, walls, ints[CONTACT], ints[FEATURE], hold[ARM], state[X], state[Y], state[T])
-    nx, ny = hold[NX], hold[NY]
-    state[X] -= off * nx
-    state[Y] -= off * ny
-    _, _, wx, wy, _, _ = displacement(walls.bodies, ints[BODY], state[T])
-    vn = (state[VX] - wx) * nx + (state[VY] - wy) * ny
-    state[VX] -= vn * nx
-    state[VY] -= vn * ny
+    _, off = grasp(hold, walls, ints[at.CONTACT], ints[at.FEATURE], hold[at.ARM], state[at.X], state[at.Y], state[at.T])
+    nx, ny = hold[at.NX], hold[at.NY]
+    state[at.X] -= off * nx
+    state[at.Y] -= off * ny
+    _, _, wx, wy, _, _ = displacement(walls.bodies, ints[at.BODY], state[at.T])
+    vn = (state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny
+    state[at.VX] -= vn * nx
+    state[at.VY] -= vn * ny
     if rolls:
-        state[TURN] = (nx * (state[VY] - wy) - ny * (state[VX] - wx)) / hold[ARM]
+        state[at.SPIN] = (nx * (state[at.VY] - wy) - ny * (state[at.VX] - wx)) / hold[at.ARM]
 
 
 @compiled
 def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     """The granule touches a feature: collision, and sliding from then on where no bounce worth following is left."""
-    body, off = grasp(hold, walls, kind, which, grain[RADIUS], state[X], state[Y], state[T])
-    nx, ny = hold[NX], hold[NY]
-    before, other = ints[CONTACT], ints[FEATURE]
+    body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
+    nx, ny = hold[at.NX], hold[at.NY]
+    before, other = ints[at.CONTACT], ints[at.FEATURE]
     mx, my = nx, ny
-    if before != FREE:  # put right along the wall that it is on, so as not to enter that one
+    if before != at.FREE:  # put right along the wall that it is on, so as not to enter that one
         mx, my = tangent(walls, before, other, nx, ny, state)
-    state[X] -= off * mx
-    state[Y] -= off * my
-    last, one = (ints[PAIR], ints[PAIRED]) if before == FREE and ints[STUCK] > 1 else (before, other)
-    ints[CONTACT] = ints[PAIR] = FREE
-    if walls.members[body, 5] == 1:
-        ints[FATE] = CAPTURED
-        hold[KIND] = FREE
+    state[at.X] -= off * mx
+    state[at.Y] -= off * my
+    last, one = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
+    ints[at.CONTACT] = ints[at.PAIR] = at.FREE
+    if walls.members[body, at.CAPTURES] == 1:
+        ints[at.FATE] = at.CAPTURED
+        hold[at.KIND] = at.FREE
         return
-    f = walls.bodies[body, 9]
-    f = grain[FRICTION] if f < 0.0 else f
-    _, _, wx, wy, px, py = displacement(walls.bodies, body, state[T])
+    f = walls.bodies[body, at.BODY_FRICTION]
+    f = grain[at.FRICTION] if f < 0.0 else f
+    _, _, wx, wy, px, py = displacement(walls.bodies, body, state[at.T])
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     vx, vy, spin, normal, _ = _collide(
-        state[VX], state[VY], state[TURN], nx, ny, wx, wy, e, f, grain[MOBILITY], grain[RADIUS]
+        state[at.VX], state[at.VY], state[at.SPIN], nx, ny, wx, wy, e, f, grain[at.MOBILITY], grain[at.RADIUS]
     )
-    if grain[NOISE] != 0.0:
+    if grain[at.NOISE] != 0.0:
         mirror(state, ints, nx, ny)
     if normal > 0.0:
-        ints[IMPACTS] += 1
-    if last != FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[STUCK]):
+        ints[at.IMPACTS] += 1
+    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[at.STUCK]):
         vx, vy = wx, wy
-    state[VX], state[VY], state[TURN] = vx, vy, spin
-    fx, fy, _, _, _ = free_force(affine, grain, table, state[X], state[Y], vx, vy, state[T], spin)
+    state[at.VX], state[at.VY], state[at.SPIN] = vx, vy, spin
+    fx, fy, _, _, _ = free_force(affine, grain, table, state[at.X], state[at.Y], vx, vy, state[at.T], spin)
     rebound = (vx - wx) * nx + (vy - wy) * ny
     slide = -ny * (vx - wx) + nx * (vy - wy)
     lift = (fx - px) * nx + (fy - py) * ny
-    if kind == ON_VERTEX:
-        lift += slide * slide / grain[RADIUS]
-    if lift < 0.0 and (rebound <= SLOW or rebound * rebound <= -2.0 * lift * rules.tiny):
-        ints[CONTACT], ints[FEATURE], ints[BODY] = kind, which, body
-        hold[MU] = f
-        state[VX] -= rebound * nx
-        state[VY] -= rebound * ny
-        state[H_ERROR] = math.inf
-        if before != FREE:
+    if kind == at.ON_VERTEX:
+        lift += slide * slide / grain[at.RADIUS]
+    if lift < 0.0 and (rebound <= at.SLOW or rebound * rebound <= -2.0 * lift * rules.tiny):
+        ints[at.CONTACT], ints[at.FEATURE], ints[at.BODY] = kind, which, body
+        hold[at.MU] = f
+        state[at.VX] -= rebound * nx
+        state[at.VY] -= rebound * ny
+        state[at.H_ERROR] = math.inf
+        if before != at.FREE:
             wedge(state, ints, hold, walls, rules, fx, fy, before, other, e)
-    elif before != FREE and normal == 0.0:  # it only touches: it stays on the wall that it is on
-        grasp(hold, walls, before, other, grain[RADIUS], state[X], state[Y], state[T])
-        ints[CONTACT] = before
+    elif before != at.FREE and normal == 0.0:  # it only touches: it stays on the wall that it is on
+        grasp(hold, walls, before, other, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
+        ints[at.CONTACT] = before
     else:
-        hold[KIND] = FREE
-        ints[PAIR], ints[PAIRED] = kind, which
+        hold[at.KIND] = at.FREE
+        ints[at.PAIR], ints[at.PAIRED] = kind, which
 
 
 @compiled
@@ -135,45 +100,47 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     Rolling takes the friction force free / (1 + m r^2 / I) (Routh 1897, ch. 4); where the wall cannot give that, the
     contact point slips.
     """
-    hold[SIGN] = hold[ROLL] = 0.0
-    if ints[PAIR] != FREE and unwedge(state, ints, hold, grain, walls, fx, fy):
+    hold[at.SIGN] = hold[at.ROLL] = 0.0
+    if ints[at.PAIR] != at.FREE and unwedge(state, ints, hold, grain, walls, fx, fy):
         hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
         return True
-    _, _, press, free, slide = constrain(hold, fx, fy, state[X], state[Y], state[VX], state[VY], state[T])
+    _, _, press, free, slide = constrain(
+        hold, fx, fy, state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T]
+    )
     if press <= 0.0:
-        state[HELD] = 0.0
-        ints[CONTACT] = FREE
-        hold[KIND] = FREE
+        state[at.HELD] = 0.0
+        ints[at.CONTACT] = at.FREE
+        hold[at.KIND] = at.FREE
         return False
-    mobility, around = grain[MOBILITY], grain[RADIUS] * state[TURN]
+    mobility, around = grain[at.MOBILITY], grain[at.RADIUS] * state[at.SPIN]
     slip = slide - around if mobility > 0.0 else slide
     still = 1e-13 * (rules.length + abs(free))
     if abs(slide) <= still and abs(slip) <= still and held(hold, grain, press, free):
-        state[TURN] = 0.0 if mobility > 0.0 else state[TURN]
+        state[at.SPIN] = 0.0 if mobility > 0.0 else state[at.SPIN]
         hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
         return True
-    state[HELD] = 0.0
+    state[at.HELD] = 0.0
     if abs(slip) <= still + (1e-12 * (abs(slide) + abs(around)) if mobility > 0.0 else 0.0):
         part = 1.0 / (1.0 + mobility)
-        if mobility > 0.0 and abs(free) * part <= hold[MU] * press:
-            hold[ROLL] = part
-            state[TURN] = slide / grain[RADIUS]
+        if mobility > 0.0 and abs(free) * part <= hold[at.MU] * press:
+            hold[at.ROLL] = part
+            state[at.SPIN] = slide / grain[at.RADIUS]
             return False
         slip = free
-    hold[SIGN] = 1.0 if slip > 0.0 else -1.0
+    hold[at.SIGN] = 1.0 if slip > 0.0 else -1.0
     return False
 
 
 @compiled
 def friction_turn(path, h, state, affine, grain, table, hold):
     """Coefficients of s, s^2, s^3 of the spin that friction gives a slipping granule over a step h (Simpson's rule)."""
-    if hold[ROLL] != 0.0 or grain[MOBILITY] == 0.0:
+    if hold[at.ROLL] != 0.0 or grain[at.MOBILITY] == 0.0:
         return 0.0, 0.0, 0.0
-    spin, t0 = state[TURN], state[T]
+    spin, t0 = state[at.SPIN], state[at.T]
     a, _ = _pressed(path, 0.0, t0, affine, grain, table, hold, spin)
     b, _ = _pressed(path, 0.5 * h, t0, affine, grain, table, hold, spin)
     c, _ = _pressed(path, h, t0, affine, grain, table, hold, spin)
-    size = hold[SIGN] * hold[MU] * grain[MOBILITY] / grain[RADIUS]
+    size = hold[at.SIGN] * hold[at.MU] * grain[at.MOBILITY] / grain[at.RADIUS]
     return size * a, size * (4.0 * b - 3.0 * a - c) / (2.0 * h), size * (a - 2.0 * b + c) * 2.0 / (3.0 * h * h)
 
 
@@ -182,9 +149,9 @@ def _slip(path, s, t0, hold, walls, body, spin, radius):
     """Velocity of the contact point along the moving wall."""
     x, y, vx, vy = along(path, s)
     dx, dy, wx, wy, _, _ = displacement(walls.bodies, body, t0 + s)
-    nx, ny = hold[NX], hold[NY]
-    if hold[KIND] == ON_VERTEX:
-        nx, ny = x - dx - hold[OX], y - dy - hold[OY]
+    nx, ny = hold[at.NX], hold[at.NY]
+    if hold[at.KIND] == at.ON_VERTEX:
+        nx, ny = x - dx - hold[at.OX], y - dy - hold[at.OY]
         d = math.sqrt(nx * nx + ny * ny)
         nx, ny = nx / d, ny / d
     return nx * (vy - wy) - ny * (vx - wx) - radius * spin
@@ -195,16 +162,16 @@ def takes_hold(path, s, state, ints, hold, grain, walls, turn):
     """When within [0, s] the contact point of a slipping granule that can turn comes to rest (bisection): (time, did
     it).
     """
-    if hold[ROLL] != 0.0 or grain[MOBILITY] == 0.0:
+    if hold[at.ROLL] != 0.0 or grain[at.MOBILITY] == 0.0:
         return s, False
     a, b, c = turn
-    spin, body, radius, sign = state[TURN], ints[BODY], grain[RADIUS], hold[SIGN]
-    if sign * _slip(path, s, state[T], hold, walls, body, spin + s * (a + s * (b + s * c)), radius) > 0.0:
+    spin, body, radius, sign = state[at.SPIN], ints[at.BODY], grain[at.RADIUS], hold[at.SIGN]
+    if sign * _slip(path, s, state[at.T], hold, walls, body, spin + s * (a + s * (b + s * c)), radius) > 0.0:
         return s, False
     low, high = 0.0, s
     for _ in range(60):
         m = 0.5 * (low + high)
-        if sign * _slip(path, m, state[T], hold, walls, body, spin + m * (a + m * (b + m * c)), radius) > 0.0:
+        if sign * _slip(path, m, state[at.T], hold, walls, body, spin + m * (a + m * (b + m * c)), radius) > 0.0:
             low = m
         else:
             high = m
@@ -216,7 +183,7 @@ def _beside(path, s, t0, hold, bodies, body):
     """Position from the constraint's origin and velocity, both seen from the wall, at time s of the step."""
     x, y, vx, vy = along(path, s)
     dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
-    return x - dx - hold[OX], y - dy - hold[OY], vx - wx, vy - wy
+    return x - dx - hold[at.OX], y - dy - hold[at.OY], vx - wx, vy - wy
 
 
 @compiled
@@ -224,20 +191,20 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
     """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
     feature). What can turn does not stop when it stops sliding.
     """
-    stops = grain[MOBILITY] == 0.0
-    bodies, body, skin = walls.bodies, ints[BODY], 1e-3 * rules.skin
-    event, kind, which = NOTHING, FREE, NOBODY
+    stops = grain[at.MOBILITY] == 0.0
+    bodies, body, skin = walls.bodies, ints[at.BODY], 1e-3 * rules.skin
+    event, kind, which = events.NOTHING, at.FREE, at.NOBODY
     qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
     ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
-    sign, feature = hold[SIGN], ints[FEATURE]
-    if hold[KIND] == ON_EDGE:
-        tx, ty, size = -hold[NY], hold[NX], walls.edges[feature, 6]
+    sign, feature = hold[at.SIGN], ints[at.FEATURE]
+    if hold[at.KIND] == at.ON_EDGE:
+        tx, ty, size = -hold[at.NY], hold[at.NX], walls.edges[feature, at.LENGTH]
         wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
         if stops and wa > 0.0 and wb < 0.0:
             s = first_below(
-                path, t0, bodies, body, SPEED, 0.0, 0.0, 0.0, sign * tx, sign * ty, 0.0, wa, 0.0, s, wb, 0.0, 0.0
+                path, t0, bodies, body, events.SPEED, 0.0, 0.0, 0.0, sign * tx, sign * ty, 0.0, wa, 0.0, s, wb, 0.0, 0.0
             )
-            event = HALTED
+            event = events.HALTED
         for end in range(2):
             ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
             q0 = 0.0 if end == 0 else size
@@ -247,31 +214,33 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
             if fa < -rules.skin and ra >= 0.0:
                 continue
             found = first_below(
-                path, t0, bodies, body, PLANE, hold[OX], hold[OY], q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
+                path, t0, bodies, body, events.PLANE, hold[at.OX], hold[at.OY], q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
             )
             if 0.0 <= found <= s and (fb < 0.0 or found < s):
-                s, event = found, SLID_OFF
-                which = walls.edge_links[feature, 1 + end]
-                kind = ON_VERTEX if which >= 0 else FREE
+                s, event = found, events.SLID_OFF
+                which = walls.edge_links[feature, at.BEFORE + end]
+                kind = at.ON_VERTEX if which >= 0 else at.FREE
         return s, event, kind, which
     wa, wb = sign * (qx * ry - qy * rx), sign * (ex * uy - ey * ux)
     if stops and wa > 0.0 and wb < 0.0:
-        s = first_below(path, t0, bodies, body, SPIN, hold[OX], hold[OY], sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
-        event = HALTED
+        s = first_below(
+            path, t0, bodies, body, events.SPIN, hold[at.OX], hold[at.OY], sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0
+        )
+        event = events.HALTED
     for end in range(2):  # beyond the direction of the edge that ends here, before that of the edge that starts here
-        e = walls.vertex_links[feature, 1 + end]
+        e = walls.vertex_links[feature, at.BEFORE + end]
         if e < 0:
             continue
         ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
-        tx, ty = -walls.edges[e, 5], walls.edges[e, 4]
+        tx, ty = -walls.edges[e, at.OUT_Y], walls.edges[e, at.OUT_X]
         dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
         fa, fb = dx * qx + dy * qy, dx * ex + dy * ey
         ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
         found = first_below(
-            path, t0, bodies, body, PLANE, hold[OX], hold[OY], 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
+            path, t0, bodies, body, events.PLANE, hold[at.OX], hold[at.OY], 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
         )
         if 0.0 <= found <= s and (fb < 0.0 or found < s):
-            s, event, kind, which = found, SLID_OFF, ON_EDGE, e
+            s, event, kind, which = found, events.SLID_OFF, at.ON_EDGE, e
     return s, event, kind, which
 
 
@@ -281,16 +250,16 @@ def _pressed(path, s, t0, affine, grain, table, hold, spin):
     x, y, vx, vy = along(path, s)
     fx, fy, _, _, _ = free_force(affine, grain, table, x, y, vx, vy, t0 + s, spin)
     _, _, press, free, _ = constrain(hold, fx, fy, x, y, vx, vy, t0 + s)
-    return press, hold[ROLL] == 0.0 or abs(free) * hold[ROLL] <= (hold[MU] + STATIC) * press
+    return press, hold[at.ROLL] == 0.0 or abs(free) * hold[at.ROLL] <= (hold[at.MU] + STATIC) * press
 
 
 @compiled
 def lets_go(path, s, state, affine, grain, table, hold):
     """When within [0, s] the wall stops pressing, or rolling becomes slipping (bisection): (time, event)."""
-    spin, t0 = state[TURN], state[T]
+    spin, t0 = state[at.SPIN], state[at.T]
     press, firm = _pressed(path, s, t0, affine, grain, table, hold, spin)
     if press > 0.0 and firm:
-        return s, NOTHING
+        return s, events.NOTHING
     low, high = 0.0, s
     for _ in range(50):
         middle = 0.5 * (low + high)
@@ -300,14 +269,14 @@ def lets_go(path, s, state, affine, grain, table, hold):
         else:
             high = middle
     press, _ = _pressed(path, high, t0, affine, grain, table, hold, spin)
-    return high, LIFTED if press <= 0.0 else SLIPS
+    return high, events.LIFTED if press <= 0.0 else events.SLIPS
 
 
 @inlined
 def rescue(state, ints, hold, affine, grain, table, walls, rules):
     """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
     for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[T])
-        within, nearest = inside(walls, body, state[X] - dx, state[Y] - dy)
+        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
+        within, nearest = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
         if within:
-            strike(state, ints, hold, affine, grain, table, walls, rules, ON_EDGE, nearest)
+            strike(state, ints, hold, affine, grain, table, walls, rules, at.ON_EDGE, nearest)

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import math
 
+from . import layout as at
 from .jit import compiled
 
-__all__ = ["PATH", "along", "phis", "sway"]
+__all__ = ["along", "phis", "sway"]
 
-PATH = 21  # numbers in a path
 # Taylor coefficients of phi_4: divisions would take most of the time of a step
 C0, C1, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11, C12, C13, C14, C15 = (1.0 / math.factorial(k + 4) for k in range(16))
 
@@ -53,24 +53,24 @@ def phis(z):
 @compiled
 def _swayed(path, s, e, a, x, y, vx, vy):
     """What is seen from the mesh of a path that was made from there without the swing."""
-    angle = path[16] + path[15] * s
-    out, rate = math.sin(angle), path[15] * math.cos(angle)
-    x += a * path[19] - (path[13] * out - path[17])
-    y += a * path[20] - (path[14] * out - path[18])
-    return x, y, vx + e * path[19] - path[13] * rate, vy + e * path[20] - path[14] * rate
+    angle = path[at.MESH_ANGLE] + path[at.MESH_OMEGA] * s
+    out, rate = math.sin(angle), path[at.MESH_OMEGA] * math.cos(angle)
+    x += a * path[at.MESH_VX] - (path[at.MESH_X] * out - path[at.MESH_OUT_X])
+    y += a * path[at.MESH_VY] - (path[at.MESH_Y] * out - path[at.MESH_OUT_Y])
+    return x, y, vx + e * path[at.MESH_VX] - path[at.MESH_X] * rate, vy + e * path[at.MESH_VY] - path[at.MESH_Y] * rate
 
 
 @compiled
 def along(path, s):
     """Position and velocity at time ``s`` after the step's start."""
-    e, p1, p2, p3, p4 = phis(-path[4] * s)
+    e, p1, p2, p3, p4 = phis(-path[at.RATE] * s)
     a, b, c = s * p1, s * s * p2, 2.0 * s * s * s * p3
     d, f = s * s * s * p3, 2.0 * s * s * s * s * p4
-    x = path[0] + a * path[2] + b * path[5] + d * path[7] + f * path[9]
-    y = path[1] + a * path[3] + b * path[6] + d * path[8] + f * path[10]
-    vx = e * path[2] + a * path[5] + b * path[7] + c * path[9]
-    vy = e * path[3] + a * path[6] + b * path[8] + c * path[10]
-    if path[15] != 0.0:
+    x = path[at.START_X] + a * path[at.START_VX] + b * path[at.N0X] + d * path[at.N1X] + f * path[at.N2X]
+    y = path[at.START_Y] + a * path[at.START_VY] + b * path[at.N0Y] + d * path[at.N1Y] + f * path[at.N2Y]
+    vx = e * path[at.START_VX] + a * path[at.N0X] + b * path[at.N1X] + c * path[at.N2X]
+    vy = e * path[at.START_VY] + a * path[at.N0Y] + b * path[at.N1Y] + c * path[at.N2Y]
+    if path[at.MESH_OMEGA] != 0.0:
         return _swayed(path, s, e, a, x, y, vx, vy)
     return x, y, vx, vy
 
@@ -80,11 +80,22 @@ def sway(path, swing, first, t):
     """Note the swing ``swing[first:]`` of the mesh at the step's start ``t``; returns its velocity and acceleration
     there.
     """
-    ax, ay, omega = swing[first], swing[first + 1], swing[first + 2]
-    path[13], path[14], path[15] = ax, ay, omega
+    ax, ay, omega = swing[first + at.SWING_X], swing[first + at.SWING_Y], swing[first + at.SWING_OMEGA]
+    path[at.MESH_X], path[at.MESH_Y], path[at.MESH_OMEGA] = ax, ay, omega
     if omega == 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    angle = omega * t + swing[first + 3]
+    angle = omega * t + swing[first + at.SWING_PHASE]
     out, rate = math.sin(angle), omega * math.cos(angle)
-    path[16], path[17], path[18], path[19], path[20] = angle, ax * out, ay * out, ax * rate, ay * rate
-    return path[19], path[20], -omega * omega * path[17], -omega * omega * path[18]
+    path[at.MESH_ANGLE], path[at.MESH_OUT_X], path[at.MESH_OUT_Y], path[at.MESH_VX], path[at.MESH_VY] = (
+        angle,
+        ax * out,
+        ay * out,
+        ax * rate,
+        ay * rate,
+    )
+    return (
+        path[at.MESH_VX],
+        path[at.MESH_VY],
+        -omega * omega * path[at.MESH_OUT_X],
+        -omega * omega * path[at.MESH_OUT_Y],
+    )

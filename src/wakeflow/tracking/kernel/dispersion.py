@@ -13,32 +13,9 @@ import math
 import numpy as np
 
 from ...laws import turbulence
+from . import layout as at
 from .air import nodal, swinging
 from .jit import compiled
-from .layout import (
-    BORN,
-    DIFFUSIVITY,
-    DISPERSION,
-    DRAWS,
-    FRESH,
-    GAP,
-    KICK_X,
-    KICK_Y,
-    MEAN_X,
-    MEAN_Y,
-    SEEN_X,
-    SEEN_Y,
-    SNAP_A,
-    SNAP_B,
-    STREAM,
-    T_NOISE,
-    TRI,
-    VX,
-    VY,
-    T,
-    X,
-    Y,
-)
 from .locate import barycentric
 from .step import drag_rate
 
@@ -75,8 +52,8 @@ def _normals(seed, stream, draw):
 
 @compiled
 def _drawn(state, ints, rules):
-    ints[DRAWS] += 1
-    return _normals(rules.seed, ints[STREAM], ints[DRAWS])
+    ints[at.DRAWS] += 1
+    return _normals(rules.seed, ints[at.STREAM], ints[at.DRAWS])
 
 
 @compiled
@@ -87,26 +64,26 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
     dW, T_i along and across the slip: what keeps tracers well mixed (Thomson 1987, J. Fluid Mech. 180, 529; for
     granules with inertia Bocksell & Loth 2006, Int. J. Multiphase Flow 32, 1234).
     """
-    g, tri = air.geometry, ints[TRI]
-    if ints[GAP] >= 0:
-        tri = air.covered[ints[GAP], 0]
-    w = (state[T] - affine[14]) * affine[15] if ints[SNAP_A] != ints[SNAP_B] else 0.0
+    g, tri = air.geometry, ints[at.TRI]
+    if ints[at.GAP] >= 0:
+        tri = air.covered[ints[at.GAP], at.COVER_TRI]
+    w = (state[at.T] - affine[at.T_BEGIN]) * affine[at.PER_DT] if ints[at.SNAP_A] != ints[at.SNAP_B] else 0.0
     ux = uy = rms = life = sx = sy = 0.0
     for k in range(3):
         c = air.corners[tri, k]
-        q = min(1.0, max(0.0, barycentric(g, tri, k, state[X], state[Y])))
+        q = min(1.0, max(0.0, barycentric(g, tri, k, state[at.X], state[at.Y])))
         deviation = nodal(air, ints, w, c, 4)
         ux += q * nodal(air, ints, w, c, 0)
         uy += q * nodal(air, ints, w, c, 1)
         life += q * nodal(air, ints, w, c, 5)
         rms += q * deviation
-        sx += deviation * g[tri, 2 + 2 * k]
-        sy += deviation * g[tri, 3 + 2 * k]
-    if air.swing[2] != 0.0:
-        wx, wy, _, _ = swinging(air.swing[0], air.swing[1], air.swing[2], air.swing[3], state[T])
+        sx += deviation * g[tri, at.B0X + 2 * k]
+        sy += deviation * g[tri, at.B0Y + 2 * k]
+    if air.swing[at.SWING_OMEGA] != 0.0:
+        wx, wy, _, _ = swinging(air.swing, at.SWING_X, state[at.T])
         ux, uy = ux - wx, uy - wy
     # a tracer, which moves with what it has just seen, slips through no eddies
-    ex, ey = ux + rms * state[MEAN_X] - state[VX], uy + rms * state[MEAN_Y] - state[VY]
+    ex, ey = ux + rms * state[at.MEAN_X] - state[at.VX], uy + rms * state[at.MEAN_Y] - state[at.VY]
     slip = math.sqrt(ex * ex + ey * ey)
     ex, ey = (ex / slip, ey / slip) if slip > 0.0 else (1.0, 0.0)
     along, across = _crossing(life, slip, rms)
@@ -118,7 +95,7 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
         time = along if side == 0 else across
         decay, end, mean, shared, own = _langevin(span / max(time, 1e-300))
         xi, eta = _drawn(state, ints, rules)
-        start = dx * state[SEEN_X] + dy * state[SEEN_Y]
+        start = dx * state[at.SEEN_X] + dy * state[at.SEEN_Y]
         lean = drift * time * (dx * sx + dy * sy)
         last = lean + decay * (start - lean) + end * xi
         middle = lean + mean * (start - lean) + shared * xi + own * eta
@@ -126,37 +103,37 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
             px, py, mx, my = last * dx, last * dy, middle * dx, middle * dy
         else:
             px, py, mx, my = px + last * dx, py + last * dy, mx + middle * dx, my + middle * dy
-    state[SEEN_X], state[SEEN_Y], state[MEAN_X], state[MEAN_Y] = px, py, mx, my
+    state[at.SEEN_X], state[at.SEEN_Y], state[at.MEAN_X], state[at.MEAN_Y] = px, py, mx, my
     return span
 
 
 @compiled
 def renew(state, ints, affine, air, grain, table, rules):
     """Begin an interval of noise at the granule's clock: draw what it sees until the next."""
-    speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
+    speed = math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2)
     for m in range(2):  # of the air, at one corner: only a scale
-        speed = max(speed, abs(nodal(air, ints, 0.0, air.corners[max(ints[TRI], 0), 0], m)))
-    span = (rules.until - state[BORN]) / LEAST_INTERVALS
+        speed = max(speed, abs(nodal(air, ints, 0.0, air.corners[max(ints[at.TRI], 0), 0], m)))
+    span = (rules.until - state[at.BORN]) / LEAST_INTERVALS
     if speed > 0.0:
         span = min(span, PASSAGE * rules.length / speed)
-    if grain[DISPERSION] != 0.0:
-        if ints[DRAWS] == 0:  # the process is stationary at birth
-            state[SEEN_X], state[SEEN_Y] = _drawn(state, ints, rules)
+    if grain[at.DISPERSION] != 0.0:
+        if ints[at.DRAWS] == 0:  # the process is stationary at birth
+            state[at.SEEN_X], state[at.SEEN_Y] = _drawn(state, ints, rules)
         span = _eddies(state, ints, affine, air, grain, table, rules, 0.05 * span)
-    if grain[DIFFUSIVITY] != 0.0:
-        size = math.sqrt(2.0 * grain[DIFFUSIVITY] / span)
+    if grain[at.DIFFUSIVITY] != 0.0:
+        size = math.sqrt(2.0 * grain[at.DIFFUSIVITY] / span)
         xi, eta = _drawn(state, ints, rules)
-        state[KICK_X], state[KICK_Y] = size * xi, size * eta
-    state[T_NOISE] = state[T] + span
-    ints[FRESH] = 0
+        state[at.KICK_X], state[at.KICK_Y] = size * xi, size * eta
+    state[at.T_NOISE] = state[at.T] + span
+    ints[at.FRESH] = 0
 
 
 @compiled
 def mirror(state, ints, nx, ny):
     """At a wall with outward normal n no eddy blows through: fluctuations into it are turned round."""
-    for at in (MEAN_X, SEEN_X, KICK_X):
-        into = nx * state[at] + ny * state[at + 1]
+    for slot in (at.MEAN_X, at.SEEN_X, at.KICK_X):
+        into = nx * state[slot] + ny * state[slot + 1]
         if into < 0.0:
-            state[at] -= 2.0 * into * nx
-            state[at + 1] -= 2.0 * into * ny
-            ints[FRESH] = 0
+            state[slot] -= 2.0 * into * nx
+            state[slot + 1] -= 2.0 * into * ny
+            ints[at.FRESH] = 0

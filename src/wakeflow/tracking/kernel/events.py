@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
+from . import layout as at
 from .dense_output import along
 from .jit import compiled
-from .layout import MOTION, SAMPLES
 
 __all__ = [
     "PLANE", "ROUND", "SPEED", "SPIN", "cubic", "displacement", "first_below", "harmonic", "interval", "level",
@@ -46,49 +46,57 @@ def cubic(ax, ay, x, v, a, jerk, s):
 @compiled
 def interval(bodies, body, t):
     """Column of the sample at or before time t of a body's record, and the time since."""
-    period, count = bodies[body, MOTION + 1], int(bodies[body, MOTION])
-    since = t + bodies[body, 7]
+    period, count = bodies[body, at.SAMPLE_PERIOD], int(bodies[body, at.SAMPLE_COUNT])
+    since = t + bodies[body, at.PHASE]
     since -= math.floor(since / period) * period
     low, high = 0, count - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if bodies[body, SAMPLES + 5 * middle] <= since:
+        if bodies[body, at.SAMPLES + at.PER_SAMPLE * middle] <= since:
             low = middle
         else:
             high = middle
-    column = SAMPLES + 5 * low
+    column = at.SAMPLES + at.PER_SAMPLE * low
     return column, since - bodies[body, column]
 
 
 @compiled
 def displacement(bodies, body, t):
     """Displacement, velocity and acceleration of a body at time t: a harmonic, or a record of samples."""
-    ax, ay, omega = bodies[body, 4], bodies[body, 5], bodies[body, 6]
+    ax, ay, omega = bodies[body, at.REACH_X], bodies[body, at.REACH_Y], bodies[body, at.OMEGA]
     if omega == 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if bodies[body, MOTION] == 0.0:
-        return harmonic(ax, ay, omega, bodies[body, 7], t)
+    if bodies[body, at.SAMPLE_COUNT] == 0.0:
+        return harmonic(ax, ay, omega, bodies[body, at.PHASE], t)
     k, s = interval(bodies, body, t)
-    return cubic(ax, ay, bodies[body, k + 1], bodies[body, k + 2], bodies[body, k + 3], bodies[body, k + 4], s)
+    return cubic(
+        ax,
+        ay,
+        bodies[body, k + at.SAMPLE_OUT],
+        bodies[body, k + at.SAMPLE_SPEED],
+        bodies[body, k + at.SAMPLE_PULL],
+        bodies[body, k + at.SAMPLE_JERK],
+        s,
+    )
 
 
 @compiled
 def next_turn(bodies, body, t):
     """Time from t to where the body's acceleration may turn: the next crest of a harmonic, the next sample."""
-    omega = bodies[body, 6]
-    if bodies[body, MOTION] == 0.0:
-        turns = (omega * t + bodies[body, 7]) / math.pi - 0.5
+    omega = bodies[body, at.OMEGA]
+    if bodies[body, at.SAMPLE_COUNT] == 0.0:
+        turns = (omega * t + bodies[body, at.PHASE]) / math.pi - 0.5
         return (math.floor(turns + SAME) + 1.0 - turns) * math.pi / omega
-    ahead = SAME * bodies[body, MOTION + 1]
+    ahead = SAME * bodies[body, at.SAMPLE_PERIOD]
     k, s = interval(bodies, body, t + ahead)
-    return bodies[body, k + 5] - bodies[body, k] - s + ahead
+    return bodies[body, k + at.PER_SAMPLE] - bodies[body, k] - s + ahead
 
 
 @compiled
 def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):
     """Value and rate of an event function at time s of the step (no rate for speeds: 0)."""
     x, y, vx, vy = along(path, s)
-    if body >= 0 and bodies[body, 6] != 0.0:
+    if body >= 0 and bodies[body, at.OMEGA] != 0.0:
         dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
         x, y, vx, vy = x - dx, y - dy, vx - wx, vy - wy
     x, y = x - ox, y - oy

@@ -74,95 +74,148 @@ class Rules(NamedTuple):
     impacts: int
 
 
-# Float state of a granule; SEEN: fluctuation of the air it sees over the deviation there, at the end of the interval
-# (SEEN) and its mean over it (MEAN); KICK: Brownian velocity of the interval, which ends at T_NOISE
+# -- State of a granule: floats ----------------------------------------------------------------------------------------
 (
-    X,
-    Y,
-    VX,
-    VY,
-    TURN,
-    T,
-    T_END,
-    H_ERROR,
-    HELD,
-    BORN,
-    SEEN_X,
-    SEEN_Y,
-    MEAN_X,
-    MEAN_Y,
-    KICK_X,
-    KICK_Y,
-    T_NOISE,
-    H_STRIDE,
-) = range(18)
+    X, Y,  # m, place of its centre
+    VX, VY,  # m/s
+    SPIN,  # rad/s
+    T,  # s, its clock
+    T_END,  # s, when the loaded interval of the air ends
+    H_ERROR,  # s, the step that the last error allows
+    HELD,  # s, for how long friction or a wedge has held it
+    BORN,  # s
+    SEEN_X, SEEN_Y,  # fluctuation of the air it sees over the deviation there, at the end of the interval of noise
+    MEAN_X, MEAN_Y,  # and its mean over that interval
+    KICK_X, KICK_Y,  # m/s, Brownian velocity of the interval of noise
+    T_NOISE,  # s, when the interval of noise ends
+    H_STRIDE,  # s, the stride to try next; 0: none was tried
+) = range(18)  # fmt: skip
 FLOATS = 18
-# Integer state
+
+# -- State of a granule: integers --------------------------------------------------------------------------------------
 (
-    TRI,
+    TRI,  # triangle that holds it
     STEPS,
     IMPACTS,
     FATE,
-    LINE,
-    CONTACT,
-    FEATURE,
-    GAP,
-    HOPS,
-    STUCK,
-    SNAP_A,
-    SNAP_B,
-    FRESH,
-    BODY,
-    STORED,
-    STRIDE,
-    SEEN,
-    PATIENCE,
-    REFUSED,
-    QUADRATIC,
-    UNSTRIDDEN,
-    EVALUATIONS,
-    DRAWS,
-    STREAM,
+    LINE,  # that ended its track; -1: none
+    CONTACT,  # kind of the feature it touches: FREE, ON_EDGE, ON_VERTEX
+    FEATURE,  # which one
+    GAP,  # covered boundary edge next to it, where it is in the room that a body has left; -1: it is in the mesh
+    HOPS,  # crossings of edges in a row without progress
+    STUCK,  # contacts in a row without progress
+    SNAP_A, SNAP_B,  # snapshots around its clock, or the knots
+    FRESH,  # 1: the air of its triangle and interval is loaded
+    BODY,  # that it touches
+    KEPT,  # points in its record
+    KEEP_EVERY,  # one of so many points is kept
+    OFFERED,  # points that could have been kept
+    PATIENCE,  # confined steps before the next march
+    MARCHES_CUT,  # binary logarithm of the patience after the next march that is cut short
+    QUADRATIC,  # 1: the next march begins with quadratic triangles
+    STRIDES_REFUSED,  # in a row, at most 4
+    EVALUATIONS,  # of the equation of motion
+    DRAWS,  # random numbers used
+    STREAM,  # of random numbers
     PAIR,  # kind of the other wall of a wedged granule, FREE: not wedged; in flight that of the wall last struck
     PAIRED,  # which one
-) = range(26)
+) = range(26)  # fmt: skip
 INTS = 26
-# Constants of a granule. Accelerations are over 1 + chi with added mass; those of terms that are off are zero.
+
+# -- Constants of a granule. Accelerations are over 1 + chi with added mass; those of terms that are off are zero ------
 (
     STOKES,  # 1/s, drag rate of Stokes' law
     REYNOLDS2,  # (Re per m/s)^2
-    RADIUS,
+    RADIUS,  # m
     RESTITUTION,  # -1: by the law in the walls
     FRICTION,
     MOBILITY,  # m r^2 / I
     PRESSURE,  # acceleration per pressure gradient
-    GX,
-    GY,
+    GX, GY,  # m/s2
     EXTRA,  # 1: one of the next three is on
     INERTIAL,  # of the air's acceleration Du/Dt
     LIFT,  # of shear lift: density ratio
     MAGNUS,  # of spin lift: 3/4 density ratio
     VORTICITY,  # Reynolds number of a rate of rotation of 1/s: rho d^2 / mu
-    SPIN,  # 1/s, rate at which the air stops a slow spin
+    SPIN_RATE,  # 1/s, rate at which the air stops a slow spin
     NOISE,  # 1: dispersion or Brownian motion is on
     DISPERSION,  # 1: on
     DIFFUSIVITY,  # m2/s, Brownian
-) = range(18)
+) = range(18)  # fmt: skip
 CONSTANTS = 18
-# x, y | u, v, ax, ay, each as value, d/dx, d/dy | t, 1/dt | the same twelve as coefficients of w = (now - t) / dt, of
-# its square and its cube, these only where CUBIC is 1 | swing of the mesh
-CUBIC, SWING = 52, 53
-AFFINE = 57
-# Constraint of a granule in contact: kind, normal, origin, radius, friction, direction of sliding, motion of the body,
-# part of the tangential force that friction takes up while rolling (0: sliding); of a body with samples (SAMPLED 1) the
-# cubic at hand: when it began and ends, its displacement, velocity, acceleration and slope at the beginning; normal of
-# the second wall of a wedged granule
+
+# -- The path of a step, see ``dense_output`` --------------------------------------------------------------------------
 (
-    KIND, NX, NY, OX, OY, ARM, MU, SIGN, WX, WY, WW, WP, ROLL, SAMPLED, W_BEGIN, W_END, W_OUT, W_SPEED, W_PULL, W_JERK,
-    N2X, N2Y,
+    START_X, START_Y,  # m
+    START_VX, START_VY,  # m/s
+    RATE,  # 1/s, drag rate B, frozen at the start
+    N0X, N0Y, N1X, N1Y, N2X, N2Y,  # m/s2, /s, /s^2: N = N0 + N1 s + N2 s^2
+    AIR_X, AIR_Y,  # m/s, the air's velocity at the start
+    MESH_X, MESH_Y,  # m, amplitude of a mesh that swings
+    MESH_OMEGA,  # rad/s; 0: the mesh is at rest, or the granule in contact, and what follows has no meaning
+    MESH_ANGLE,  # rad, of the swing at the start
+    MESH_OUT_X, MESH_OUT_Y,  # m, displacement of the mesh there
+    MESH_VX, MESH_VY,  # m/s, its velocity there
+) = range(21)  # fmt: skip
+PATH = 21
+
+# -- The air of one triangle and one interval of time, see ``air.load`` ------------------------------------------------
+# Polynomials in w = (t - T_BEGIN) PER_DT of the powers 0 to 3 (2 and 3 only where CUBIC is 1); each coefficient is
+# affine: value at the origin, d/dx, d/dy. Power p of quantity m begins at U0 + PER_POWER p + PER_QUANTITY m, where the
+# quantities are the velocity (u, v) and the acceleration by gravity and pressure (ax, ay).
+ORIGIN_X, ORIGIN_Y, T_BEGIN, PER_DT, CUBIC = range(5)
+SWING = 5  # four numbers: how the mesh swings, see SWING_X
+PER_POWER, PER_QUANTITY = 12, 3
+DX, DY = 1, 2  # from the value of a coefficient to its derivatives
+U0, U0_X, U0_Y, V0, V0_X, V0_Y, AX0, AX0_X, AX0_Y, AY0, AY0_X, AY0_Y = range(9, 21)
+U1, U1_X, U1_Y, V1, V1_X, V1_Y, AX1, AX1_X, AX1_Y, AY1, AY1_X, AY1_Y = range(21, 33)
+U2, U2_X, U2_Y, V2, V2_X, V2_Y, AX2, AX2_X, AX2_Y, AY2, AY2_X, AY2_Y = range(33, 45)
+U3, U3_X, U3_Y, V3, V3_X, V3_Y, AX3, AX3_X, AX3_Y, AY3, AY3_X, AY3_Y = range(45, 57)
+AFFINE = 57
+
+# -- Constraint of a granule in contact --------------------------------------------------------------------------------
+(
+    KIND,  # FREE, ON_EDGE, ON_VERTEX
+    NX, NY,  # outward normal of an edge
+    OX, OY,  # m, start of the edge or the vertex
+    ARM,  # m, radius of the granule
+    MU,  # coefficient of friction
+    SIGN,  # direction of slipping, 1 or -1; 0: held or rolling
+    WX, WY, WW, WP,  # motion of the body: amplitude, angular frequency, phase
+    ROLL,  # part of the tangential force that friction takes up while rolling; 0: sliding
+    SAMPLED,  # 1: the body has samples, and these are the cubic at hand:
+    W_BEGIN, W_END,  # s, when it begins and ends
+    W_OUT, W_SPEED, W_PULL, W_JERK,  # there, over the largest displacement: displacement .. slope
+    OTHER_NX, OTHER_NY,  # normal of the second wall of a wedged granule
 ) = range(22)  # fmt: skip
 CONSTRAINT = 22
-MOTION, SAMPLES = 10, 12  # columns of a body: where its samples' number and period stand, and the first sample
+
+# -- Columns of the tables of ``Air`` ----------------------------------------------------------------------------------
+CORNER_X, CORNER_Y = 0, 1  # geometry: first corner
+B0X, B0Y, B1X, B1Y, B2X, B2Y = range(2, 8)  # geometry: gradients of the barycentric coordinates; k's at B0X + 2 k
+NODE_U, NODE_V, NODE_PX, NODE_PY, NODE_RMS, NODE_LIFE = range(6)  # values: as listed in ``Air``
+COVER_TRI, COVER_EDGE, COVER_BEFORE, COVER_AFTER = range(4)  # covered
+KNOT_FIRST, KNOT_RATE, KNOT_COUNT = range(3)  # smooth
+SWING_X, SWING_Y, SWING_OMEGA, SWING_PHASE = range(4)  # swing, and the block SWING of the loaded air
+
+# -- Columns of the tables of ``Walls`` --------------------------------------------------------------------------------
+FROM_X, FROM_Y, TO_X, TO_Y, OUT_X, OUT_Y, LENGTH = range(7)  # edges; lines have the first four
+OWNER, BEFORE, AFTER = range(3)  # edge_links and vertex_links: body, feature before and after along the outline
+VERTEX_X, VERTEX_Y = 0, 1  # vertices
+FIRST_EDGE, LAST_EDGE, FIRST_VERTEX, LAST_VERTEX, CLOSED, CAPTURES = range(6)  # members; LAST is one beyond
+LOW_X, LOW_Y, HIGH_X, HIGH_Y, REACH_X, REACH_Y, OMEGA, PHASE = range(8)  # bodies and frame
+BODY_RESTITUTION, BODY_FRICTION, SAMPLE_COUNT, SAMPLE_PERIOD = range(8, 12)
+SAMPLES = 12  # bodies: the first sample's time; sample i's at SAMPLES + PER_SAMPLE i, and from there on
+PER_SAMPLE = 5
+SAMPLE_OUT, SAMPLE_SPEED, SAMPLE_PULL, SAMPLE_JERK = range(1, 5)
+# restitution: where a cell begins, 1 / its width, coefficients of its cubic
+CELL_BEGIN, CELL_PER, CELL_0, CELL_1, CELL_2, CELL_3 = range(6)
+
+# -- A record: points of a track ---------------------------------------------------------------------------------------
+REC_T, REC_X, REC_Y, REC_VX, REC_VY = range(5)
+RECORD = 5
+
+# -- Kinds and fates ---------------------------------------------------------------------------------------------------
 # numpy scalars: numba would compile every helper anew for each literal int it is called with
 FREE: Any = np.int64(0)
 ON_EDGE: Any = np.int64(1)
@@ -170,6 +223,7 @@ ON_VERTEX: Any = np.int64(2)
 NOBODY: Any = np.int64(-1)
 FLYING = -1
 BINNED, ESCAPED, RESTING, CAPTURED, AIRBORNE, STOPPED = range(6)
-# shared with the chain (wakeflow.ballistics), so that both follow the same bounces
+
+# -- Shared with the flight without air (wakeflow.ballistics), so that both follow the same bounces --------------------
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
 MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from . import layout as at
 from .jit import compiled
-from .layout import FRESH, GAP, H_ERROR, NOBODY, STEPS, TRI, X, Y
 
 __all__ = ["anywhere", "barycentric", "on_edge", "reproject", "walk"]
 
@@ -17,7 +17,9 @@ SELDOM = 32  # steps in the gap: then all triangles are looked at
 @compiled
 def barycentric(geometry, tri, k, x, y):
     """Barycentric coordinate k of a point in triangle ``tri``."""
-    value = geometry[tri, 2 + 2 * k] * (x - geometry[tri, 0]) + geometry[tri, 3 + 2 * k] * (y - geometry[tri, 1])
+    value = geometry[tri, at.B0X + 2 * k] * (x - geometry[tri, at.CORNER_X]) + geometry[tri, at.B0Y + 2 * k] * (
+        y - geometry[tri, at.CORNER_Y]
+    )
     return value + 1.0 if k == 0 else value
 
 
@@ -28,24 +30,24 @@ def walk(geometry, neighbours, tri, x, y):
     Returns (triangle, 0) when found, else (last triangle, code < 0) where the straight walk meets the boundary.
     """
     for _ in range(neighbours.shape[0] + 10):
-        worst, edge = INSIDE, NOBODY
+        worst, edge = INSIDE, at.NOBODY
         for k in range(3):
             value = barycentric(geometry, tri, k, x, y)
             if value < worst:
                 worst, edge = value, k
         if edge < 0:
-            return tri, NOBODY + 1
+            return tri, at.NOBODY + 1
         onward = neighbours[tri, edge]
         if onward < 0:
             return tri, onward
         tri = onward
-    return tri, NOBODY + 1
+    return tri, at.NOBODY + 1
 
 
 @compiled
 def on_edge(air, gap, x, y):
     """Nearest point of a covered boundary edge, and where along it the foot lies (0..1 on it)."""
-    tri, k = air.covered[gap, 0], air.covered[gap, 1]
+    tri, k = air.covered[gap, at.COVER_TRI], air.covered[gap, at.COVER_EDGE]
     ax, ay = _corner(air, tri, (k + 1) % 3)
     bx, by = _corner(air, tri, (k + 2) % 3)
     ex, ey = bx - ax, by - ay
@@ -60,13 +62,13 @@ def _corner(air, tri, k):
     carries.
     """
     g = air.geometry
-    x, y = g[tri, 0], g[tri, 1]
+    x, y = g[tri, at.CORNER_X], g[tri, at.CORNER_Y]
     if k == 0:
         return x, y
-    det = g[tri, 4] * g[tri, 7] - g[tri, 5] * g[tri, 6]
+    det = g[tri, at.B1X] * g[tri, at.B2Y] - g[tri, at.B1Y] * g[tri, at.B2X]
     if k == 1:
-        return x + g[tri, 7] / det, y - g[tri, 6] / det
-    return x - g[tri, 5] / det, y + g[tri, 4] / det
+        return x + g[tri, at.B2Y] / det, y - g[tri, at.B2X] / det
+    return x - g[tri, at.B1Y] / det, y + g[tri, at.B1X] / det
 
 
 @compiled
@@ -87,11 +89,11 @@ def _from_around(air, gap, x, y):
     """The triangle that holds a point, on foot from the covered edges on both sides of one; -1 for none."""
     before = after = gap
     for _ in range(AROUND):
-        before = air.covered[before, 2] if before >= 0 else -1
-        after = air.covered[after, 3] if after >= 0 else -1
+        before = air.covered[before, at.COVER_BEFORE] if before >= 0 else -1
+        after = air.covered[after, at.COVER_AFTER] if after >= 0 else -1
         for edge in (before, after):
             if edge >= 0:
-                found, code = walk(air.geometry, air.neighbours, air.covered[edge, 0], x, y)
+                found, code = walk(air.geometry, air.neighbours, air.covered[edge, at.COVER_TRI], x, y)
                 if code == 0:
                     return found
     return -1
@@ -102,30 +104,30 @@ def reproject(state, ints, air, buried):
     """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
     length. ``buried``: it lies inside the outline at rest of a body, so that no triangle can hold it.
     """
-    x, y = state[X], state[Y]
-    gap, came = ints[GAP], NOBODY
+    x, y = state[at.X], state[at.Y]
+    gap, came = ints[at.GAP], at.NOBODY
     for _ in range(air.covered.shape[0]):
         _, _, w = on_edge(air, gap, x, y)
-        onward = air.covered[gap, 2] if w < 0.0 else (air.covered[gap, 3] if w > 1.0 else -1)
+        onward = air.covered[gap, at.COVER_BEFORE] if w < 0.0 else (air.covered[gap, at.COVER_AFTER] if w > 1.0 else -1)
         if onward < 0 or onward == came:
             break
         came, gap = gap, onward
-    tri, k = air.covered[gap, 0], air.covered[gap, 1]
+    tri, k = air.covered[gap, at.COVER_TRI], air.covered[gap, at.COVER_EDGE]
     ax, ay = _corner(air, tri, (k + 1) % 3)
     bx, by = _corner(air, tri, (k + 2) % 3)
-    ints[GAP], ints[TRI], ints[FRESH] = gap, tri, 0
+    ints[at.GAP], ints[at.TRI], ints[at.FRESH] = gap, tri, 0
     if barycentric(air.geometry, tri, k, x, y) > 1e-9:
         found, code = walk(air.geometry, air.neighbours, tri, x, y)
         if code == 0:
-            ints[GAP], ints[TRI] = -1, found
-            state[H_ERROR] = math.inf
+            ints[at.GAP], ints[at.TRI] = -1, found
+            state[at.H_ERROR] = math.inf
         elif code <= -2:
-            ints[GAP], ints[TRI] = -2 - code, found
-    if ints[GAP] >= 0 and not buried:  # beside a corner the nearest edge and the walk from it may miss the mesh
+            ints[at.GAP], ints[at.TRI] = -2 - code, found
+    if ints[at.GAP] >= 0 and not buried:  # beside a corner the nearest edge and the walk from it may miss the mesh
         found = _from_around(air, gap, x, y)
-        if found < 0 and ints[STEPS] % SELDOM == 0:
+        if found < 0 and ints[at.STEPS] % SELDOM == 0:
             found = anywhere(air.geometry, x, y)
         if found >= 0:
-            ints[GAP], ints[TRI] = -1, found
-            state[H_ERROR] = math.inf
+            ints[at.GAP], ints[at.TRI] = -1, found
+            state[at.H_ERROR] = math.inf
     return math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)

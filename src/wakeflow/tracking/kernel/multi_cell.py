@@ -9,34 +9,10 @@ from __future__ import annotations
 
 import math
 
+from . import layout as at
 from .air import shares, swinging
 from .dense_output import phis
 from .jit import compiled, inlined
-from .layout import (
-    DISPERSION,
-    EVALUATIONS,
-    GX,
-    GY,
-    KICK_X,
-    KICK_Y,
-    MEAN_X,
-    MEAN_Y,
-    NOBODY,
-    NOISE,
-    PRESSURE,
-    QUADRATIC,
-    RADIUS,
-    SNAP_A,
-    SNAP_B,
-    T_END,
-    T_NOISE,
-    TRI,
-    VX,
-    VY,
-    T,
-    X,
-    Y,
-)
 from .locate import barycentric
 from .step import drag_rate
 
@@ -63,17 +39,33 @@ def clearance(walls, x, y, radius, enough):
     free = enough
     for body in range(walls.bodies.shape[0]):
         box, swing = walls.bodies[body], radius
-        if box[6] != 0.0:
-            swing += math.sqrt(box[4] ** 2 + box[5] ** 2)
-        dx, dy = max(box[0] - x, x - box[2], 0.0), max(box[1] - y, y - box[3], 0.0)
+        if box[at.OMEGA] != 0.0:
+            swing += math.sqrt(box[at.REACH_X] ** 2 + box[at.REACH_Y] ** 2)
+        dx, dy = max(box[at.LOW_X] - x, x - box[at.HIGH_X], 0.0), max(box[at.LOW_Y] - y, y - box[at.HIGH_Y], 0.0)
         if dx * dx + dy * dy >= (free + swing) ** 2:
             continue
-        for e in range(walls.members[body, 0], walls.members[body, 1]):
-            d = _distance(walls.edges[e, 0], walls.edges[e, 1], walls.edges[e, 2], walls.edges[e, 3], x, y) - swing
+        for e in range(walls.members[body, at.FIRST_EDGE], walls.members[body, at.LAST_EDGE]):
+            d = (
+                _distance(
+                    walls.edges[e, at.FROM_X],
+                    walls.edges[e, at.FROM_Y],
+                    walls.edges[e, at.TO_X],
+                    walls.edges[e, at.TO_Y],
+                    x,
+                    y,
+                )
+                - swing
+            )
             free = min(free, d)
-    moved = math.sqrt(walls.frame[0, 4] ** 2 + walls.frame[0, 5] ** 2) if walls.frame[0, 6] != 0.0 else 0.0
+    moved = (
+        math.sqrt(walls.frame[0, at.REACH_X] ** 2 + walls.frame[0, at.REACH_Y] ** 2)
+        if walls.frame[0, at.OMEGA] != 0.0
+        else 0.0
+    )
     for i in range(walls.lines.shape[0]):
-        d = _distance(walls.lines[i, 0], walls.lines[i, 1], walls.lines[i, 2], walls.lines[i, 3], x, y)
+        d = _distance(
+            walls.lines[i, at.FROM_X], walls.lines[i, at.FROM_Y], walls.lines[i, at.TO_X], walls.lines[i, at.TO_Y], x, y
+        )
         free = min(free, d - moved)
     return free
 
@@ -91,20 +83,32 @@ def _distance(x0, y0, x1, y1, x, y):
 @compiled
 def _smooth(values, smooth, c0, c1, c2, q0, q1, q2, t, pressed, stirred):
     """Velocity, pressure gradient, deviation at a point of the triangle of nodes c, in a field of splines in time."""
-    w = (t - smooth[0]) * smooth[1]
+    w = (t - smooth[at.KNOT_FIRST]) * smooth[at.KNOT_RATE]
     n = math.floor(w)
-    j = int(n - math.floor(n / smooth[2]) * smooth[2])
+    j = int(n - math.floor(n / smooth[at.KNOT_COUNT]) * smooth[at.KNOT_COUNT])
     s = shares(w - n)
     ux = uy = px = py = rms = 0.0
     for i in range(4):
         a, b, c = s[i] * q0, s[i] * q1, s[i] * q2
-        ux += a * values[c0, j + i, 0] + b * values[c1, j + i, 0] + c * values[c2, j + i, 0]
-        uy += a * values[c0, j + i, 1] + b * values[c1, j + i, 1] + c * values[c2, j + i, 1]
+        ux += a * values[c0, j + i, at.NODE_U] + b * values[c1, j + i, at.NODE_U] + c * values[c2, j + i, at.NODE_U]
+        uy += a * values[c0, j + i, at.NODE_V] + b * values[c1, j + i, at.NODE_V] + c * values[c2, j + i, at.NODE_V]
         if pressed:
-            px += a * values[c0, j + i, 2] + b * values[c1, j + i, 2] + c * values[c2, j + i, 2]
-            py += a * values[c0, j + i, 3] + b * values[c1, j + i, 3] + c * values[c2, j + i, 3]
+            px += (
+                a * values[c0, j + i, at.NODE_PX]
+                + b * values[c1, j + i, at.NODE_PX]
+                + c * values[c2, j + i, at.NODE_PX]
+            )
+            py += (
+                a * values[c0, j + i, at.NODE_PY]
+                + b * values[c1, j + i, at.NODE_PY]
+                + c * values[c2, j + i, at.NODE_PY]
+            )
         if stirred:
-            rms += a * values[c0, j + i, 4] + b * values[c1, j + i, 4] + c * values[c2, j + i, 4]
+            rms += (
+                a * values[c0, j + i, at.NODE_RMS]
+                + b * values[c1, j + i, at.NODE_RMS]
+                + c * values[c2, j + i, at.NODE_RMS]
+            )
     return ux, uy, px, py, rms
 
 
@@ -115,42 +119,61 @@ def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, 
     The velocity was made with a foretold N of (mx, my), whose excess ``gain`` times is missing from it: in stiff flight
     it must not pass for slip.
     """
-    ints[EVALUATIONS] += 1
+    ints[at.EVALUATIONS] += 1
     g, values = air.geometry, air.values
-    dx, dy = x - g[tri, 0], y - g[tri, 1]
-    q1 = g[tri, 4] * dx + g[tri, 5] * dy
-    q2 = g[tri, 6] * dx + g[tri, 7] * dy
+    dx, dy = x - g[tri, at.CORNER_X], y - g[tri, at.CORNER_Y]
+    q1 = g[tri, at.B1X] * dx + g[tri, at.B1Y] * dy
+    q2 = g[tri, at.B2X] * dx + g[tri, at.B2Y] * dy
     q0 = 1.0 - q1 - q2
     c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
     ux = uy = px = py = rms = 0.0
-    pressed, stirred = grain[PRESSURE] != 0.0, grain[DISPERSION] != 0.0
-    if air.smooth[1] != 0.0:
+    pressed, stirred = grain[at.PRESSURE] != 0.0, grain[at.DISPERSION] != 0.0
+    if air.smooth[at.KNOT_RATE] != 0.0:
         ux, uy, px, py, rms = _smooth(values, air.smooth, c0, c1, c2, q0, q1, q2, t, pressed, stirred)
     else:
-        a, b = ints[SNAP_A], ints[SNAP_B]
-        ux = q0 * values[a, c0, 0] + q1 * values[a, c1, 0] + q2 * values[a, c2, 0]
-        uy = q0 * values[a, c0, 1] + q1 * values[a, c1, 1] + q2 * values[a, c2, 1]
+        a, b = ints[at.SNAP_A], ints[at.SNAP_B]
+        ux = q0 * values[a, c0, at.NODE_U] + q1 * values[a, c1, at.NODE_U] + q2 * values[a, c2, at.NODE_U]
+        uy = q0 * values[a, c0, at.NODE_V] + q1 * values[a, c1, at.NODE_V] + q2 * values[a, c2, at.NODE_V]
         if pressed:
-            px = q0 * values[a, c0, 2] + q1 * values[a, c1, 2] + q2 * values[a, c2, 2]
-            py = q0 * values[a, c0, 3] + q1 * values[a, c1, 3] + q2 * values[a, c2, 3]
+            px = q0 * values[a, c0, at.NODE_PX] + q1 * values[a, c1, at.NODE_PX] + q2 * values[a, c2, at.NODE_PX]
+            py = q0 * values[a, c0, at.NODE_PY] + q1 * values[a, c1, at.NODE_PY] + q2 * values[a, c2, at.NODE_PY]
         if stirred:
-            rms = q0 * values[a, c0, 4] + q1 * values[a, c1, 4] + q2 * values[a, c2, 4]
+            rms = q0 * values[a, c0, at.NODE_RMS] + q1 * values[a, c1, at.NODE_RMS] + q2 * values[a, c2, at.NODE_RMS]
         if a != b:
-            w = (t - affine[14]) * affine[15]
-            ux += w * (q0 * values[b, c0, 0] + q1 * values[b, c1, 0] + q2 * values[b, c2, 0] - ux)
-            uy += w * (q0 * values[b, c0, 1] + q1 * values[b, c1, 1] + q2 * values[b, c2, 1] - uy)
+            w = (t - affine[at.T_BEGIN]) * affine[at.PER_DT]
+            ux += w * (
+                q0 * values[b, c0, at.NODE_U] + q1 * values[b, c1, at.NODE_U] + q2 * values[b, c2, at.NODE_U] - ux
+            )
+            uy += w * (
+                q0 * values[b, c0, at.NODE_V] + q1 * values[b, c1, at.NODE_V] + q2 * values[b, c2, at.NODE_V] - uy
+            )
             if pressed:
-                px += w * (q0 * values[b, c0, 2] + q1 * values[b, c1, 2] + q2 * values[b, c2, 2] - px)
-                py += w * (q0 * values[b, c0, 3] + q1 * values[b, c1, 3] + q2 * values[b, c2, 3] - py)
+                px += w * (
+                    q0 * values[b, c0, at.NODE_PX]
+                    + q1 * values[b, c1, at.NODE_PX]
+                    + q2 * values[b, c2, at.NODE_PX]
+                    - px
+                )
+                py += w * (
+                    q0 * values[b, c0, at.NODE_PY]
+                    + q1 * values[b, c1, at.NODE_PY]
+                    + q2 * values[b, c2, at.NODE_PY]
+                    - py
+                )
             if stirred:
-                rms += w * (q0 * values[b, c0, 4] + q1 * values[b, c1, 4] + q2 * values[b, c2, 4] - rms)
-    if grain[NOISE] != 0.0:
-        ux += rms * state[MEAN_X] + state[KICK_X]
-        uy += rms * state[MEAN_Y] + state[KICK_Y]
-    px, py = grain[PRESSURE] * px + grain[GX], grain[PRESSURE] * py + grain[GY]
+                rms += w * (
+                    q0 * values[b, c0, at.NODE_RMS]
+                    + q1 * values[b, c1, at.NODE_RMS]
+                    + q2 * values[b, c2, at.NODE_RMS]
+                    - rms
+                )
+    if grain[at.NOISE] != 0.0:
+        ux += rms * state[at.MEAN_X] + state[at.KICK_X]
+        uy += rms * state[at.MEAN_Y] + state[at.KICK_Y]
+    px, py = grain[at.PRESSURE] * px + grain[at.GX], grain[at.PRESSURE] * py + grain[at.GY]
     wx = wy = 0.0
-    if air.swing[2] != 0.0:  # v is seen from the mesh, N the lab's
-        wx, wy, _, _ = swinging(air.swing[0], air.swing[1], air.swing[2], air.swing[3], t)
+    if air.swing[at.SWING_OMEGA] != 0.0:  # v is seen from the mesh, N the lab's
+        wx, wy, _, _ = swinging(air.swing, at.SWING_X, t)
         ux, uy, px, py = ux - wx, uy - wy, px + rate0 * wx, py + rate0 * wy
     nx = ny = rate = 0.0
     for again in range(2):
@@ -167,15 +190,15 @@ def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, 
 @compiled
 def way_out(geometry, tri, x, y, vx, vy, nx, ny, rate):
     """About when which face is reached: along the velocity, then twice along the mean velocity till there."""
-    time, edge, wx, wy = math.inf, NOBODY, vx, vy
+    time, edge, wx, wy = math.inf, at.NOBODY, vx, vy
     for turn in range(3):
-        soonest, which = math.inf, NOBODY
+        soonest, which = math.inf, at.NOBODY
         for k in range(3):
-            speed = geometry[tri, 2 + 2 * k] * wx + geometry[tri, 3 + 2 * k] * wy
+            speed = geometry[tri, at.B0X + 2 * k] * wx + geometry[tri, at.B0Y + 2 * k] * wy
             if speed < 0.0:
-                at = max(barycentric(geometry, tri, k, x, y), 0.0) / -speed
-                if at < soonest:
-                    soonest, which = at, k
+                time_there = max(barycentric(geometry, tri, k, x, y), 0.0) / -speed
+                if time_there < soonest:
+                    soonest, which = time_there, k
         if which < 0:
             break
         time, edge = soonest, which
@@ -205,15 +228,15 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
     last one; or quadratic, once its middle was found too far off that. What is left at 1/4 and 3/4 then gives the
     error, of which a cubic part, whose mean is zero, has none. ``most``: triangles of this march.
     """
-    t0 = state[T]
-    clock = min(rules.until, state[T_NOISE], state[T_END] if air.smooth[1] == 0.0 else math.inf)
-    x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
+    t0 = state[at.T]
+    clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
+    x, y, vx, vy = state[at.X], state[at.Y], state[at.VX], state[at.VY]
     speed2 = vx * vx + vy * vy
-    fall = math.sqrt(rules.extent * math.sqrt(grain[GX] ** 2 + grain[GY] ** 2))
+    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
     s = free = bend = fx = fy = rate = ux = uy = checked = 0.0
-    tri, left, cut, quadratic = ints[TRI], 0, 0, ints[QUADRATIC] == 1
+    tri, left, cut, quadratic = ints[at.TRI], 0, 0, ints[at.QUADRATIC] == 1
     for cell in range(-1, most):
-        dt, edge, last = 0.0, NOBODY, False
+        dt, edge, last = 0.0, at.NOBODY, False
         if cell >= 0:
             dt, edge = way_out(air.geometry, tri, x, y, vx, vy, fx + rate * vx, fy + rate * vy, rate)
             last = not t0 + s + dt < clock
@@ -229,7 +252,7 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
                 tri = air.neighbours[tri, edge]
                 if tri < 0:
                     break
-                ints[TRI] = tri
+                ints[at.TRI] = tri
                 continue
         cut = 0
         sampled = cell % SAMPLED == 0 or last or dt > LONGER * checked
@@ -246,7 +269,7 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
                 off = barycentric(air.geometry, tri, edge, px, py)
                 if abs(off) <= ON_FACE:
                     break
-                bx, by = air.geometry[tri, 2 + 2 * edge], air.geometry[tri, 3 + 2 * edge]
+                bx, by = air.geometry[tri, at.B0X + 2 * edge], air.geometry[tri, at.B0Y + 2 * edge]
                 speed = bx * (e * vx + dt * (p1 * nx + p2 * gx)) + by * (e * vy + dt * (p1 * ny + p2 * gy))
                 dt = dt - off / speed if speed < 0.0 else -1.0
                 gx, gy = ux * dt, uy * dt
@@ -346,7 +369,7 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
             off = barycentric(air.geometry, tri, edge, px, py)
             if abs(off) <= ON_FACE:
                 break
-            speed = air.geometry[tri, 2 + 2 * edge] * wx + air.geometry[tri, 3 + 2 * edge] * wy
+            speed = air.geometry[tri, at.B0X + 2 * edge] * wx + air.geometry[tri, at.B0Y + 2 * edge] * wy
             part = 1.0 - off / (speed * dt) if speed < 0.0 else 1.0
             if not 0.9 < part < 1.1:
                 stage = REFUSE
@@ -362,8 +385,8 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
         if free > way:
             free -= way
         else:  # nothing is met if the distances before and after add up to more than the way
-            before = clearance(walls, x, y, grain[RADIUS], way)
-            free = clearance(walls, px, py, grain[RADIUS], AHEAD * way)
+            before = clearance(walls, x, y, grain[at.RADIUS], way)
+            free = clearance(walls, px, py, grain[at.RADIUS], AHEAD * way)
             if not before + min(free, way) > way:
                 break
         ux, uy = cx / dt, cy / dt
@@ -372,14 +395,14 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
         x, y, vx, vy, rate, speed2 = px, py, wx, wy, onward, after2
         s += dt
         left += 1
-        state[X], state[Y], state[VX], state[VY], state[T] = x, y, vx, vy, t0 + s
-        ints[TRI] = tri
+        state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T] = x, y, vx, vy, t0 + s
+        ints[at.TRI] = tri
         if last:
-            state[T] = clock
+            state[at.T] = clock
             break
         tri = air.neighbours[tri, edge]
         if tri < 0:
             break
-        ints[TRI] = tri
-    ints[QUADRATIC] = 1 if bend > KEEP else 0
+        ints[at.TRI] = tri
+    ints[at.QUADRATIC] = 1 if bend > KEEP else 0
     return left

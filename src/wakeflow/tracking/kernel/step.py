@@ -15,10 +15,10 @@ import math
 
 from ...laws import lift, rotation
 from ...laws.drag import TABLE_CELLS, TABLE_DECADES
+from . import layout as at
 from .air import air_at, gradient_at, rise_at, swinging
 from .dense_output import along, phis
 from .jit import compiled
-from .layout import EVALUATIONS, EXTRA, INERTIAL, KIND, LIFT, MAGNUS, REYNOLDS2, SPIN, STOKES, SWING, TURN, VORTICITY, T
 from .locate import barycentric
 from .walls import constrain
 
@@ -38,20 +38,20 @@ OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then f
 @compiled
 def drag_rate(grain, table, slip2):
     """B = f(Re) / tau (1/s) at a squared slip velocity, from the table of the drag law."""
-    if grain[STOKES] == 0.0:
+    if grain[at.STOKES] == 0.0:
         return 0.0
-    re2 = grain[REYNOLDS2] * slip2
+    re2 = grain[at.REYNOLDS2] * slip2
     if re2 <= 1e-16:
-        return grain[STOKES] * table[0, 0]
-    at = PER_HALF_NATURAL_LOG * math.log(re2) - FIRST_CELL
+        return grain[at.STOKES] * table[0, 0]
+    place = PER_HALF_NATURAL_LOG * math.log(re2) - FIRST_CELL
     cells = table.shape[0]
     extra = 1.0
-    if at >= cells:
+    if place >= cells:
         extra = math.sqrt(re2) * BEYOND
-        at = cells - 1e-9
-    i = int(at)
-    w = at - i
-    return grain[STOKES] * extra * (table[i, 0] + w * (table[i, 1] + w * (table[i, 2] + w * table[i, 3])))
+        place = cells - 1e-9
+    i = int(place)
+    w = place - i
+    return grain[at.STOKES] * extra * (table[i, 0] + w * (table[i, 1] + w * (table[i, 2] + w * table[i, 3])))
 
 
 @compiled
@@ -59,7 +59,7 @@ def spin_at(affine, grain, spin, t, s):
     """Spin at time s after t: the air of the loaded triangle turns it exactly, with its vorticity half way."""
     _, xy, yx, _ = gradient_at(affine, t + 0.5 * s)
     half = 0.5 * (yx - xy)
-    return half - spin_decay(half - spin, s, grain[SPIN], grain[VORTICITY])
+    return half - spin_decay(half - spin, s, grain[at.SPIN_RATE], grain[at.VORTICITY])
 
 
 @compiled
@@ -67,19 +67,19 @@ def _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin):
     """Acceleration by the air's own (added mass), shear lift and spin lift."""
     xx, xy, yx, yy = gradient_at(affine, t)
     fx = fy = 0.0
-    if grain[INERTIAL] != 0.0:
+    if grain[at.INERTIAL] != 0.0:
         tx, ty = rise_at(affine, x, y, t)
-        fx += grain[INERTIAL] * (tx + xx * ux + xy * uy)
-        fy += grain[INERTIAL] * (ty + yx * ux + yy * uy)
+        fx += grain[at.INERTIAL] * (tx + xx * ux + xy * uy)
+        fy += grain[at.INERTIAL] * (ty + yx * ux + yy * uy)
     curl = yx - xy
-    reynolds = math.sqrt(grain[REYNOLDS2] * (sx * sx + sy * sy))
-    if grain[LIFT] != 0.0:
-        lift = grain[LIFT] * lift_coefficient(reynolds, grain[VORTICITY] * abs(curl)) * curl
+    reynolds = math.sqrt(grain[at.REYNOLDS2] * (sx * sx + sy * sy))
+    if grain[at.LIFT] != 0.0:
+        lift = grain[at.LIFT] * lift_coefficient(reynolds, grain[at.VORTICITY] * abs(curl)) * curl
         fx += lift * sy
         fy -= lift * sx
-    if grain[MAGNUS] != 0.0:
+    if grain[at.MAGNUS] != 0.0:
         turn = 0.5 * curl - spin
-        lift = grain[MAGNUS] * magnus_factor(reynolds, grain[VORTICITY] * abs(turn)) * turn
+        lift = grain[at.MAGNUS] * magnus_factor(reynolds, grain[at.VORTICITY] * abs(turn)) * turn
         fx -= lift * sy
         fy += lift * sx
     return fx, fy
@@ -93,7 +93,7 @@ def free_force(affine, grain, table, x, y, vx, vy, t, spin):
     rate = drag_rate(grain, table, sx * sx + sy * sy)
     fx += rate * sx
     fy += rate * sy
-    if grain[EXTRA] != 0.0:
+    if grain[at.EXTRA] != 0.0:
         ex, ey = _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin)
         fx += ex
         fy += ey
@@ -107,12 +107,12 @@ def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag
     ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it. N
     and the air's velocity are the lab's in free flight seen from a mesh that swings.
     """
-    ints[EVALUATIONS] += 1
-    t = state[T] + s
+    ints[at.EVALUATIONS] += 1
+    t = state[at.T] + s
     ux, uy, fx, fy = air_at(affine, x, y, t)
     dx = dy = 0.0
-    if affine[SWING + 2] != 0.0 and hold[KIND] == 0.0:
-        dx, dy, ax, ay = swinging(affine[SWING], affine[SWING + 1], affine[SWING + 2], affine[SWING + 3], t)
+    if affine[at.SWING + at.SWING_OMEGA] != 0.0 and hold[at.KIND] == 0.0:
+        dx, dy, ax, ay = swinging(affine, at.SWING, t)
         fx, fy, wx, wy = fx + ax, fy + ay, wx - dx, wy - dy
     vx += lag * (ux - wx)
     vy += lag * (uy - wy)
@@ -120,14 +120,14 @@ def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag
     rate = drag_rate(grain, table, sx * sx + sy * sy)
     fx += rate * sx
     fy += rate * sy
-    if grain[EXTRA] != 0.0:
-        spin = state[TURN]
-        if grain[MAGNUS] != 0.0 and hold[KIND] == 0.0:
-            spin = spin_at(affine, grain, spin, state[T], s)
+    if grain[at.EXTRA] != 0.0:
+        spin = state[at.SPIN]
+        if grain[at.MAGNUS] != 0.0 and hold[at.KIND] == 0.0:
+            spin = spin_at(affine, grain, spin, state[at.T], s)
         ex, ey = _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin)
         fx += ex
         fy += ey
-    if hold[KIND] != 0.0:
+    if hold[at.KIND] != 0.0:
         fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
     return fx + rate0 * (vx + dx), fy + rate0 * (vy + dy), rate, ux + dx, uy + dy
 
@@ -140,17 +140,17 @@ def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     Error: what the defect at 3/4 of the step displaces, had it that size throughout, its velocity carried on for
     min(1/B, horizon); and what a drag rate frozen over a velocity transient that the stages step over may displace.
     """
-    rate0, n0x, n0y, ux, uy = path[4], path[5], path[6], path[11], path[12]
+    rate0, n0x, n0y, ux, uy = path[at.RATE], path[at.N0X], path[at.N0Y], path[at.AIR_X], path[at.AIR_Y]
     g = 0.5 * h
     # Stiff stages must not take for slip that their velocity lags behind the air's change over the stage
     stiff = rate0 * (rate0 * h) ** 2 / (1.0 + (rate0 * h) ** 2) if rate0 * h < 1e100 else rate0
-    path[7] = path[8] = path[9] = path[10] = 0.0
+    path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
     _, _, p2, p3, _ = phis(-rate0 * g)
     _, q1, q2, q3, _ = phis(-rate0 * h)
     x, y, vx, vy = along(path, g)
     lag = stiff * g * p2
     nx, ny, _, wx, wy = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, ux, uy)
-    path[7], path[8] = (nx - n0x) / g, (ny - n0y) / g
+    path[at.N1X], path[at.N1Y] = (nx - n0x) / g, (ny - n0y) / g
     x, y, vx, vy = along(path, g)
     lag = stiff * h * p3
     nx, ny, _, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, wx, wy)
@@ -158,19 +158,19 @@ def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     wx, wy = 2.0 * wx - ux, 2.0 * wy - uy
     lag = stiff * 2.0 * h * q3
     mx, my, rate1, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, h, lag, wx, wy)
-    path[7], path[8] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
-    path[9], path[10] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h), 2.0 * (n0y - 2.0 * ny + my) / (h * h)
+    path[at.N1X], path[at.N1Y] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
+    path[at.N2X], path[at.N2Y] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h), 2.0 * (n0y - 2.0 * ny + my) / (h * h)
     s = 0.75 * h
     x, y, wx, wy = along(path, s)
     nx, ny, _, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, wx, wy, s, 0.0, ux, uy)
-    nx -= n0x + s * (path[7] + s * path[9])
-    ny -= n0y + s * (path[8] + s * path[10])
+    nx -= n0x + s * (path[at.N1X] + s * path[at.N2X])
+    ny -= n0y + s * (path[at.N1Y] + s * path[at.N2Y])
     carried = min(1.0 / rate0, horizon) if rate0 > 0.0 else horizon
     error = h * (h * q2 + q1 * carried) * math.sqrt(nx * nx + ny * ny)
     if rate0 > 0.0 and rate1 > 0.0 and rate0 != rate1:
         z = rate0 * h
         passed = z / (z + 4.0) if z < 1e100 else 1.0
-        change = math.sqrt((wx - path[2]) ** 2 + (wy - path[3]) ** 2)
+        change = math.sqrt((wx - path[at.START_VX]) ** 2 + (wy - path[at.START_VY]) ** 2)
         error += change * abs(1.0 / rate0 - 1.0 / rate1) * passed * passed * passed
     return error, wx * wx + wy * wy
 
@@ -180,7 +180,7 @@ def _nearest_exit(geometry, tri, x, y, wx, wy, least):
     """Time to leave the triangle at a constant velocity; inf when never. Coordinates below ``least`` count as it."""
     time = math.inf
     for k in range(3):
-        rate = geometry[tri, 2 + 2 * k] * wx + geometry[tri, 3 + 2 * k] * wy
+        rate = geometry[tri, at.B0X + 2 * k] * wx + geometry[tri, at.B0Y + 2 * k] * wy
         if rate < 0.0:
             time = min(time, max(barycentric(geometry, tri, k, x, y), least) / -rate)
     return time
@@ -191,15 +191,15 @@ def exit_time(geometry, tri, path, least):
     """Estimated time to leave the triangle, a little too long: straight first, then along the mean velocity till
     then.
     """
-    x, y, vx, vy, rate = path[0], path[1], path[2], path[3], path[4]
-    fx, fy = path[5] - rate * vx, path[6] - rate * vy
+    x, y, vx, vy, rate = path[at.START_X], path[at.START_Y], path[at.START_VX], path[at.START_VY], path[at.RATE]
+    fx, fy = path[at.N0X] - rate * vx, path[at.N0Y] - rate * vy
     h = _nearest_exit(geometry, tri, x, y, vx, vy, least)
     accel = math.sqrt(fx * fx + fy * fy)
     if accel > 0.0:  # by acceleration alone, across a triangle's size
-        det = abs(geometry[tri, 4] * geometry[tri, 7] - geometry[tri, 5] * geometry[tri, 6])
+        det = abs(geometry[tri, at.B1X] * geometry[tri, at.B2Y] - geometry[tri, at.B1Y] * geometry[tri, at.B2X])
         across = math.sqrt(2.0 / (accel * math.sqrt(det)))
         if rate * across > 1.0:  # drag lets nothing accelerate that long
-            speed = math.sqrt(path[5] ** 2 + path[6] ** 2) / rate
+            speed = math.sqrt(path[at.N0X] ** 2 + path[at.N0Y] ** 2) / rate
             across = max(across, 1.0 / (math.sqrt(det) * speed) if speed > 0.0 else across)
         h = min(h, across)
     if not math.isfinite(h):
@@ -209,7 +209,7 @@ def exit_time(geometry, tri, path, least):
             wx, wy = vx + 0.5 * h * fx, vy + 0.5 * h * fy
         else:
             _, p1, p2, _, _ = phis(-rate * h)
-            wx, wy = p1 * vx + h * p2 * path[5], p1 * vy + h * p2 * path[6]
+            wx, wy = p1 * vx + h * p2 * path[at.N0X], p1 * vy + h * p2 * path[at.N0Y]
         onward = _nearest_exit(geometry, tri, x, y, wx, wy, least)
         if not math.isfinite(onward):
             return 2.0 * h

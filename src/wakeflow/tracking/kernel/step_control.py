@@ -9,40 +9,11 @@ from __future__ import annotations
 
 import math
 
+from . import events
+from . import layout as at
 from .dense_output import along
-from .events import PLANE, first_below
+from .events import first_below
 from .jit import compiled, inlined
-from .layout import (
-    ARM,
-    EXTRA,
-    FREE,
-    FRESH,
-    GAP,
-    H_ERROR,
-    HOPS,
-    KIND,
-    NOBODY,
-    NOISE,
-    ON_VERTEX,
-    PATIENCE,
-    RADIUS,
-    REFUSED,
-    SAMPLED,
-    STEPS,
-    STOKES,
-    STUCK,
-    T_END,
-    T_NOISE,
-    TRI,
-    UNSTRIDDEN,
-    VX,
-    VY,
-    W_END,
-    WW,
-    T,
-    X,
-    Y,
-)
 from .locate import barycentric
 from .multi_cell import march, way_out
 from .step import attempt, exit_time
@@ -61,34 +32,36 @@ def longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed
     """The longest step worth trying: (end, snapshot, noise, last error, nearly straight where there are walls; and
     about as long as it stays in its triangle).
     """
-    h = min(rules.until - state[T], state[H_ERROR])
+    h = min(rules.until - state[at.T], state[at.H_ERROR])
     if timed:
-        h = min(h, state[T_END] - state[T])
-    if grain[NOISE] != 0.0:
-        h = min(h, state[T_NOISE] - state[T])
+        h = min(h, state[at.T_END] - state[at.T])
+    if grain[at.NOISE] != 0.0:
+        h = min(h, state[at.T_NOISE] - state[at.T])
     h = min(h, LOOKS * rules.coarse)
     within = math.inf
     if air.corners.shape[0] > 0:
-        if ints[GAP] >= 0:
+        if ints[at.GAP] >= 0:
             within = 0.5 * edge / speed if speed > 0.0 else math.inf
         else:
-            within = exit_time(air.geometry, ints[TRI], path, 1e-3)
+            within = exit_time(air.geometry, ints[at.TRI], path, 1e-3)
     if walls.bodies.shape[0] > 0:  # nearly straight where bodies may be met
-        x, y = state[X], state[Y]
-        away = max(rules.left - x, x - rules.right, rules.bottom - y, y - rules.top, 0.0) - grain[RADIUS]
+        x, y = state[at.X], state[at.Y]
+        away = max(rules.left - x, x - rules.right, rules.bottom - y, y - rules.top, 0.0) - grain[at.RADIUS]
         half = 0.5 * rules.length + max(away, 0.0)
         slow = speed + math.sqrt(half * pull)
         if slow > 0.0:
             h = min(h, half / slow)
-    if ints[STUCK] >= HOP_LIMIT:  # too many contacts in no time: a step too short to reach into a wall, without looking
+    if (
+        ints[at.STUCK] >= HOP_LIMIT
+    ):  # too many contacts in no time: a step too short to reach into a wall, without looking
         h = min(h, math.sqrt(rules.skin / (pull + 1e-3 * rules.length)))
-    if hold[KIND] != FREE:
-        if hold[WW] != 0.0:
-            h = min(h, 0.2 / hold[WW])
-        if hold[SAMPLED] != 0.0:  # the wall's acceleration has a kink there
-            h = min(h, hold[W_END] - state[T])
-        if hold[KIND] == ON_VERTEX:
-            h = min(h, 0.2 * hold[ARM] / (speed + math.sqrt(hold[ARM] * pull)))
+    if hold[at.KIND] != at.FREE:
+        if hold[at.WW] != 0.0:
+            h = min(h, 0.2 / hold[at.WW])
+        if hold[at.SAMPLED] != 0.0:  # the wall's acceleration has a kink there
+            h = min(h, hold[at.W_END] - state[at.T])
+        if hold[at.KIND] == at.ON_VERTEX:
+            h = min(h, 0.2 * hold[at.ARM] / (speed + math.sqrt(hold[at.ARM] * pull)))
     return h, within
 
 
@@ -100,7 +73,7 @@ def _allowed(rules, h, speed, fast):
 @compiled
 def _horizon(state, rules, speed, pull):
     """How long a velocity error may be carried on: to the end, or as long as the flight takes."""
-    return min(rules.until - state[T], rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300))
+    return min(rules.until - state[at.T], rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300))
 
 
 @inlined
@@ -112,7 +85,7 @@ def confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed
         error, fast = attempt(path, h, state, ints, affine, grain, table, hold, horizon)
         allowed = _allowed(rules, h, speed, fast)
         if error <= allowed or (h <= shortest and math.isfinite(error)):
-            state[H_ERROR] = h * min(5.0, 0.9 * (allowed / error) ** (1.0 / 3.0)) if error > 0.0 else math.inf
+            state[at.H_ERROR] = h * min(5.0, 0.9 * (allowed / error) ** (1.0 / 3.0)) if error > 0.0 else math.inf
             return h
         # a velocity transient shorter than the step shrinks the error no faster than the step: then go down quickly
         most = 0.9 if rejected == 0 else (0.5 if rejected < 4 else 0.1)
@@ -127,47 +100,65 @@ def leap(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn
     Not in contact, nor with forces made of the air's gradients (they jump at faces). After a stride that was refused
     4, 8 ... 64 triangles are marched, after a march that was cut short the next 1, 2, 4 ... steps are confined.
     """
-    if rules.march == 0 or hold[KIND] != FREE or grain[EXTRA] != 0.0 or grain[STOKES] == 0.0:
+    if rules.march == 0 or hold[at.KIND] != at.FREE or grain[at.EXTRA] != 0.0 or grain[at.STOKES] == 0.0:
         return 0
-    if ints[PATIENCE] > 0:
-        ints[PATIENCE] -= 1
+    if ints[at.PATIENCE] > 0:
+        ints[at.PATIENCE] -= 1
         return 0
-    cell, _ = way_out(air.geometry, ints[TRI], state[X], state[Y], state[VX], state[VY], 0.0, 0.0, 0.0)
+    cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
     if not drawn and stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
-        ints[FRESH] = ints[HOPS] = ints[STUCK] = ints[REFUSED] = ints[UNSTRIDDEN] = 0
-        ints[STEPS] += 1
+        ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0
+        ints[at.STEPS] += 1
         return 1
-    if air.swing[2] != 0.0:  # faces that move: confined steps
+    if air.swing[at.SWING_OMEGA] != 0.0:  # faces that move: confined steps
         return 0
-    most = 4 if drawn else 4 * 2 ** ints[UNSTRIDDEN]  # triangles till the next stride is tried
-    ints[UNSTRIDDEN] = min(ints[UNSTRIDDEN] + 1, 4)
+    most = 4 if drawn else 4 * 2 ** ints[at.STRIDES_REFUSED]  # triangles till the next stride is tried
+    ints[at.STRIDES_REFUSED] = min(ints[at.STRIDES_REFUSED] + 1, 4)
     left = march(state, ints, affine, air, grain, table, walls, rules, most)
     if left > 2:
-        ints[REFUSED] = 0
+        ints[at.MARCHES_CUT] = 0
     else:
-        ints[PATIENCE] = 2 ** ints[REFUSED]
-        ints[REFUSED] = min(ints[REFUSED] + 1, MOST_PATIENCE)
+        ints[at.PATIENCE] = 2 ** ints[at.MARCHES_CUT]
+        ints[at.MARCHES_CUT] = min(ints[at.MARCHES_CUT] + 1, MOST_PATIENCE)
     if left > 0:
-        ints[FRESH] = ints[HOPS] = ints[STUCK] = 0
-        ints[STEPS] += left
+        ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = 0
+        ints[at.STEPS] += left
     return left
 
 
 @inlined
 def leaves(path, h, ints, air):
     """When and across which edge the step leaves the triangle: (time, edge), edge -1 when it does not."""
-    g, tri = air.geometry, ints[TRI]
+    g, tri = air.geometry, ints[at.TRI]
     x, y, vx, vy = along(path, h)
-    s, edge = h, NOBODY
+    s, edge = h, at.NOBODY
     for k in range(3):
-        bx, by = g[tri, 2 + 2 * k], g[tri, 3 + 2 * k]
+        bx, by = g[tri, at.B0X + 2 * k], g[tri, at.B0Y + 2 * k]
         fb, rb = barycentric(g, tri, k, x, y), bx * vx + by * vy
-        ra = bx * path[2] + by * path[3]
+        ra = bx * path[at.START_VX] + by * path[at.START_VY]
         if fb > 0.0 and not (ra < 0.0 and rb > 0.0):
             continue
-        fa = barycentric(g, tri, k, path[0], path[1])
+        fa = barycentric(g, tri, k, path[at.START_X], path[at.START_Y])
         q0 = 1.0 if k == 0 else 0.0
-        found = first_below(path, 0.0, g, NOBODY, PLANE, g[tri, 0], g[tri, 1], q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
+        found = first_below(
+            path,
+            0.0,
+            g,
+            at.NOBODY,
+            events.PLANE,
+            g[tri, at.CORNER_X],
+            g[tri, at.CORNER_Y],
+            q0,
+            bx,
+            by,
+            0.0,
+            fa,
+            ra,
+            h,
+            fb,
+            rb,
+            EDGE,
+        )
         if found >= 0.0 and (found < s or (found == s and fb <= 0.0)):
             s, edge = found, k
     return s, edge

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
+from . import layout as at
 from .dense_output import along, phis, sway
 from .jit import inlined
-from .layout import GX, GY, H_STRIDE, RADIUS, T_END, T_NOISE, TRI, VX, VY, T, X, Y
 from .locate import walk
 from .multi_cell import BOOLE, ODD, clearance, excess
 
@@ -28,21 +28,27 @@ FIRST = 12.0  # triangles of the first stride tried
 @inlined
 def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
     """Try one stride; ``cell`` (s) is about the time within this triangle. Returns whether the granule has moved."""
-    t0 = state[T]
-    clock = min(rules.until, state[T_NOISE], state[T_END] if air.smooth[1] == 0.0 else math.inf)
-    h = FIRST * cell if state[H_STRIDE] == 0.0 else min(state[H_STRIDE], MOST * cell)
+    t0 = state[at.T]
+    clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
+    h = FIRST * cell if state[at.H_STRIDE] == 0.0 else min(state[at.H_STRIDE], MOST * cell)
     h = min(h, clock - t0, LOOKS * rules.coarse)
-    speed = math.sqrt(state[VX] ** 2 + state[VY] ** 2)
-    fall = math.sqrt(rules.extent * math.sqrt(grain[GX] ** 2 + grain[GY] ** 2))
+    speed = math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2)
+    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
     horizon = min(rules.until - t0, rules.extent / (speed + fall + 1e-300))
-    path[0], path[1], path[2], path[3], path[4] = state[X], state[Y], state[VX], state[VY], 0.0
-    wx, wy, _, _ = sway(path, air.swing, 0, t0)
+    path[at.START_X], path[at.START_Y], path[at.START_VX], path[at.START_VY], path[at.RATE] = (
+        state[at.X],
+        state[at.Y],
+        state[at.VX],
+        state[at.VY],
+        0.0,
+    )
+    wx, wy, _, _ = sway(path, air.swing, at.SWING_X, t0)
     rate = n0x = n0y = nx = ny = mx = my = ox = oy = 0.0
     for attempt in range(3):
         if h < FEWEST * cell:
             break
-        tri, code, fast, stage = ints[TRI], 0, speed, 0 if attempt == 0 else 1
-        path[7] = path[8] = path[9] = path[10] = 0.0
+        tri, code, fast, stage = ints[at.TRI], 0, speed, 0 if attempt == 0 else 1
+        path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
         while stage < 5:  # the start, the middle, the end, 1/4, 3/4
             s = h * (0.5 * stage if stage < 3 else 0.5 * stage - 1.25)
             x, y, vx, vy = along(path, s)
@@ -50,22 +56,25 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
             if code != 0:
                 break
             _, _, p2, _, _ = phis(-rate * s)
-            fx = path[5] + s * (path[7] + s * path[9])
-            fy = path[6] + s * (path[8] + s * path[10])
+            fx = path[at.N0X] + s * (path[at.N1X] + s * path[at.N2X])
+            fy = path[at.N0Y] + s * (path[at.N1Y] + s * path[at.N2Y])
             ex, ey, now, vx, vy = excess(
                 state, ints, affine, air, grain, table, tri, x, y, vx, vy, t0 + s, rate, fx, fy, 0.5 * s * p2
             )
             if stage == 0:
                 rate = now
                 n0x, n0y = ex + rate * (vx + wx), ey + rate * (vy + wy)
-                path[4], path[5], path[6] = rate, n0x, n0y
+                path[at.RATE], path[at.N0X], path[at.N0Y] = rate, n0x, n0y
             elif stage == 1:
                 nx, ny = ex, ey
-                path[7], path[8] = (nx - n0x) / s, (ny - n0y) / s
+                path[at.N1X], path[at.N1Y] = (nx - n0x) / s, (ny - n0y) / s
             elif stage == 2:
                 mx, my, fast = ex, ey, max(speed, math.sqrt(vx * vx + vy * vy))
-                path[7], path[8] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
-                path[9], path[10] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h), 2.0 * (n0y - 2.0 * ny + my) / (h * h)
+                path[at.N1X], path[at.N1Y] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
+                path[at.N2X], path[at.N2Y] = (
+                    2.0 * (n0x - 2.0 * nx + mx) / (h * h),
+                    2.0 * (n0y - 2.0 * ny + my) / (h * h),
+                )
             elif stage == 3:
                 ox, oy = ex - fx, ey - fy
             else:
@@ -87,16 +96,16 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
         cx, cy = BOOLE * (ox + nx), BOOLE * (oy + ny)
         x, y = x + h * h * p2 * cx, y + h * h * p2 * cy
         tri, code = walk(air.geometry, air.neighbours, tri, x, y)
-        free = clearance(walls, state[X], state[Y], grain[RADIUS], way)
+        free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], way)
         if code == 0:  # nothing is met if the distances before and after add up to more than the way
-            free += clearance(walls, x, y, grain[RADIUS], way)
+            free += clearance(walls, x, y, grain[at.RADIUS], way)
         if code != 0 or free <= way:
             h *= 0.5
             continue
-        state[X], state[Y], state[VX], state[VY] = x, y, vx + h * p1 * cx, vy + h * p1 * cy
-        state[T] = clock if h == clock - t0 else t0 + h
-        ints[TRI] = tri
-        state[H_STRIDE] = h * min(2.0, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else 2.0 * h
+        state[at.X], state[at.Y], state[at.VX], state[at.VY] = x, y, vx + h * p1 * cx, vy + h * p1 * cy
+        state[at.T] = clock if h == clock - t0 else t0 + h
+        ints[at.TRI] = tri
+        state[at.H_STRIDE] = h * min(2.0, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else 2.0 * h
         return True
-    state[H_STRIDE] = max(h, FEWEST * cell)
+    state[at.H_STRIDE] = max(h, FEWEST * cell)
     return False

@@ -1,4 +1,4 @@
-"""The airflow against published values: scenes of ``cases/verify``, run by the same chain as every other scene."""
+"""The airflow against published values: scenes of ``cases/verify``, computed by the pipeline of every other scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied 
 class ComparedValue:
     """One number of one case. ``low`` .. ``high`` holds the 95 % interval of the finest mesh, or, where several were
     computed, the mesh error with it (``error`` says how, ``order`` the observed one). ``theirs``: low and high of what
-    is published; ``deviation`` relative to its nearer end; ``met`` None where nothing was to be met.
+    is published; ``deviation`` relative to its nearer end; ``met`` None where no agreement was asked for.
     """
 
     case: str
@@ -60,8 +60,8 @@ class ComparedValue:
 def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> dict[str, Any]:
     """Compute the quick cases, with ``slow`` all, and write ``airflow.json`` and ``airflow.md`` into ``folder``.
 
-    Everything is cached: the same call goes on after an interruption. A case whose mesh or airflow fails does not keep
-    the others from being computed; then FoamError is raised at the end, after the report is written.
+    Everything is cached: the same call goes on after an interruption. Where the mesh or airflow of a case fails the
+    others are still computed; FoamError is raised at the end, after the report is written.
     """
     chosen = [case for case in cases().values() if slow or case.quick]
     return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell)
@@ -142,7 +142,7 @@ def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str
 
 
 def grid_study(airflows: Sequence[Measured], names: Sequence[str], scene: Scene) -> dict[str, GridEstimate]:
-    """What the grids say about the quantities that all of them have; empty for one grid."""
+    """Grid convergence of the quantities that all grids have; empty for one grid."""
     if len(airflows) < 2:
         return {}
     area = scene.channel.width * (scene.channel.top - scene.channel.bottom)  # of any size: only ratios count
@@ -198,7 +198,7 @@ def _order_row(case: Case, rung: str, airflow: Measured, studies: dict[str, Grid
 
 
 def _beside_rows(case: Case, scene: Scene, own: Sequence[ComparedValue], tell: Tell) -> Iterator[ComparedValue]:
-    """The other rung's numbers, not judged; and whether the scene's own is closer where it has to be."""
+    """The other rung's numbers, only reported; and whether the scene's own rung is closer where it has to be."""
     rung, airflow = solve(scene, min(case.scales), case.beside, tell)
     rows = {v: _row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, False) for v in case.values}
     yield from (row for row in rows.values() if row.ours is not None)

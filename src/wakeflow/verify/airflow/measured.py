@@ -53,7 +53,7 @@ class Measured:
 
     @cached_property
     def day(self) -> str:
-        """The date on which it was computed, however often it was read since."""
+        """The date on which it was computed, not that on which it was read from the cache."""
         return date.fromtimestamp((self.case / "airflow.json").stat().st_mtime).isoformat()
 
     @cached_property

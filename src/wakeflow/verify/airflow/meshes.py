@@ -1,4 +1,4 @@
-"""Error against core-seconds of the ways to mesh: the same steady airflows on meshes of every strategy and size.
+"""Error against core-seconds of the meshing strategies: the same steady airflows on meshes of every strategy and size.
 
 Two flows: a triangle at Re = 30, laminar, where the steady solution is the truth; and the rhombus of the shipped scene
 at Re = 16 500, k-omega SST, on the half domain, as the rung ``draft`` solves it. The truth of each number is the
@@ -91,7 +91,8 @@ def run_meshes(
 ) -> dict[str, Any]:
     """Solve every flow by every strategy at every scale; ``meshes.json`` in ``folder`` holds the report.
 
-    Every solution is cached, so that a stopped study goes on. Raises MeshError and FoamError as meshing and solving do.
+    Every solution is cached, so that an interrupted study can go on. Raises MeshError and FoamError as meshing and
+    solving do.
     """
     store = Store(cache_root())
     report: dict[str, Any] = {"flows": {}}

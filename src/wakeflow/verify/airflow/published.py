@@ -19,8 +19,8 @@ STATUSES = ("read", "quoted", "unchecked")
 
 @dataclass(frozen=True)
 class Published:
-    """A published number ``low`` .. ``high`` of a quantity; ``within``: relative deviation from it that is met, None
-    where it is only reported.
+    """A published number ``low`` .. ``high`` of a quantity; ``within``: relative deviation up to which it counts as
+    met, None where it is only reported.
     """
 
     quantity: str
@@ -58,7 +58,9 @@ def cases() -> dict[str, Case]:
 
 
 def read_cases(tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Case]:
-    """The cases in plain tables. Raises SceneError for what is not as published.toml's head says."""
+    """The cases in plain tables. Raises SceneError for an entry that does not follow the rules at the head of
+    published.toml.
+    """
     return {name: _case(name, dict(table)) for name, table in tables.items()}
 
 

@@ -1,1 +1,1 @@
-"""Exact problems: a flow, granules and the answer, and reference integrators for what has no closed form."""
+"""Exact problems: a flow, granules and the answer; reference integrators where there is no closed form."""

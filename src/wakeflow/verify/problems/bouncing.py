@@ -1,5 +1,5 @@
 """Exact numbers of a ball on a vibrating table: where it lifts off, and from which strength on it bounces once a period
-or once every two. All of it flown by the tracker that runs in a scene.
+or once in two periods. The tracker that runs in a scene flies all of it.
 
 The table moves by a sin(w t), Gamma = a w^2 / g. A ball of restitution e that meets it at the same phase each period
 leaves with g T / 2, so that cos(phase) = pi (1 - e) / ((1 + e) Gamma): the orbit is there for Gamma > Gamma_1 =
@@ -28,24 +28,24 @@ RESTITUTIONS = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95])
 TABLE = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])
 FREQUENCY, RADIUS = 20.0, 1e-3  # Hz, m
 OMEGA, PERIOD = 2 * math.pi * FREQUENCY, 1 / FREQUENCY
-ABOUT = np.array([0.998, 1.002])  # of a threshold: looked at just below and just above
+ABOUT = np.array([0.998, 1.002])  # share of a threshold: orbits are examined just below and just above it
 LENGTH = 0.1  # m
-LATE = 1500  # periods after which an orbit is what it stays
+LATE = 1500  # periods after which an orbit does not change any more
 
 
 def first(restitution: Array) -> Array:
-    """Gamma_1, from which on a ball can bounce once a period."""
+    """Gamma_1: above it a ball can bounce once a period."""
     return np.asarray(math.pi * (1 - restitution) / (1 + restitution))
 
 
 def doubling(restitution: Array) -> Array:
-    """Gamma', from which on it does not stay there."""
+    """Gamma': above it the orbit of period one is unstable."""
     return np.asarray(np.hypot(first(restitution), 2 * (1 + restitution**2) / (1 + restitution) ** 2))
 
 
 def _bounced(e: float, gamma: float, periods: int, nudge: float, tolerance: float) -> float:
-    """How far, in amplitudes, a ball is from the orbit of period one after so many periods; its first speed is
-    ``nudge`` off, as a share. Half way between the orbit's bounces.
+    """Distance, in amplitudes, of a ball from the orbit of period one after so many periods; its first speed is off by
+    the share ``nudge``. Half way between the orbit's bounces.
     """
     a = gamma * G / OMEGA**2
     phase = math.acos(min(1.0, float(first(np.array(e))) / gamma))

@@ -1,4 +1,6 @@
-"""Exact numbers that a swarm gives: impaction efficiency, trapping threshold, response to swinging air, spreading."""
+"""Exact numbers that an ensemble of granules gives: impaction efficiency, trapping threshold, response to swinging air,
+spreading.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,7 @@ def impaction_on_a_cylinder(tolerance: float) -> Array:
     outline = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     body = Body(np.concatenate([outline, (outline * [1, -1])[-2:0:-1]]), capture=True)
     low, high, rays = np.zeros(len(INERTIA)), np.ones(len(INERTIA)), 24
-    for _ in range(3):  # the share is where granules begin to miss: narrowed down
+    for _ in range(3):  # the share ends where granules begin to miss the cylinder: narrowed down
         height = low[:, None] + np.outer(high - low, (np.arange(rays) + 0.5) / rays)
         start = np.stack([np.full(height.size, -49.0), height.ravel()], axis=1)
         # points: their size must not count, only their relaxation time

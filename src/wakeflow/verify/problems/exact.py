@@ -1,8 +1,8 @@
-"""What an exact problem is, the registries they stand in, and the meshes they fly on.
+"""What an exact problem is, the registries of problems and numbers, and the meshes that they fly on.
 
 A problem is one function that takes the fineness of the mesh and returns the setting (field, granules, walls, end) and
-the exact answer. A number is what a whole swarm gives (an efficiency, a threshold), with the interval the truth lies
-in. Both are tested by being registered.
+the exact answer. A number is what a whole ensemble of granules gives (an efficiency, a threshold), with the interval in
+which the truth lies. What is registered is tested.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The reference integrator of the benchmark: the same equation of motion on the same interpolant, integrated far
-below every error that is measured.
+"""The reference of the benchmark: the same equation of motion on the same interpolant, integrated to errors far below
+every error that is measured.
 
 Within one triangle, and between two snapshots or knots, the field is affine with coefficients polynomial in time, so a
 method of high order meets no kinks: Dormand & Prince's method of order 8 with scipy's coefficients and error estimate
 (Hairer, Norsett & Wanner 1993, Solving Ordinary Differential Equations I, II.5), every granule with a step of its own,
 all granules at once. A step that would leave the triangle or enter a wall is shortened by Newton's method until it ends
-there. Nothing is shared with the tracker but the drag law's formula and the collision function.
+there. It shares with the tracker the drag law's formula and the collision function, and nothing else.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ FLYING, LANDED, AIRBORNE, UNFINISHED = range(4)
 
 @dataclass(frozen=True)
 class TrackingProblem:
-    """What everybody solves: field, bodies at rest, ``until`` (s), drag law, forces and gravity (m/s2)."""
+    """What every tracker solves: field, bodies at rest, ``until`` (s), drag law, forces and gravity (m/s2)."""
 
     field: FlowField
     bodies: tuple[Body, ...]
@@ -52,7 +52,8 @@ class TrackingProblem:
 class Reference:
     """Where granules left the mesh: ``position`` (n, 2) m, ``time`` (n,) s, ``impacts`` (n,), ``landed`` (n,).
 
-    Not landed are those still in flight at the end and those that began to slide or ran out of the time allowed.
+    Granules that are still in flight at the end, that began to slide or that ran out of the allowed time have not
+    landed.
     """
 
     position: Array
@@ -94,7 +95,7 @@ class _Flight:
     # -- the field -----------------------------------------------------------------------------------------------------
 
     def _drawn(self, nodal: Array | None) -> Array | None:
-        """Nodal values of snapshots as they are, those of modes as coefficients of splines at the knots."""
+        """Nodal values: those of snapshots as they are, those of modes as coefficients of splines at the knots."""
         shares = self.field.coefficients
         return nodal if shares is None or nodal is None else np.tensordot(shares, nodal, axes=1)
 
@@ -172,7 +173,8 @@ class _Flight:
     # -- where they are ------------------------------------------------------------------------------------------------
 
     def inside(self, i: Index, y: Array) -> tuple[Array, Array]:
-        """How far inside of all that ends a step, and the rates: three edges of the triangle, then every body.
+        """Distances from everything that ends a step, positive inside, and their rates: three edges of the triangle,
+        then every body.
 
         (n, 3 + bodies); barycentric coordinates, gaps over the length.
         """
@@ -244,7 +246,7 @@ class _Flight:
         self.aim[i] = np.where(good & outside, np.minimum(share * h, np.nextafter(h, 0.0)), np.inf)
         self.aim[i] = np.where(good & bulge, np.minimum(self.aim[i], 0.5 * h), self.aim[i])
         grown = h * np.clip(0.9 * np.maximum(error, 1e-16) ** (-1.0 / 8.0), 0.2, 10.0)
-        # an accepted step cut short by an event says little about the next: never below what was allowed before
+        # an accepted step that an event cut short says little about the next one, which may be as long as before
         self.h[i] = np.where(good & (h < self.h[i]), np.maximum(self.h[i], grown), grown)
         accept = good & ~outside & ~bulge
         j, done = i[accept], h[accept] == left[accept]
@@ -253,7 +255,7 @@ class _Flight:
         self.state[j[self.t[j] >= self.problem.until]] = AIRBORNE
 
     def _longest(self, i: Index, y: Array) -> Array:
-        """The step asked for: by the last error, and by what was aimed at or a straight way to what ends it."""
+        """The next step: limited by the last error, and by the planned end or the straight way to what ends it."""
         level, rate = self.inside(i, y)
         with np.errstate(divide="ignore", invalid="ignore"):
             straight = np.where(rate < 0.0, np.maximum(level, 0.0) / -rate, np.inf).min(axis=1)
@@ -313,8 +315,8 @@ def distance(outline: Array, x: Array) -> tuple[Array, Array]:
 def fly_reference(
     problem: TrackingProblem, grains: Granules, *, rtol: float = 1e-12, seconds: float = np.inf
 ) -> Reference:
-    """Integrate every granule until it leaves the mesh; ``seconds`` bounds the run time, what is not done then is not
-    landed.
+    """Integrate every granule until it leaves the mesh; ``seconds`` bounds the run time; granules that are not done by
+    then have not landed.
     """
     flight = _Flight(problem, grains)
     begun = clock.monotonic()

@@ -1,9 +1,9 @@
-"""The reference integrator of problems without a closed form: every term, by scipy on the tracker's interpolant.
+"""The reference for problems without a closed form: scipy's integrators on the tracker's own interpolant.
 
 One granule at a time, triangle by triangle and from snapshot to snapshot, so that the air is affine within each piece
-and a method of high order has no kinks to stumble over; infinite planes stand for walls. DOP853 (Hairer, Norsett &
-Wanner 1993, Solving Ordinary Differential Equations I) or, for stiff granules, Radau (Hairer & Wanner 1996, part II).
-The drag factor is read from the tracker's table: its error, below 1e-8 of the law, is tested with the laws.
+and a method of high order meets no kinks; infinite planes stand for walls. DOP853 (Hairer, Norsett & Wanner 1993,
+Solving Ordinary Differential Equations I) or, for stiff granules, Radau (Hairer & Wanner 1996, part II). The drag
+factor is read from the tracker's table: its error, below 1e-8 of the law, is tested with the laws.
 """
 
 from __future__ import annotations
@@ -187,7 +187,8 @@ def _piece(
 ) -> tuple[float, list[float], int | None]:  # fmt: skip
     """Integrate to ``end`` or the first event: edges 0 to 2 of the triangle, then the planes.
 
-    After an event the piece is integrated again up to its time, so that no dense output of lower order is left in it.
+    After an event the piece is integrated again up to the event's time, so that the result does not rest on dense
+    output of lower order.
     """
     from scipy.integrate import solve_ivp
 
@@ -217,7 +218,9 @@ def _piece(
 
 
 def _dip(found: Any, limit: tuple[float, float, float], end: float, k: int) -> tuple[float, int] | None:
-    """A crossing of a limit that comes back within one step of the integrator, so that its ends do not show it."""
+    """Find a crossing of a limit that returns within one step of the integrator, so that the ends of the step do not
+    show it.
+    """
     from scipy.optimize import brentq, minimize_scalar
 
     c, bx, by = limit

@@ -1,4 +1,6 @@
-"""All exact problems and numbers, and what the tracker makes of them: error, cost, order, honesty."""
+"""All exact problems and numbers flown by the tracker: error, cost, order, and whether the stated error covers the
+actual one.
+"""
 
 from __future__ import annotations
 

@@ -40,8 +40,9 @@ LEAST = 2048  # granules of a timed run: the tracker hands its cores large block
 TIMED = ("heavy grain", "chaff", "dust 20 um")  # in the quick comparison
 
 
-def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> dict[str, Any]:
-    """Fly everything, write ``tracker.json``, ``.md`` and ``.png`` into ``folder``, return the report.
+def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
+    """Fly every subject with every tracker, write ``tracker.json``, ``.md`` and ``.png`` into ``folder``, return the
+    report.
 
     ``slow``: a computed time-resolved wake besides the synthetic one, more and finer settings, 1e7 granules. Raises
     FoamError when OpenFOAM is not installed.
@@ -81,7 +82,7 @@ def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: No
 
 
 def _shedding(scene: Scene, foam: FoamInterpolant, tell: Tell) -> list[CurvePoint]:
-    """The computed time-resolved wake of rung ``standard``, on everybody's mesh; minutes of OpenFOAM."""
+    """The computed time-resolved wake of rung ``standard``, on the mesh of all trackers; takes OpenFOAM minutes."""
     _, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"), rung="standard")
     field = resampled(pipeline.field[1], foam.field)
     rows = []
@@ -111,11 +112,13 @@ def _ours_and_explicit(case: BenchmarkCase, slow: bool, tell: Tell) -> tuple[Ref
 
 
 def _cost(case: BenchmarkCase, fly: Callable[[Granules], object], few: Granules, least: int) -> dict[str, float]:
-    """Wall and processor seconds a granule: as many granules as make a timed run long enough, at least ``least``."""
+    """Wall and processor seconds a granule, of a run with so many granules that it lasts long enough, and at least
+    ``least``.
+    """
     each = timed(lambda: fly(few), 1)[0] / len(few)
     count = int(np.clip(ENOUGH / max(each, 1e-9), least, len(case.grains)))
     grains = case.some(count)
-    repeats = 3 if each * count < 3 * ENOUGH else 1  # one run that long averages the machine's noise itself
+    repeats = 3 if each * count < 3 * ENOUGH else 1  # a single run of that length averages the machine's noise
     wall, cpu = timed(lambda: fly(grains), repeats)
     return {"seconds": wall / len(grains), "cpu": cpu / len(grains)}
 
@@ -141,7 +144,9 @@ def _ours(case: BenchmarkCase, reference: Reference, few: Granules, tolerance: f
 
 
 def _steps(case: BenchmarkCase, slow: bool) -> list[float]:
-    """Steps of the explicit tracker: those that are stable for this granule, else some that are."""
+    """Steps of the explicit tracker: the usual ones that are stable for this granule, else some in its relaxation
+    times.
+    """
     tau = float(np.median(case.grains.density * case.grains.diameter**2)) / (18.0 * case.problem.field.viscosity)
     steps = [step for step in (*STEPS, *((1e-5,) if slow else ())) if step < LARGEST_STABLE * tau]
     return steps if len(steps) >= 3 else [share * tau for share in STABLE]
@@ -167,7 +172,7 @@ def _explicit(case: BenchmarkCase, reference: Reference, few: Granules, step: fl
 def _peer(
     case: BenchmarkCase, reference: Reference, foam: FoamInterpolant, folder: Path, slow: bool, tell: Tell
 ) -> list[CurvePoint]:
-    """OpenFOAM's tracker over its step and maxCo; one core, for that is what it uses."""
+    """OpenFOAM's tracker over its step and maxCo, on one core: it uses no more."""
     few = case.some(len(reference.landed))
     free = reference.landed & (reference.impacts == 0)
     until = 1.02 * float(reference.time[free].max())

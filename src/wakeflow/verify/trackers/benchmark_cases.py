@@ -1,4 +1,4 @@
-"""What is flown in the comparison of trackers: four kinds of granules, a steady and a time-resolved wake.
+"""What the compared trackers fly: four kinds of granules, a steady and a time-resolved wake.
 
 Granules enter as in the shipped scene ``rhombus``. So that OpenFOAM's tracker can follow, the body is at rest
 afterwards and drag is Putnam's law for spheres: a fraction whose law carries a factor (a measured terminal velocity)
@@ -51,7 +51,7 @@ class BenchmarkCase:
     replicate: NDArray[np.int64]  # which of the independent samples each granule belongs to
 
     def some(self, count: int) -> Granules:
-        """``count`` granules spread evenly over all of them."""
+        """A subject with ``count`` of its granules, spread evenly over all."""
         return self.grains[np.linspace(0, len(self.grains) - 1, min(count, len(self.grains))).astype(int)]
 
 
@@ -119,7 +119,7 @@ def _free(grains: Granules, field: FlowField, bodies: tuple[Body, ...]) -> NDArr
 
 
 def travelling_wave(field: FlowField, speed: float, width: float, strength: float = 0.4) -> FlowField:
-    """A steady wake with an analytic wave on it, for a quick time-resolved field; not an airflow anybody computed.
+    """A steady wake with an analytic wave on it, for a quick time-resolved field; it is not a computed airflow.
 
     Stream function psi = s U D / (2 pi) sin(2 pi (y / L + t / P)) exp(-(x / 0.75 D)^2) behind the body, fading in over
     two widths; P = D / (St U), L = 0.8 U P: what a vortex street looks like at first glance. ``strength`` s, ``speed``

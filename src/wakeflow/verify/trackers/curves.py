@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Ends:
-    """Where a method's granules ended: ``position`` (n, 2) m, ``landed`` (n,), ``impacts`` (n,) or None: not told."""
+    """Where a method's granules ended: ``position`` (n, 2) m, ``landed`` (n,), ``impacts`` (n,) or None where they are
+    not known.
+    """
 
     position: Array
     landed: NDArray[np.bool_]
@@ -31,7 +33,7 @@ class Ends:
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """One method at one setting: landing errors in body widths, cost, rates. None: not known."""
+    """One method at one setting: landing errors in body widths, cost, rates. None where a number is not known."""
 
     kind: str
     air: str
@@ -44,7 +46,7 @@ class CurvePoint:
     # (OpenFOAM's tracker): with any contact in the reference
     bin_error: float  # largest error of a bin's share
     seconds: float  # per granule, on the clock, with the cores it uses
-    cpu: float  # processor seconds per granule, over all cores: what other work on the machine disturbs least
+    cpu: float  # processor seconds per granule, over all cores: other work on the machine disturbs them least
     steps: float | None  # per granule
     evaluations: float | None  # per granule
     own_median: float | None = None  # error against the method's own finest setting
@@ -116,7 +118,10 @@ def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clo
         if (value := getattr(row, which)) is not None and value > 0
     )
     envelope: list[tuple[float, float]] = []
-    for value, seconds in points:  # from the smallest error up, each must be cheaper than all more accurate ones
+    for (
+        value,
+        seconds,
+    ) in points:  # from the smallest error on: a setting counts only if it is cheaper than all more accurate ones
         if not envelope or seconds < envelope[-1][1]:
             envelope.append((value, seconds))
     better = [point for point in envelope if point[0] <= error]

@@ -1,9 +1,8 @@
-"""One interpolant for everybody: OpenFOAM's own, on the mesh of a case, as a FlowField.
+"""One interpolant for all trackers: OpenFOAM's own, on the mesh of a case, as a FlowField.
 
 OpenFOAM's ``cellPoint`` interpolation is linear between a cell's centre and its faces' points; in the middle plane of a
 one-layer mesh that is piecewise linear on the fan of triangles about every cell's centre. The same values on the same
-triangles make a FlowField, so that everybody flies through exactly the same air and no interpolation error is left to
-blame.
+triangles make a FlowField, so that all trackers fly through exactly the same air and differ by no interpolation error.
 """
 
 from __future__ import annotations

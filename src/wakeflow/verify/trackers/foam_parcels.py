@@ -1,7 +1,7 @@
 """OpenFOAM's ``icoUncoupledKinematicParcelFoam`` on the same interpolant, with the same granules and laws.
 
 The cloud is read from files of a started state instead of being injected: injection would happen within the first time
-step, a shift of its own.
+step and shift the granules in time.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _write_run(case: Path, grains: Granules, scheme: str, step: float, courant: 
 
 
 def _write_cloud(foam: FoamInterpolant, grains: Granules, case: Path) -> None:
-    """The cloud as a solver that was stopped at time 0 would have left it."""
+    """Write the cloud as a solver that was stopped at time 0 would have left it."""
     count, folder = len(grains), case / "0" / "lagrangian" / CLOUD
     triangle = foam.field.locate(grains.position)
     if np.any(triangle < 0):
@@ -151,7 +151,7 @@ def fly_parcels(
 
 
 def start_up(foam: FoamInterpolant, grains: Granules, folder: Path) -> float:
-    """Seconds OpenFOAM's tracker needs to read its case and these granules: a run of one step of nearly no length."""
+    """Seconds that OpenFOAM's tracker needs to read its case and these granules: a run of one very short step."""
     return fly_parcels(foam, grains, scheme="Euler", step=1e-12, courant=0.3, until=1e-12, folder=folder).seconds
 
 

@@ -1,9 +1,9 @@
 """A good explicit tracker to compare with: classical Runge-Kutta of order 4 at a fixed step, on the same triangles.
 
 Linear interpolation, a cached triangle and a walk from it, the same drag table, granules in blocks on all cores. The
-end of a track on the mesh's edge is found on the cubic Hermite interpolant of the step, a contact by a step cut
-short there. What it lacks is what the tracker proper adds: the field's kinks at the triangles' edges cost
-it its order, dust its stability, and it knows nothing about its error.
+end of a track on the mesh's edge is found on the cubic Hermite interpolant of the step, a contact by a step that ends
+there. It lacks what wakeflow's tracker adds: it loses its order at the field's kinks on the triangles' edges, it is
+unstable for dust, and it does not know its error.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from ...field import FlowField
 from ...laws.collision import collide
 from ...laws.constants import GRAVITY
 from ...tracking.granules import Body, Granules
+from ...tracking.kernel import layout as at
 from ...tracking.kernel.jit import compiled, entry
-from ...tracking.kernel.layout import CONSTRAINT, FRICTION, GX, GY, MOBILITY, NX, NY, PRESSURE, RADIUS
 from ...tracking.kernel.locate import anywhere, barycentric, walk
 from ...tracking.kernel.restitution import restitution_of
 from ...tracking.kernel.step import drag_rate
@@ -36,8 +36,9 @@ __all__ = ["ExplicitTracks", "fly_explicit"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 BLOCK = 64
-IMPACTS = 50  # then it slides, which is not followed here
+IMPACTS = 50  # below it the granule slides, which is not followed here
 FLYING, LANDED, AIRBORNE, UNFINISHED = range(4)
+TRI, END, TAKEN, STRUCK = range(4)  # columns of a granule's counts: triangle, how it ended, steps, impacts
 _collide = compiled(collide)
 
 
@@ -82,19 +83,19 @@ def _acceleration(air, grain, table, tri, x, y, vx, vy, a, b, w):
     zero = 1.0 - one - two
     i, j, k = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
     v = air.values
-    ux = zero * v[a, i, 0] + one * v[a, j, 0] + two * v[a, k, 0]
-    uy = zero * v[a, i, 1] + one * v[a, j, 1] + two * v[a, k, 1]
+    ux = zero * v[a, i, at.NODE_U] + one * v[a, j, at.NODE_U] + two * v[a, k, at.NODE_U]
+    uy = zero * v[a, i, at.NODE_V] + one * v[a, j, at.NODE_V] + two * v[a, k, at.NODE_V]
     if b != a:
-        ux += w * (zero * v[b, i, 0] + one * v[b, j, 0] + two * v[b, k, 0] - ux)
-        uy += w * (zero * v[b, i, 1] + one * v[b, j, 1] + two * v[b, k, 1] - uy)
-    fx, fy = grain[GX], grain[GY]
-    if grain[PRESSURE] != 0.0:
-        px = zero * v[a, i, 2] + one * v[a, j, 2] + two * v[a, k, 2]
-        py = zero * v[a, i, 3] + one * v[a, j, 3] + two * v[a, k, 3]
+        ux += w * (zero * v[b, i, at.NODE_U] + one * v[b, j, at.NODE_U] + two * v[b, k, at.NODE_U] - ux)
+        uy += w * (zero * v[b, i, at.NODE_V] + one * v[b, j, at.NODE_V] + two * v[b, k, at.NODE_V] - uy)
+    fx, fy = grain[at.GX], grain[at.GY]
+    if grain[at.PRESSURE] != 0.0:
+        px = zero * v[a, i, at.NODE_PX] + one * v[a, j, at.NODE_PX] + two * v[a, k, at.NODE_PX]
+        py = zero * v[a, i, at.NODE_PY] + one * v[a, j, at.NODE_PY] + two * v[a, k, at.NODE_PY]
         if b != a:
-            px += w * (zero * v[b, i, 2] + one * v[b, j, 2] + two * v[b, k, 2] - px)
-            py += w * (zero * v[b, i, 3] + one * v[b, j, 3] + two * v[b, k, 3] - py)
-        fx, fy = fx + grain[PRESSURE] * px, fy + grain[PRESSURE] * py
+            px += w * (zero * v[b, i, at.NODE_PX] + one * v[b, j, at.NODE_PX] + two * v[b, k, at.NODE_PX] - px)
+            py += w * (zero * v[b, i, at.NODE_PY] + one * v[b, j, at.NODE_PY] + two * v[b, k, at.NODE_PY] - py)
+        fx, fy = fx + grain[at.PRESSURE] * px, fy + grain[at.PRESSURE] * py
     sx, sy = ux - vx, uy - vy
     rate = drag_rate(grain, table, sx * sx + sy * sy)
     return fx + rate * sx, fy + rate * sy
@@ -151,14 +152,14 @@ def _touches(walls, x, y, r):
     """The body that a granule at rest on (x, y) reaches into, and with which feature: (body, kind, which), -1: none."""
     for body in range(walls.bodies.shape[0]):
         b = walls.bodies
-        if b[body, 0] - r < x < b[body, 2] + r and b[body, 1] - r < y < b[body, 3] + r:
+        if b[body, at.LOW_X] - r < x < b[body, at.HIGH_X] + r and b[body, at.LOW_Y] - r < y < b[body, at.HIGH_Y] + r:
             within, nearest = inside(walls, body, x, y)
             if within:
-                return body, 1, nearest
+                return body, at.ON_EDGE, nearest
             depth, kind, which = overlap(walls, body, x, y, r)
             if depth > 0.0:
                 return body, kind, which
-    return -1, 0, -1
+    return -1, at.FREE, at.NOBODY
 
 
 @compiled
@@ -177,78 +178,80 @@ def _first_touch(walls, r, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which):
 
 @compiled
 def _bounce(state, t, grain, walls, hold, kind, which):
-    """Collision with a feature; whether the granule was moving into it."""
-    body, off = grasp(hold, walls, kind, which, grain[RADIUS], state[0], state[1], t)
-    nx, ny = hold[NX], hold[NY]
-    if state[2] * nx + state[3] * ny >= 0.0:
+    """Collide with a feature; returns whether the granule was moving into it."""
+    body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], t)
+    nx, ny = hold[at.NX], hold[at.NY]
+    if state[at.VX] * nx + state[at.VY] * ny >= 0.0:
         return False
-    state[0] -= off * nx
-    state[1] -= off * ny
-    e, f = restitution_of(state, grain, walls, body, nx, ny, 0.0, 0.0), walls.bodies[body, 9]
-    f = grain[FRICTION] if f < 0.0 else f
-    state[2], state[3], state[4], _, _ = _collide(
-        state[2], state[3], state[4], nx, ny, 0.0, 0.0, e, f, grain[MOBILITY], grain[RADIUS]
+    state[at.X] -= off * nx
+    state[at.Y] -= off * ny
+    e, f = restitution_of(state, grain, walls, body, nx, ny, 0.0, 0.0), walls.bodies[body, at.BODY_FRICTION]
+    f = grain[at.FRICTION] if f < 0.0 else f
+    state[at.VX], state[at.VY], state[at.SPIN], _, _ = _collide(
+        state[at.VX], state[at.VY], state[at.SPIN], nx, ny, 0.0, 0.0, e, f, grain[at.MOBILITY], grain[at.RADIUS]
     )
     return True
 
 
 @entry
 def fly_explicit_block(states, clocks, ints, grains, tables, table_of, air, walls, step, until, hold):
-    """A block of granules; ``states`` x, y, vx, vy, spin; ``ints`` triangle, fate, steps, impacts."""
+    """A block of granules; ``states`` begin as those of the tracker; ``ints`` see TRI."""
     for i in range(states.shape[0]):
         state, note, grain, table = states[i], ints[i], grains[i], tables[table_of[i]]
-        r, t = grain[RADIUS], clocks[i]
-        while note[1] == FLYING:
+        r, t = grain[at.RADIUS], clocks[i]
+        while note[END] == FLYING:
             h = min(step, until - t)
-            x, y, vx, vy = state[0], state[1], state[2], state[3]
-            x1, y1, vx1, vy1, tri = _rk4(air, grain, table, note[0], x, y, vx, vy, t, h)
-            note[2] += 1
+            x, y, vx, vy = state[at.X], state[at.Y], state[at.VX], state[at.VY]
+            x1, y1, vx1, vy1, tri = _rk4(air, grain, table, note[TRI], x, y, vx, vy, t, h)
+            note[TAKEN] += 1
             if not (math.isfinite(x1) and math.isfinite(y1)):
-                note[1] = UNFINISHED
+                note[END] = UNFINISHED
                 break
             body, kind, which = _touches(walls, x1, y1, r)
             if body >= 0:
                 high, kind, which = _first_touch(walls, r, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which)
-                x2, y2, vx2, vy2, tri2 = _rk4(air, grain, table, note[0], x, y, vx, vy, t, high)
-                state[0], state[1], state[2], state[3] = x2, y2, vx2, vy2
+                x2, y2, vx2, vy2, tri2 = _rk4(air, grain, table, note[TRI], x, y, vx, vy, t, high)
+                state[at.X], state[at.Y], state[at.VX], state[at.VY] = x2, y2, vx2, vy2
                 if _bounce(state, t, grain, walls, hold, kind, which):
                     t += high
-                    note[3] += 1
-                    note[0], _ = _find(air, tri2, state[0], state[1])
-                    if note[3] > IMPACTS:
-                        note[1] = UNFINISHED
+                    note[STRUCK] += 1
+                    note[TRI], _ = _find(air, tri2, state[at.X], state[at.Y])
+                    if note[STRUCK] > IMPACTS:
+                        note[END] = UNFINISHED
                     continue
             found, code = _find(air, tri, x1, y1)
-            state[0], state[1], state[2], state[3] = x1, y1, vx1, vy1
+            state[at.X], state[at.Y], state[at.VX], state[at.VY] = x1, y1, vx1, vy1
             t += h
             if code < 0:
                 _end_at_edge(state, air, found, x, y, vx, vy, h)
-                note[1] = LANDED
-                t += state[5] - h
-            note[0] = found
-            if note[1] == FLYING and t >= until:
-                note[1] = AIRBORNE
+                note[END] = LANDED
+                t += state[at.T] - h
+            note[TRI] = found
+            if note[END] == FLYING and t >= until:
+                note[END] = AIRBORNE
         clocks[i] = t
 
 
 @compiled
 def _end_at_edge(state, air, tri, x, y, vx, vy, h):
-    """Put the end of the track where the step's Hermite cubic leaves the triangle; its time goes to state[5]."""
+    """Put the end of the track where the step's Hermite cubic leaves the triangle; T becomes its time in
+    the step.
+    """
     edge, worst = 0, 0.0
     for k in range(3):
-        value = barycentric(air.geometry, tri, k, state[0], state[1])
+        value = barycentric(air.geometry, tri, k, state[at.X], state[at.Y])
         if value < worst:
             edge, worst = k, value
-    x1, y1, vx1, vy1 = state[0], state[1], state[2], state[3]
+    x1, y1, vx1, vy1 = state[at.X], state[at.Y], state[at.VX], state[at.VY]
     low, high = 0.0, h
     for _ in range(60):
         s = 0.5 * (low + high)
-        state[0], state[1] = _hermite(s, h, x, vx, x1, vx1), _hermite(s, h, y, vy, y1, vy1)
-        if barycentric(air.geometry, tri, edge, state[0], state[1]) < 0.0:
+        state[at.X], state[at.Y] = _hermite(s, h, x, vx, x1, vx1), _hermite(s, h, y, vy, y1, vy1)
+        if barycentric(air.geometry, tri, edge, state[at.X], state[at.Y]) < 0.0:
             high = s
         else:
             low = s
-    state[5] = high
+    state[at.T] = high
 
 
 def fly_explicit(
@@ -274,18 +277,21 @@ def fly_explicit(
     walls = pack_walls(bodies, pack_lines(()), restitution=grains.restitution)
     tables, table_of = pack_tables(drag, grains.sphericity)
     constants = pack_granules(grains, field, forces, gravity)
-    states = np.zeros((count, 6))
-    states[:, :2], states[:, 2:4], states[:, 4] = grains.position, grains.velocity, grains.spin
+    states = np.zeros((count, at.T + 1))
+    states[:, [at.X, at.Y]], states[:, [at.VX, at.VY]] = grains.position, grains.velocity
+    states[:, at.SPIN] = grains.spin
     clocks = np.array(grains.time)
     ints = np.zeros((count, 4), dtype=np.int64)
-    ints[:, 0] = field.locate(grains.position)
-    ints[ints[:, 0] < 0, 1] = UNFINISHED
+    ints[:, TRI] = field.locate(grains.position)
+    ints[ints[:, TRI] < 0, END] = UNFINISHED
 
     def fly(low: int) -> Any:
         part = slice(low, low + BLOCK)
         block = (states[part], clocks[part], ints[part], constants[part], tables, table_of[part])
-        return fly_explicit_block(*block, air, walls, float(step), float(until), np.zeros(CONSTRAINT))
+        return fly_explicit_block(*block, air, walls, float(step), float(until), np.zeros(at.CONSTRAINT))
 
     with ThreadPoolExecutor(max_workers=workers or os.cpu_count() or 1) as pool:
         list(pool.map(fly, range(0, count, BLOCK)))
-    return ExplicitTracks(states[:, :2].copy(), clocks, ints[:, 1] == LANDED, ints[:, 2], ints[:, 3])
+    return ExplicitTracks(
+        states[:, at.X : at.Y + 1].copy(), clocks, ints[:, END] == LANDED, ints[:, TAKEN], ints[:, STRUCK]
+    )

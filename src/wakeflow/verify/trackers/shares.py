@@ -1,9 +1,9 @@
 """Bin shares of the shipped scene beside those of OpenFOAM's own parcels: the same granules, air, forces and bins.
 
 Three ways for the same granules: this tracker on the field that a run uses, this tracker on the interpolant that
-OpenFOAM uses, and OpenFOAM's ``icoUncoupledKinematicParcelFoam``. What the first two differ by is the interpolation of
-one airflow; what the last two differ by is the trackers, and where granules meet walls the laws of contact: OpenFOAM's
-parcels are points at walls and lose the share mu of their tangential velocity, ours have a radius and dry friction.
+OpenFOAM uses, and OpenFOAM's ``icoUncoupledKinematicParcelFoam``. The first two differ by the interpolation of one
+airflow; the last two differ by the trackers and, where granules meet walls, by the laws of contact: OpenFOAM's parcels
+are points at walls and lose the share mu of their tangential velocity, ours have a radius and dry friction.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ FRACTIONS: dict[str, tuple[str, dict[str, Any]]] = {  # name: (fraction of the s
     "wheat": ("wheat", {"feed.mode": "injected"}),  # heavy ones with their velocity after the impact
     "chaff": ("chaff", {"feed.mode": "injected"}),
     "dust": ("dust", {"feed.mode": "resolved"}),  # from above the body
-    "dust, elastic": (  # where both laws of contact are the same, but for the radius
+    "dust, elastic": (  # both laws of contact are then the same, except for the radius
         "dust",
         {"feed.mode": "resolved", "fraction.dust.restitution": 1.0, "fraction.dust.friction": 0.0},
     ),

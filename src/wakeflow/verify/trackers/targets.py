@@ -1,4 +1,4 @@
-"""What the tracker was to reach, and what it reached: measured, not asserted."""
+"""Goals of the tracker beside what is measured; nothing is asserted."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ Goal = dict[str, Any]
 def development_targets(
     rows: Sequence[CurvePoint], scene: Scene, pipeline: Pipeline, slow: bool, tell: Callable[[str], None]
 ) -> list[Goal]:
-    """Every goal: what was wanted, what was measured, whether it is met."""
+    """Every goal: the value wanted, the value measured, and whether the goal is met."""
     found = _ratios(rows)
     tell("flights of the shipped case")
     found += _shipped_flights(scene, pipeline)
@@ -96,7 +96,7 @@ def _ratios(rows: Sequence[CurvePoint]) -> list[Goal]:
 
 
 def _why(ours: Sequence[CurvePoint], theirs: Sequence[CurvePoint], wanted: float) -> str:
-    """What a goal missed would take, and what the tracker's cheapest setting does instead."""
+    """For a goal that is missed: what it would need, and what the tracker's cheapest setting gives."""
     best = min(ours, key=lambda row: row.cpu)
     needed = (cost_at(theirs, ERROR) or 0.0) / wanted
     error = "–" if best.median is None else f"{best.median:.0e}"
@@ -120,7 +120,7 @@ def _shipped_flights(scene: Scene, pipeline: Pipeline) -> list[Goal]:
     """The scene as it is shipped: its own field, laws, walls, tolerance; with the forces of its plan, and with few."""
     field = pipeline.field[1]
     wave = travelling_wave(field, SPEED, scene.width)
-    calm = pipeline.plan.with_forces(CALM)  # the wave has no pressure of its own
+    calm = pipeline.plan.with_forces(CALM)  # the synthetic wave has no pressure
     found, total, waving = [], np.zeros(2), np.zeros(2)
     for name in scene.fraction:
         grains = feedstock(scene, pipeline.plan, name, None).granules[::2]
@@ -170,7 +170,7 @@ def _start(cache: str) -> tuple[float, float]:
 
 
 def _child(code: str, cache: str | None, *arguments: str) -> str:
-    """What a piece of Python prints, run in a process of its own."""
+    """Run a piece of Python in a process of its own; returns what it prints."""
     with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
         script, log = Path(folder, "script.py"), Path(folder, "log")
         script.write_text(code)

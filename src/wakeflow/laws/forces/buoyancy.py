@@ -1,0 +1,33 @@
+"""Buoyancy: the weight of the air that a granule displaces."""
+
+from __future__ import annotations
+
+from ..constants import GRAVITY
+from .record import Air, Array, Force, Grains, Instant, Vector
+from .scales import Bound, FlightScales
+
+__all__ = ["BUOYANCY"]
+
+
+def _shift(flight: FlightScales) -> float:
+    return flight.slope * flight.widths(flight.steady(flight.ratio * GRAVITY, flight.whole))
+
+
+def _acceleration(grains: Grains, air: Air | None, gravity: Array) -> Array:
+    assert air is not None
+    return -((air.density / grains.density)[:, None] * gravity)
+
+
+def _reference(now: Instant) -> Vector:
+    return -now.ratio * now.gravity[0], -now.ratio * now.gravity[1]
+
+
+BUOYANCY = Force(
+    name="buoyancy",
+    means="weight of the displaced air",
+    source="Archimedes; OpenFOAM's p has no hydrostatic part",
+    calm=True,
+    bound=Bound(_shift, "g rho/rho_p over the whole flight, times the slope of the track at its end"),
+    acceleration=_acceleration,
+    reference=_reference,
+)

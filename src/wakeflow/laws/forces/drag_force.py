@@ -1,0 +1,32 @@
+"""Drag: what the slip through the air costs a granule, by the drag law of its fraction."""
+
+from __future__ import annotations
+
+import math
+
+from .record import Air, Force, Grains, Instant, Slots, Vector
+
+__all__ = ["DRAG"]
+
+
+def _factors(grains: Grains, air: Air) -> Slots:
+    """STOKES (1/s): rate of Stokes drag, 18 mu / (rho_p d^2), times the factor on the law."""
+    return {"STOKES": grains.drag_scale * 18.0 * air.viscosity / (grains.density * grains.diameter**2)}
+
+
+def _reference(now: Instant) -> Vector:
+    sx, sy = now.slip
+    reynolds = math.hypot(sx, sy) * now.diameter / (now.viscosity / now.air_density)
+    stokes = now.drag_scale * 18 * now.viscosity / (now.density * now.diameter**2)
+    rate = stokes * now.drag_factor(reynolds)
+    return rate * sx, rate * sy
+
+
+DRAG = Force(
+    name="drag",
+    means="drag of the air at the slip velocity",
+    source="laws/drag.py: a registered law for each fraction",
+    calm=True,
+    factors=_factors,
+    reference=_reference,
+)

@@ -1,0 +1,33 @@
+"""The air's pressure gradient, which presses a granule into the suction zone."""
+
+from __future__ import annotations
+
+from .record import Air, Force, Grains, Instant, Slots, Vector
+from .scales import Bound, FlightScales
+
+__all__ = ["PRESSURE_GRADIENT"]
+
+
+def _shift(flight: FlightScales) -> float:
+    return flight.widths(flight.passage(flight.ratio * flight.flow_acceleration, flight.near))
+
+
+def _factors(grains: Grains, _air: Air) -> Slots:
+    """PRESSURE (m3/kg): -1 / rho_p."""
+    return {"PRESSURE": -1.0 / grains.density}
+
+
+def _reference(now: Instant) -> Vector:
+    assert now.pressure_gradient is not None
+    return -(now.pressure_gradient[0] / now.density), -(now.pressure_gradient[1] / now.density)
+
+
+PRESSURE_GRADIENT = Force(
+    name="pressure-gradient",
+    means="-grad p / rho_p: what presses a granule into the suction zone",
+    source="Maxey, M.R. & Riley, J.J. 1983, Phys. Fluids 26, 883",
+    needs="pressure",
+    bound=Bound(_shift, "rho/rho_p U^2/D within 3 D of the body"),
+    factors=_factors,
+    reference=_reference,
+)

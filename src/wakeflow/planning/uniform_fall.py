@@ -1,0 +1,151 @@
+"""A granule's vertical fall through the channel's uniform air: how long it takes, and how fast it comes where.
+
+One-dimensional exponential steps with the drag of their beginning: good to about 1 %, which is enough for bounds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..laws.constants import GRAVITY
+from ..laws.drag import drag_laws, slip_correction, terminal_velocity
+from ..laws.forces.scales import NEAR
+from ..laws.relaxation import relaxed
+from ..scene import Air, Scene
+
+__all__ = ["FallTimes", "UniformFall", "arrival_speed", "fall_speeds"]
+
+Array = NDArray[np.float64]
+STEP = 0.01  # of the time that the whole fall takes about; chosen: an error of about 1 %
+MOST_STEPS = 3000  # 30 times that: a granule that has not come through by then hangs in the air
+LEAST_LANDING = 0.1  # of the air speed: what a landing speed is at least taken for, where a granule nearly hangs
+
+
+class FallPoint(NamedTuple):
+    """A point of a fall, downward positive."""
+
+    time: float  # s
+    way: float  # m
+    speed: float  # m/s
+
+
+class Arrival(NamedTuple):
+    """How a granule comes to the top of the first body."""
+
+    time: float  # s from its release
+    speed: float  # m/s, downward
+
+
+@dataclass(frozen=True)
+class FallTimes:
+    """Times and speeds of a fall from the release to the channel's end, at rest at the body between."""
+
+    whole: float  # s, from the release to the end
+    time: float  # s, from the body to the end
+    near: float  # s of that within NEAR body widths of the body
+    arrival: float  # m/s at the body
+    landing: float  # m/s at the end
+    tau: float  # s, mean relaxation time after the body
+
+
+@dataclass(frozen=True)
+class UniformFall:
+    """A vertical fall of one granule through the channel's uniform air; downward is positive."""
+
+    scene: Scene
+    air: Air
+    diameter: float  # m
+    density: float  # kg/m3
+    law: str  # of drag
+    sphericity: float
+    scale: float  # of the drag law, this granule's slip correction included
+
+    @property
+    def along(self) -> float:
+        """Velocity of the air (m/s), downward positive."""
+        return self.air.speed if self.air.direction == "down" else -self.air.speed
+
+    @property
+    def settling(self) -> float:
+        """Terminal speed (m/s), up or down."""
+        law = (self.air.density, self.air.viscosity, GRAVITY, self.law, self.sphericity, self.scale)
+        return abs(float(terminal_velocity(self.diameter, self.density, *law)))
+
+    def tau(self, slip: Array) -> Array:
+        """Relaxation times (n,) s at slips (n,) m/s."""
+        reynolds = self.air.density * slip * self.diameter / self.air.viscosity
+        factor = self.scale * drag_laws[self.law].factor(reynolds, self.sphericity)
+        return self.density * self.diameter**2 / (18.0 * self.air.viscosity) / factor
+
+    def times(self) -> FallTimes:
+        """Times and speeds of the whole fall; without a body from the entry to the end."""
+        scene, channel = self.scene, self.scene.channel
+        top, speed = scene.level, scene.release[1]
+        if scene.body:
+            before, arrival = self.arrival()
+            points = list(self.points(0.0, -channel.bottom, channel.top))
+        else:
+            before, arrival = 0.0, abs(speed)
+            points = list(self.points(speed, top - channel.bottom, max(channel.top - top, channel.width)))
+        time, _, landing = points[-1]
+        near = next((t for t, way, _ in points if abs(way) >= NEAR * scene.width), time) if scene.body else time
+        speeds = np.array([point.speed for point in points])
+        tau = float(np.mean(self.tau(np.abs(self.along - speeds))))
+        return FallTimes(before + time, time, near, arrival, max(abs(landing), LEAST_LANDING * abs(self.along)), tau)
+
+    def arrival(self) -> Arrival:
+        """At the top of the first body; without one at once."""
+        above, speed = self.scene.release
+        if above == 0.0:
+            return Arrival(0.0, speed)
+        room = max(self.scene.channel.top - self.scene.level - above, self.scene.width)
+        *_, (time, _, arrival) = self.points(speed, above, room)
+        return Arrival(time, arrival)
+
+    def points(self, speed: float, down: float, up: float) -> Iterator[FallPoint]:
+        """Points of the fall that begins with ``speed`` (m/s), until it has come ``down`` or ``up`` (m)."""
+        pull = GRAVITY * (1.0 - self.air.density / self.density)
+        least = min(down, up)
+        step = STEP * min(math.sqrt(2.0 * least / GRAVITY), least / abs(self.along))
+        time = way = 0.0
+        for _ in range(MOST_STEPS):
+            tau = float(self.tau(np.array([abs(self.along - speed)]))[0])
+            further, speed = relaxed(speed, self.along + pull * tau, tau, step, math.exp(-step / tau))
+            way += further
+            time += step
+            yield FallPoint(time, way, speed)
+            if way >= down or way <= -up:
+                return
+
+
+def arrival_speed(scene: Scene, name: str, law: str, scale: float) -> float:
+    """Fall speed (m/s) of a fraction's median granule at the top of the body, drag by ``law`` times ``scale`` included;
+    negative where the air carries it up. Needs air.
+    """
+    assert scene.air is not None
+    fraction = scene.fraction[name]
+    size, phi = fraction.properties.diameter, fraction.sphericity or 1.0
+    factor = scale / float(slip_correction(size))
+    return UniformFall(scene, scene.air, size, fraction.properties.density, law, phi, factor).arrival().speed
+
+
+def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: float, drop: Array) -> Array:
+    """Fall speeds (n,) m/s of a granule of ``diameter`` (m) after falling ``drop`` (n,) m from the feed, drag in the
+    channel's uniform air (``factor`` times the ``law``) included; NaN where that carries it up before.
+    """
+    _, speed = scene.release
+    if scene.air is None:
+        return np.sqrt(speed**2 + 2.0 * GRAVITY * drop)
+    fraction = scene.fraction[name]
+    phi, density = fraction.sphericity or 1.0, fraction.properties.density
+    fall = UniformFall(scene, scene.air, diameter, density, law, phi, factor)
+    room = scene.channel.top - scene.channel.bottom + scene.release[0]
+    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, float(drop.max()), room)])
+    down = rows[: int(rows[:, 1].argmax()) + 1]
+    return np.asarray(np.interp(drop, down[:, 1], down[:, 2], right=np.nan))

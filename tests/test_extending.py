@@ -1,0 +1,200 @@
+"""Every example of docs/extending.md is run as it stands there, what it adds is used the public way, and removed."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from support import DOCS
+from wakeflow.core.registry import Registry
+from wakeflow.laws.collision import impact_models
+from wakeflow.laws.drag import drag_laws
+from wakeflow.laws.impaction import Cylinder, fronts
+from wakeflow.laws.material import materials
+from wakeflow.laws.profile import profiles
+from wakeflow.laws.restitution import restitution_laws
+from wakeflow.laws.shape import shapes
+from wakeflow.laws.size import sizes
+from wakeflow.planning.bounds import other_terms
+from wakeflow.planning.impaction import front_of
+from wakeflow.report.pictures import draw_all, pictures
+from wakeflow.verify.airflow.measured import quantities
+from wakeflow.verify.problems.exact import exact_numbers, exact_problems, fly
+
+PAGE = DOCS / "extending.md"
+Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example
+CHECKS: dict[str, Check] = {}
+REGISTRIES: tuple[Registry[Any], ...] = (
+    drag_laws, fronts, impact_models, materials, exact_numbers, other_terms, pictures, exact_problems, profiles,
+    quantities, restitution_laws, shapes, sizes,
+)  # fmt: skip
+
+
+def _examples() -> dict[str, str]:
+    """Heading to the code below it."""
+    sections = re.split(r"^## ", PAGE.read_text(), flags=re.MULTILINE)[1:]
+    blocks = {part.partition("\n")[0]: re.findall(r"^```python\n(.*?)^```", part, re.M | re.S) for part in sections}
+    return {heading: "\n".join(found) for heading, found in blocks.items() if heading in CHECKS}
+
+
+def example(heading: str) -> Callable[[Check], None]:
+    """The decorated function uses what the example under ``heading`` adds."""
+
+    def add(check: Check) -> None:
+        CHECKS[heading] = check
+
+    return add
+
+
+@pytest.fixture
+def _registries() -> Iterator[None]:
+    """Every registry as it was, whatever the example adds."""
+    before = [dict(registry._entries) for registry in REGISTRIES]
+    yield
+    for registry, entries in zip(REGISTRIES, before, strict=True):
+        registry._entries.clear()
+        registry._entries.update(entries)
+
+
+def _thrown(**changes: Any) -> wf.Granules:
+    """One granule on its way down onto y = 0."""
+    options: dict[str, Any] = {"diameter": 1e-3, "density": 1000.0} | changes
+    return wf.Granules(np.array([[0.0, 0.1]]), np.array([[1.0, -1.0]]), **options)
+
+
+def _still_air() -> wf.FlowField:
+    corners = np.array([(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)])
+    return wf.FlowField.from_arrays(corners, np.array([(0, 1, 2), (0, 2, 3)]), np.zeros((4, 2)))
+
+
+def _vacuum(cases: Path, **changes: Any) -> wf.Scene:
+    return wf.Scene.load(cases / "vacuum.toml").replace({"feed.count": 32, **changes})
+
+
+@example("A drag law")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    at = wf.track(_still_air(), _thrown(), until=0.05, drag="abraham").position
+    other = wf.track(_still_air(), _thrown(), until=0.05).position
+    assert 0.0 < np.linalg.norm(at - other) < 0.2 * np.linalg.norm(at - [[0.0, 0.1]])  # nearly the same drag
+    scene = wf.Scene.load(cases / "rhombus.toml").replace({"fraction.chaff.drag": "abraham"})
+    assert wf.plan(scene).fractions["chaff"].drag == "abraham"
+
+
+@example("A size distribution")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    size = {"distribution": "log-uniform", "low": "1 mm", "high": "4 mm"}
+    scene = _vacuum(cases, **{"fraction.soft.size": size})
+    assert scene.fraction["soft"].diameters(np.array([0.5])) == pytest.approx(2e-3)
+    assert wf.chain(scene).share("soft", "near")[0] > 0.0
+
+
+@example("A profile of the curtain")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    scene = _vacuum(cases, **{"feed.profile": "cosine"})
+    assert scene.feed.places(np.array([0.0, 0.5, 1.0])) == pytest.approx([2.5e-3, 12.5e-3, 22.5e-3])
+    assert scene.feed.crowding == pytest.approx(np.pi**2 / 8, rel=1e-3)
+
+
+@example("A restitution law")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    law = wf.Restitution("exponential", value=0.8, at=2.0)
+    floor = np.array([(-1.0, -0.1), (1.0, -0.1), (1.0, 0.0), (-1.0, 0.0)])
+    grains = _thrown(restitution=law, friction=0.0)
+    flown = wf.track(None, grains, until=0.09, bodies=(floor,), gravity=(0.0, 0.0))
+    assert flown.velocity[0, 1] == pytest.approx(-1.0)  # not there yet
+    flown = wf.track(None, grains, until=0.12, bodies=(floor,), gravity=(0.0, 0.0))
+    assert flown.velocity[0, 1] == pytest.approx(0.8 * np.exp(-0.5), rel=1e-6)
+    table = {"law": "exponential", "value": 0.8, "at": "2 m/s"}
+    assert _vacuum(cases, **{"fraction.hard.restitution": table}).fraction["hard"].restitution is not None
+
+
+@example("An impact model")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    assert _vacuum(cases, **{"fraction.hard.impact": "coin"}).fraction["hard"].inertia == 0.25
+
+
+@example("A material")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    scene = wf.Scene.load(cases / "rhombus.toml").replace({"fraction.dust.material": "steel-shot"})
+    assert scene.fraction["dust"].properties.density == 7850.0
+    assert any("low confidence" in warning for warning in wf.plan(scene).warnings)
+
+
+@example("A shape")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    body = {"shape": "gable", "width": "50 mm", "slope_angle": "45 deg", "height": "10 mm"}
+    scene = wf.Scene.load(cases / "rhombus.toml").replace({"body.rhombus": body, "feed.count": 32})
+    assert wf.plan(scene, rung="none").flown_by == "chain"
+    result = wf.run(scene, folder / "gable", rung="none")
+    shares = result.separation["fractions"]["wheat"]
+    assert sum(row["share"] for row in shares.values()) == pytest.approx(1.0)
+
+
+@example("The air before a shape")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    octagon = [[0.025 * np.cos(a), 0.025 * np.sin(a)] for a in np.pi / 4 * np.arange(8)]
+    body = {"shape": "polygon", "points": octagon}
+    scene = wf.Scene.load(cases / "rhombus.toml").replace({"body.rhombus": body})
+    assert isinstance(front_of(scene), Cylinder)
+
+
+@example("A bound on a term")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    plan = wf.plan(wf.Scene.load(cases / "rhombus.toml"))
+    assert 0.0 < plan.fractions["wheat"].bounds["electrostatic"] < 0.04
+    assert ("electrostatic", "wheat") in {(term.name, term.fraction) for term in plan.left_out}
+
+
+@example("A kind of picture")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    landings = {name: {"x": np.linspace(0.0, 0.1, 5)} for name in ("soft", "hard")}
+    scene = SimpleNamespace(fraction=landings, picture={"where": names["Heaps"](kind="heaps", fractions=["hard"])})
+    drawn = draw_all(folder, SimpleNamespace(scene=scene, landings=landings))["where"]  # type: ignore[arg-type]
+    assert drawn["numbers"]["mean_x_m"] == {"hard": pytest.approx(0.05)}
+    assert all((folder / file).stat().st_size > 0 for file in drawn["files"])
+
+
+@example("An exact problem")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    setting, answer = exact_problems["coasting"].at(6)
+    assert np.allclose(fly(setting, 1e-3).position, answer.position, atol=1e-12)
+
+
+@example("An exact number")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    number = exact_numbers["height-of-a-throw"]
+    found = number.measure(1e-5)
+    assert np.all((number.low <= found) & (found <= number.high))
+
+
+@example("A quantity of an airflow")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    airflow: Any = SimpleNamespace(table={"suction": {"length": 0.1}}, width=0.05)
+    found = quantities["suction_length"].of(airflow)
+    assert found is not None
+    assert found.value == 2.0
+
+
+def test_every_section_with_an_example_has_a_check() -> None:
+    examples = _examples()
+    assert set(examples) == set(CHECKS)
+    assert all(examples.values())
+
+
+@pytest.mark.usefixtures("_registries")
+@pytest.mark.parametrize("heading", list(CHECKS))
+def test_the_example_runs_and_serves(
+    heading: str, cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = ModuleType("example_of_a_page")
+    monkeypatch.setitem(sys.modules, module.__name__, module)  # where a scene's table looks up its annotations
+    exec(compile(_examples()[heading], str(PAGE), "exec"), module.__dict__)
+    CHECKS[heading](cases, tmp_path, module.__dict__)
