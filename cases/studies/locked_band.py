@@ -76,7 +76,7 @@ def solve(
         "endTime": end, "deltaT": 0.2 * spec.mesh.h_corner / spec.speed, "writeControl": "adjustableRunTime",
         "writeInterval": end, "purgeWrite": 1,
     })  # fmt: skip
-    solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda rows: False, expected=end), None)
+    solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda _: False, expected=end), None)
     rows = read_table(case, "forceCoefficients", (CD, CL))
     rows = rows[rows[:, 0] >= begin]
     clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * window)

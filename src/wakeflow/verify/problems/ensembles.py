@@ -161,16 +161,19 @@ def taylor_dispersion(tolerance: float) -> Array:
     "affine drag brownian", ("t = 0.1 s", "t = 1 s"), 1 - SPREAD, 1.02 + SPREAD, (1.0, 1.0),
 )  # fmt: skip
 def brownian_spreading(tolerance: float) -> Array:
-    diameter, found = 10e-6, []  # 1.7 % slip of the air on granules so fine is allowed for
+    return np.array([spread_of_dust(t, tolerance) for t in (0.1, 1.0)])
+
+
+def spread_of_dust(t: float, tolerance: float) -> float:
+    """Variance of dust of 10 um in still air after ``t`` (s) over 2 D t; its steps are as many as relaxation times."""
+    diameter = 10e-6  # 1.7 % slip of the air on granules so fine is allowed for
     field, diffusivity = _still(1e-3), brownian_diffusivity(diameter, VISCOSITY)
-    for t in (0.1, 1.0):
-        grains = Granules(np.zeros((SWARM, 2)), np.zeros((SWARM, 2)), diameter, 100.0)
-        tracks = track(
-            field, grains, until=t, tolerance=tolerance, length=np.sqrt(diffusivity * t), forces=("drag", "brownian"),
-            drag="stokes", seed=1,
-        )  # fmt: skip
-        found.append(np.mean(tracks.position**2) / (2 * diffusivity * t))
-    return np.array(found)
+    grains = Granules(np.zeros((SWARM, 2)), np.zeros((SWARM, 2)), diameter, 100.0)
+    tracks = track(
+        field, grains, until=t, tolerance=tolerance, length=np.sqrt(diffusivity * t), forces=("drag", "brownian"),
+        drag="stokes", seed=1,
+    )  # fmt: skip
+    return float(np.mean(tracks.position**2) / (2 * diffusivity * t))
 
 
 def _still(half: float, k: float = 0.0, dissipation: float = 0.0) -> FlowField:

@@ -40,7 +40,7 @@ LEAST = 2048  # granules of a timed run: the tracker hands its cores large block
 TIMED = ("heavy grain", "chaff", "dust 20 um")  # in the quick comparison
 
 
-def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
+def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> dict[str, Any]:
     """Fly every subject with every tracker, write ``tracker.json``, ``.md`` and ``.png`` into ``folder``, return the
     report.
 
