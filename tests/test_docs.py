@@ -19,7 +19,7 @@ from wakeflow.cli import app
 SOURCE = ROOT / "src" / "wakeflow"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path begins with one of these
-PRODUCED = ("runs/", "figures/")  # what a run writes
+PRODUCED = ("runs/", "figures/", "cases/template/turbulence-models/")  # what a run writes, or an example would add
 SUFFIXES = (".py", ".toml", ".sh", ".j2", ".liggghts")
 COMMAND = re.compile(r"(?:^|\.venv/bin/)wakeflow (?=[a-z-])")
 
@@ -56,7 +56,8 @@ def _commands(text: str) -> list[str]:
 def _words(text: str) -> set[str]:
     """Words of code, spans and shell lines, that may be paths."""
     words = {word.strip("(),;:") for line in (*_spans(text), *_shell(text)) for word in line.split()}
-    return {word.removesuffix("/") for word in words if not set("*<>{}=\"'") & set(word)}
+    placeholder = re.compile(r"[*<>{}=\"']|NAME|STAGE|KEY")
+    return {word.removesuffix("/") for word in words if not placeholder.search(word)}
 
 
 @page

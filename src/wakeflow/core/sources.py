@@ -2,8 +2,9 @@
 
 A stage's key must change whenever the code that computes it does. A list kept by hand becomes incomplete sooner or
 later, so a key covers the import closure: a module, the modules that it imports from this package at the top or inside
-a function, the modules that these import, and so on. Imports for type checking do not run and do not count. Of a
-package's ``__init__`` only the names that are asked of it are followed.
+a function, the modules that these import, the packages that they lie in, and so on. Imports for type checking do not
+run and do not count, but for the names that a package hands on at first use: these stand in its ``__init__`` for type
+checking, and count where they are asked for.
 """
 
 from __future__ import annotations
@@ -38,35 +39,30 @@ def closure(*modules: str) -> frozenset[str]:
 
     Raises ModuleNotFoundError for a name that is no module of it.
     """
-    found: set[str] = set()
     seen: set[tuple[str, str | None]] = set()
     ahead: list[tuple[str, str | None]] = [(module, None) for module in modules]
     while ahead:
-        module, name = wanted = ahead.pop()
-        if wanted in seen:
-            continue
-        seen.add(wanted)
-        found.add(module)
-        ahead += _wanted_by(module, name)
-        parent = module.rpartition(".")[0]
-        found.update([parent] if parent else [])
-    return frozenset(found)
+        if (wanted := ahead.pop()) not in seen:
+            seen.add(wanted)
+            ahead += _wanted_by(*wanted)
+    return frozenset(module for module, _ in seen)
 
 
 def _wanted_by(module: str, name: str | None) -> Iterator[tuple[str, str | None]]:
     """What using ``name`` of a module (None: all of it) makes run: modules, and the names wanted of them."""
     path = _path(module)
     imports = _imports(path, module)
-    if path.name != "__init__.py":
-        yield from ((source, inner) for source, inner, _, runs in imports if runs)
-    elif name is None:  # lazy names stand in its imports for type checking
+    yield from ((source, inner) for source, inner, _, runs in imports if runs)
+    if parent := module.rpartition(".")[0]:
+        yield parent, ""  # its __init__ runs; no name of it is asked for
+    if path.name != "__init__.py" or name == "":
+        return
+    if name is None:  # as an object: whatever it hands on
         yield from ((source, inner) for source, inner, _, _ in imports)
     elif _exists(f"{module}.{name}"):
         yield f"{module}.{name}", None
-    elif bound := [(source, inner) for source, inner, as_, _ in imports if as_ == name]:
-        yield from bound
-    else:  # made in the __init__ itself
-        yield from ((source, inner) for source, inner, _, runs in imports if runs)
+    else:  # a lazy name stands among its imports for type checking
+        yield from ((source, inner) for source, inner, bound, _ in imports if bound == name)
 
 
 @lru_cache(maxsize=1024)

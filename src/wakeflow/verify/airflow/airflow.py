@@ -1,4 +1,4 @@
-"""The airflow against published values: scenes of ``cases/verify``, computed by the pipeline of every other scene."""
+"""The airflow beside published values: scenes of ``cases/verify``, computed by the pipeline of every other scene."""
 
 from __future__ import annotations
 

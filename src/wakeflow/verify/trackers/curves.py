@@ -118,10 +118,7 @@ def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clo
         if (value := getattr(row, which)) is not None and value > 0
     )
     envelope: list[tuple[float, float]] = []
-    for (
-        value,
-        seconds,
-    ) in points:  # from the smallest error on: a setting counts only if it is cheaper than all more accurate ones
+    for value, seconds in points:  # from the smallest error on: only those cheaper than all more accurate ones
         if not envelope or seconds < envelope[-1][1]:
             envelope.append((value, seconds))
     better = [point for point in envelope if point[0] <= error]
