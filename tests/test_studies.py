@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,20 +11,21 @@ import pytest
 import aspirator_curve
 import impaction
 import injection_or_resolved
+import kernel_speed
 import labyrinth_chain
 import locked_band
 import mpi_ranks
 import paper_compare
 import slope_angles
 import wakeflow as wf
-from support import CASES, shipped
+from support import CASES, ROOT, shipped
 
 ELSEWHERE = {"printed_form", "robustness"}  # tests/laws/test_collision.py, tests/foam/test_robustness.py
 HERE = {
     study.__name__
     for study in (
-        aspirator_curve, impaction, injection_or_resolved, labyrinth_chain, locked_band, mpi_ranks, paper_compare,
-        slope_angles,
+        aspirator_curve, impaction, injection_or_resolved, kernel_speed, labyrinth_chain, locked_band, mpi_ranks,
+        paper_compare, slope_angles,
     )
 }  # fmt: skip
 
@@ -60,6 +63,14 @@ def test_impaction(capsys: pytest.CaptureFixture[str]) -> None:
 def test_injection_or_resolved(capsys: pytest.CaptureFixture[str]) -> None:
     injection_or_resolved.main(64, [CASES / "vacuum.toml"])
     assert {row[1] for row in table_rows(capsys.readouterr().out)} == {"soft", "hard"}
+
+
+def test_kernel_speed() -> None:
+    """This checkout against itself."""
+    options = ["--against", ROOT / "src", "--pairs", "1", "--only", "contact, captured"]
+    command = [sys.executable, kernel_speed.__file__, *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "1 of 1 flights are identical, bit by bit" in done.stdout
 
 
 def test_labyrinth_chain_without_air(capsys: pytest.CaptureFixture[str]) -> None:
