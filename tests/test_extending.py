@@ -17,6 +17,7 @@ from support import DOCS
 from wakeflow.core.registry import Registry
 from wakeflow.laws.collision import impact_models
 from wakeflow.laws.drag import drag_laws
+from wakeflow.laws.forces import forces
 from wakeflow.laws.impaction import Cylinder, fronts
 from wakeflow.laws.material import materials
 from wakeflow.laws.profile import profiles
@@ -33,8 +34,8 @@ PAGE = DOCS / "extending.md"
 Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example
 CHECKS: dict[str, Check] = {}
 REGISTRIES: tuple[Registry[Any], ...] = (
-    drag_laws, fronts, impact_models, materials, exact_numbers, other_terms, pictures, exact_problems, profiles,
-    quantities, restitution_laws, shapes, sizes,
+    drag_laws, exact_numbers, exact_problems, forces, fronts, impact_models, materials, other_terms, pictures,
+    profiles, quantities, restitution_laws, shapes, sizes,
 )  # fmt: skip
 
 
@@ -86,6 +87,17 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert 0.0 < np.linalg.norm(at - other) < 0.2 * np.linalg.norm(at - [[0.0, 0.1]])  # nearly the same drag
     scene = wf.Scene.load(cases / "rhombus.toml").replace({"fraction.chaff.drag": "abraham"})
     assert wf.plan(scene).fractions["chaff"].drag == "abraham"
+
+
+@example("A force")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    pull = np.add(names["PUSH"], (0.0, -9.81))
+    for air in (None, _still_air()):
+        at = wf.track(air, _thrown(), until=0.05, forces=("gravity", "electric-field")).position
+        assert at == pytest.approx(np.array([[0.05, 0.05]]) + 0.5 * 0.05**2 * pull)
+    plan = wf.plan(wf.Scene.load(cases / "rhombus.toml"))
+    assert all(fraction.bounds["electric-field"] > 0.0 for fraction in plan.fractions.values())
+    assert all("electric-field" in fraction.forces for fraction in plan.fractions.values())
 
 
 @example("A size distribution")

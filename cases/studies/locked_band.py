@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 
 from wakeflow.core.files import write_json
 from wakeflow.foam.case import FlowSpec, write_parameters
+from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
-from wakeflow.foam.read import CaseFields, time_folders
-from wakeflow.foam.solve import Watch, prepare, solver
+from wakeflow.foam.mesh_motion import MeshMotion, repeats
+from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.solver import run_solver
 from wakeflow.foam.start import perturb, start_from
-from wakeflow.foam.vibration import Vibration, repeats
+from wakeflow.foam.watch import Watch
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 
@@ -45,7 +47,7 @@ functions {{ average {{
 """
 
 
-def flow(body: str, vibration: Vibration | None) -> FlowSpec:
+def flow(body: str, vibration: MeshMotion | None) -> FlowSpec:
     """The body in a channel ten times as wide, on about 1600 cells."""
     how: dict[str, Any] = (
         {"slope_angle": math.pi / 4} if body == "rhombus" else {"slope_angle": math.pi / 3, "apex": "up"}
@@ -66,7 +68,7 @@ def solve(
     case = folder / "case"
     shutil.rmtree(case, ignore_errors=True)
     case.mkdir(parents=True)
-    prepare(spec, msh, case)
+    prepare_case(spec, msh, case)
     start_from(spec, case, start)
     if start is None:
         perturb(spec, case)
@@ -76,7 +78,7 @@ def solve(
         "endTime": end, "deltaT": 0.2 * spec.mesh.h_corner / spec.speed, "writeControl": "adjustableRunTime",
         "writeInterval": end, "purgeWrite": 1,
     })  # fmt: skip
-    solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda _: False, expected=end), None)
+    run_solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda _: False, expected=end), None)
     rows = read_table(case, "forceCoefficients", (CD, CL))
     rows = rows[rows[:, 0] >= begin]
     clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * window)
@@ -132,7 +134,7 @@ def one(
     done = here / "found.json"
     if not done.exists():
         omega = 2 * math.pi * frequency * rest["frequency"]
-        spec = flow(body, Vibration(speed * SPEED / omega, omega))
+        spec = flow(body, MeshMotion(speed * SPEED / omega, omega))
         found = solve(spec, here, msh, folder / "rest" / "case", rest["frequency"], periods)
         shift = mean_shift(here / "case", folder / "rest" / "case")
         write_json(done, {**found, "shift": shift})

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.parallel import scatter
+from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
-from wakeflow.foam.solve import prepare
 from wakeflow.meshing import build_mesh
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.planning.make import make_plan
@@ -49,7 +49,7 @@ def iteration(spec: FlowSpec, msh: Path, folder: Path) -> float:
     """Seconds of one iteration."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    prepare(spec, msh, folder)
+    prepare_case(spec, msh, folder)
     write_parameters(folder, {"endTime": ITERATIONS, "deltaT": 1, "writeControl": "timeStep", "writeInterval": 1000})
     launcher, options = scatter(folder)
     clock = Clock()

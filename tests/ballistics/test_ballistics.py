@@ -1,4 +1,4 @@
-"""The chain: exact answers of one body, the tracker's answers for many, nothing entered, no energy made."""
+"""Flight without air: exact answers of one body, the tracker's answers for many, nothing entered, no energy made."""
 
 from __future__ import annotations
 

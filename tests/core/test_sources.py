@@ -95,5 +95,5 @@ def test_what_a_package_registers_as_it_is_imported_counts() -> None:
 
 def test_names_of_a_package_lead_to_their_modules_only() -> None:
     assert "wakeflow.field.flow" in sources.closure("wakeflow.field")
-    assert "wakeflow.foam.solve" not in sources.closure("wakeflow.foam.read")
+    assert "wakeflow.foam.solver" not in sources.closure("wakeflow.foam.read")
     assert Path(wakeflow.__file__).parent == sources.ROOT

@@ -28,14 +28,17 @@ from wakeflow.core.resources import case_template
 from wakeflow.core.store import Store
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
+from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import kind_of, upward_crossings
-from wakeflow.foam.measure import suction_zone
+from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.polymesh import read_polymesh
-from wakeflow.foam.read import CaseFields, read_flow, time_folders
-from wakeflow.foam.solve import Progress, Watch, prepare, run_steady
+from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.read import read_flow
 from wakeflow.foam.start import start_from
+from wakeflow.foam.steady import run_steady
+from wakeflow.foam.suction import suction_zone
 from wakeflow.foam.time_resolved import _on_beat, best_loop
-from wakeflow.foam.vibration import Vibration
+from wakeflow.foam.watch import Progress, Watch
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 
@@ -264,7 +267,7 @@ class TestStart:
         )
         spec = replace(rhombus_flow.spec, mesh=mesh, speed=10.0, stepping="time-resolved", turbulence="kOmegaSST")
         build_mesh(mesh, tmp_path)
-        prepare(spec, tmp_path / "mesh.msh", tmp_path / "case")
+        prepare_case(spec, tmp_path / "mesh.msh", tmp_path / "case")
         start_from(spec, tmp_path / "case", rhombus_flow.case)
         here = read_polymesh(tmp_path / "case").plane.centres
         fields = CaseFields(rhombus_flow.case)
@@ -285,7 +288,7 @@ class TestStart:
 
     def test_a_steady_run_goes_on_from_another_solution(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         spec = replace(rhombus_flow.spec, speed=5.25)
-        prepare(spec, rhombus_flow.folder / "mesh.msh", tmp_path / "case")
+        prepare_case(spec, rhombus_flow.folder / "mesh.msh", tmp_path / "case")
         run_steady(spec, tmp_path / "case", start=rhombus_flow.case)
         rows = _rows(tmp_path / "case")
         assert len(rows) < 0.9 * rhombus_flow.result["steps"]
@@ -300,8 +303,8 @@ from pathlib import Path
 sys.path.insert(0, {tests!r})
 from support import rhombus_spec
 from wakeflow.foam.airflow import solve_airflow
-import wakeflow.foam.solve as solve
-solve.SAVE_EVERY = 1
+import wakeflow.foam.steady as steady
+steady.SAVE_EVERY = 1
 spec = rhombus_spec(scale=1.0)
 solve_airflow(spec, Path({msh!r}), Path({case!r}))
 """
@@ -425,7 +428,7 @@ class TestFailure:
 
     def test_what_openfoam_objects_to_is_in_the_message(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         case = tmp_path / "case"
-        prepare(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", case)
+        prepare_case(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", case)
         (case / "0" / "p").unlink()
         with pytest.raises(FoamError, match=r"simpleFoam stopped: .*cannot find file") as failed:
             run_steady(rhombus_flow.spec, case)
@@ -437,11 +440,11 @@ class TestFailure:
         assert moved != text
         (tmp_path / "bad.msh").write_text(moved)
         with pytest.raises(MeshError, match=r"refuses the mesh: .+log"):
-            prepare(rhombus_flow.spec, tmp_path / "bad.msh", tmp_path / "case")
+            prepare_case(rhombus_flow.spec, tmp_path / "bad.msh", tmp_path / "case")
 
     def test_a_solver_that_takes_too_long_is_ended(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         case = tmp_path / "case"
-        prepare(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", case)
+        prepare_case(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", case)
         with pytest.raises(FoamError, match="did not end within"):
             run_steady(rhombus_flow.spec, case, timeout=0.5)
         assert alive_in(case) == []
@@ -521,7 +524,7 @@ class TestReading:
     def test_every_kind_of_steady_case_runs(self, turbulence: str, walls: str, tmp_path: Path) -> None:
         spec = replace(rhombus_spec(scale=2.5, walls=walls), turbulence=turbulence)
         build_mesh(spec.mesh, tmp_path)
-        prepare(spec, tmp_path / "mesh.msh", tmp_path / "case")
+        prepare_case(spec, tmp_path / "mesh.msh", tmp_path / "case")
         run_steady(spec, tmp_path / "case", most=20)
         flow = read_flow(tmp_path / "case")
         beside = (flow["points"][:, 0] > 0.15 - 1e-9) & (np.abs(flow["points"][:, 1]) < 0.2)
@@ -596,7 +599,7 @@ def test_the_loop_is_chosen_from_one_unbroken_recording(tmp_path: Path) -> None:
     names = ["2", *(f"{time:.15g}" for time in np.arange(6.0, 8.0, 0.1)), "8.03"]
     folders = [tmp_path / name for name in names]
     assert [path.name for path in _on_beat(folders, 2.0, 0.1, None)] == names[1:-1]
-    swing = Vibration(0.001, 2 * np.pi / 0.3)
+    swing = MeshMotion(0.001, 2 * np.pi / 0.3)
     found = _on_beat(folders, 2.0, 0.1, swing)
     assert (float(found[0].name) - 2.0) / 0.3 == pytest.approx(round((float(found[0].name) - 2.0) / 0.3))
     assert float(found[0].name) == pytest.approx(6.2)

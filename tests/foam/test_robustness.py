@@ -27,13 +27,15 @@ from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import SETTINGS, FlowSpec, write_case, write_parameters
+from wakeflow.foam.case_fields import time_folders
 from wakeflow.foam.failure import AirflowFailure, Attempt, Cause, diagnose, disk_trouble_named
 from wakeflow.foam.history import read_table
 from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.measure import AirflowResult
-from wakeflow.foam.read import time_folders
+from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
-from wakeflow.foam.solve import Progress, Watch, prepare, solver
+from wakeflow.foam.solver import run_solver
+from wakeflow.foam.watch import Progress, Watch
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.airflow import ranks_for
 
@@ -274,11 +276,11 @@ class TestLadder:
         spec = flow(100.0, "standard")
         build_mesh(spec.mesh, tmp_path)
         case = tmp_path / "case"
-        prepare(spec, tmp_path / "mesh.msh", case)
+        prepare_case(spec, tmp_path / "mesh.msh", case)
         for end in (0.05, 0.1, 0.15):
             write_parameters(case, {"endTime": end, "deltaT": 5e-4, "writeControl": "adjustableRunTime",
                                     "writeInterval": 0.05})  # fmt: skip
-            solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, lambda _: False, expected=end), None)
+            run_solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, lambda _: False, expected=end), None)
             assert float(time_folders(case)[-1].name) == pytest.approx(end, rel=0.02)
         sound, bad, last = time_folders(case)
         raw = (bad / "U").read_bytes()
@@ -403,9 +405,9 @@ class TestRanks:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """On cells enough for a run of some seconds, so that there is something to interrupt."""
-        from wakeflow.foam import solve
+        from wakeflow.foam import steady
 
-        monkeypatch.setattr(solve, "SAVE_EVERY", 1)
+        monkeypatch.setattr(steady, "SAVE_EVERY", 1)
         spec, case = flow(), tmp_path / "case"
         spec = replace(spec, mesh=spec.mesh.scaled(0.4))
         build_mesh(spec.mesh, tmp_path)

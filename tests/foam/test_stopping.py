@@ -18,9 +18,11 @@ import pytest
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.history import Interval, Tail
-from wakeflow.foam.solve import Watch, prepare, solver
+from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.solver import run_solver
 from wakeflow.foam.start import perturb
 from wakeflow.foam.statistics import Statistics, Stopping, evaluate
+from wakeflow.foam.watch import Watch
 from wakeflow.meshing import build_mesh, plan_mesh
 
 WIDTH, ACCURACY, LONGER = 1.0, 0.02, 8.0
@@ -59,7 +61,7 @@ def long_record(spec: FlowSpec, folder: Path) -> None:
     shutil.rmtree(folder / "case", ignore_errors=True)
     build_mesh(spec.mesh, folder)
     case = folder / "case"
-    prepare(spec, folder / "mesh.msh", case)
+    prepare_case(spec, folder / "mesh.msh", case)
     perturb(spec, case)
     end: float | None = None
 
@@ -75,7 +77,7 @@ def long_record(spec: FlowSpec, folder: Path) -> None:
     write_parameters(
         case, {"endTime": LONGER * MOST, "deltaT": 1e-3, "writeControl": "clockTime", "writeInterval": 1e6}
     )
-    solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, finished, expected=MOST), None)
+    run_solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, finished, expected=MOST), None)
     np.save(folder / "record.npy", Tail(case).update())
     shutil.rmtree(case)
 

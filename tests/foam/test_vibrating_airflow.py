@@ -19,19 +19,21 @@ from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.field import FlowField
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
+from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import CD, CL, read_table
+from wakeflow.foam.mesh_motion import MeshMotion, repeats
+from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
-from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
-from wakeflow.foam.solve import _drop_broken_times, prepare
+from wakeflow.foam.read import loop_of, read_flow
+from wakeflow.foam.solver import drop_broken_times
 from wakeflow.foam.start import _write_internal
 from wakeflow.foam.time_resolved import best_loop
-from wakeflow.foam.vibration import Vibration, repeats
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
 from wakeflow.scene import Scene
 
 
-def flow(outline: np.ndarray, vibration: Vibration | None = None, *, scale: float = 2.5, **how: Any) -> FlowSpec:
+def flow(outline: np.ndarray, vibration: MeshMotion | None = None, *, scale: float = 2.5, **how: Any) -> FlowSpec:
     """A body in a channel ten times as wide, laminar, Re 100 unless told otherwise, on 1600 cells."""
     ends = {"top": 5 * WIDTH, "bottom": -12 * WIDTH}
     mesh = plan_mesh([outline], width=10 * WIDTH, direction="down", rung="standard", scale=scale, **ends)  # type: ignore[arg-type]
@@ -44,7 +46,7 @@ def forces(spec: FlowSpec, folder: Path, end: float, step: float, change: Callab
     build_mesh(spec.mesh, folder)
     case = folder / "case"
     case.mkdir()
-    prepare(spec, folder / "mesh.msh", case)
+    prepare_case(spec, folder / "mesh.msh", case)
     if change:
         change(case)
     values = {"endTime": end, "deltaT": step, "maxDeltaT": step, "writeControl": "adjustableRunTime"}
@@ -68,7 +70,7 @@ class TestMovingMesh:
         """
         nu, beta, corners = 1e-3, 50.0, 40
         omega = 2 * np.pi * beta * nu / WIDTH**2
-        swing = Vibration(0.008 * WIDTH, omega)
+        swing = MeshMotion(0.008 * WIDTH, omega)
         angle = 2 * np.pi * (np.arange(corners) + 0.5) / corners
         radius = WIDTH / 2 * np.sqrt(np.pi / (corners / 2 * np.sin(2 * np.pi / corners)))  # of the same area
         outline = radius * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -89,7 +91,7 @@ class TestMovingMesh:
 
     def test_moving_mesh_is_the_accelerated_frame_and_goes_on_after_a_stop(self, tmp_path: Path) -> None:
         """The same flow seen from the body: mesh at rest, inlet at U - d', and rho A d'' of displaced air."""
-        vibration = Vibration(0.1 * WIDTH, 2 * np.pi * 7.5)
+        vibration = MeshMotion(0.1 * WIDTH, 2 * np.pi * 7.5)
         end, step = 0.4, vibration.period / 96
         moving = replace(flow(RHOMBUS, vibration, scale=1.8), max_courant=1.0)
 
@@ -127,7 +129,7 @@ class TestMovingMesh:
     @pytest.mark.parametrize("walls", ["slip", "no-slip"])
     def test_moving_mesh_leaves_the_air_as_it_is(self, tmp_path: Path, walls: str) -> None:
         """Without a body: uniform air between slip walls stays so; walls at rest drag on it as if nothing moved."""
-        spec = flow(RHOMBUS, Vibration(0.1 * WIDTH, 40.0))
+        spec = flow(RHOMBUS, MeshMotion(0.1 * WIDTH, 40.0))
         spec = replace(spec, mesh=replace(spec.mesh, walls=walls))  # type: ignore[arg-type]
         fields = {}
         for name, vibration in (("moving", spec.vibration), ("resting", None)):
@@ -181,7 +183,7 @@ def locked(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlowSpec, Path, An
     """Vibration at twice the shedding frequency, a w / U = 0.2: every second vibration sheds a pair of vortices."""
     folder = tmp_path_factory.mktemp("locked")
     omega = 2 * np.pi * 7.5
-    spec = flow(RHOMBUS, Vibration(0.2 / omega, omega))
+    spec = flow(RHOMBUS, MeshMotion(0.2 / omega, omega))
     build_mesh(spec.mesh, folder)
     return spec, folder / "case", solve_airflow(spec, folder / "mesh.msh", folder / "case")
 
@@ -245,13 +247,13 @@ class TestLoop:
         for name in (last.name, "1000"):
             shutil.copytree(last, copy / name)
         (copy / "1000" / "polyMesh" / "points").unlink()
-        _drop_broken_times(copy)
+        drop_broken_times(copy)
         assert [path.name for path in time_folders(copy)] == [last.name]
 
 
 class TestChoice:
     def test_phase_is_that_of_the_loops_start(self) -> None:
-        vibration = Vibration(2e-3, 50.0)
+        vibration = MeshMotion(2e-3, 50.0)
         motion = vibration.motion(1.234)
         for t in (0.0, 0.01, 0.3):
             there = motion["amplitude"][1] * np.sin(motion["omega"] * t + motion["phase"])  # type: ignore[index, operator]
@@ -262,7 +264,7 @@ class TestChoice:
 
     @pytest.mark.parametrize("longest", [0.3, 0.05, 0.013, 0.001])
     def test_snapshots_are_a_whole_number_a_vibration(self, longest: float) -> None:
-        vibration = Vibration(1e-3, 2 * np.pi)
+        vibration = MeshMotion(1e-3, 2 * np.pi)
         step = vibration.cadence(longest)
         assert step <= longest * (1 + 1e-9)
         assert vibration.period / step == pytest.approx(round(vibration.period / step), abs=1e-9)
@@ -291,7 +293,7 @@ class TestChoice:
 
     def test_a_steady_airflow_does_not_vibrate(self) -> None:
         with pytest.raises(SceneError, match="rung standard"):
-            replace(flow(RHOMBUS, Vibration(1e-3, 100.0)), stepping="steady")
+            replace(flow(RHOMBUS, MeshMotion(1e-3, 100.0)), stepping="steady")
 
 
 # -- the rule ----------------------------------------------------------------------------------------------------------

@@ -13,12 +13,11 @@ import pytest
 
 from support import RHOMBUS
 from wakeflow.core.errors import MeshError, SceneError
-from wakeflow.core.geometry import area
+from wakeflow.core.geometry import area, distance_to
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, plan_mesh, read_mesh
-from wakeflow.meshing.outline import to_edges
 from wakeflow.meshing.quality import MeshReport
 from wakeflow.meshing.zones import sources
 
@@ -199,7 +198,7 @@ def test_the_boundary_keeps_to_a_smooth_outline_with_cells_of_the_size_wanted(na
     ends = ends[(np.abs(points[ends]) < 0.06).all(axis=(1, 2))]
     length = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1)
     assert len(ends) == report.boundary["body_0"]
-    off = np.maximum(to_edges(points[ends].mean(axis=1), outline), to_edges(points[ends[:, 0]], outline))
+    off = np.maximum(distance_to(points[ends].mean(axis=1), outline), distance_to(points[ends[:, 0]], outline))
     wanted = sources(spec).at(points[ends].mean(axis=1))
     assert (off / wanted).max() < (0.15 if "hardly" in name else 0.05)
     assert np.quantile(length / wanted, 0.9) < 1.3
@@ -228,7 +227,7 @@ def test_layers_lie_along_every_wall(name: str, rung: str) -> None:
     air = spec.width * (spec.top - spec.bottom) - sum(area(body) for body in BODIES[name])
     assert cell_areas(points, cells).sum() == pytest.approx(air / 2 if spec.half else air, rel=2e-4)
     walls = boundary_edges(cells)
-    on_body = np.array([to_edges(points[walls].mean(axis=1), body) for body in BODIES[name]]).min(axis=0) < 1e-4
+    on_body = np.array([distance_to(points[walls].mean(axis=1), body) for body in BODIES[name]]).min(axis=0) < 1e-4
     ends = {tuple(sorted(edge)) for edge in walls[on_body].tolist()}
     lowest = [
         cell_areas(points, {"quad": cell[None]})[0] / np.linalg.norm(points[a] - points[b])

@@ -29,9 +29,9 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import bounds
 from wakeflow.planning.flight_scales import flights
-from wakeflow.planning.make import make_plan
+from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan
-from wakeflow.planning.terms import TYPICAL
+from wakeflow.planning.terms import TYPICAL, LeftOutTerm
 from wakeflow.results.budget import crossing_share, free_ends, left_out_terms, together
 from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
@@ -535,3 +535,37 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
         for a, b in zip(at_once.drawn[name], in_parts.drawn[name], strict=True):
             np.testing.assert_array_equal(a["position"], b["position"])
     assert set(at_once.fates[name]) == {fate.name.lower() for fate in Fate}
+
+
+# -- the plan as a record ----------------------------------------------------------------------------------------------
+
+
+def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(rhombus: Scene) -> None:
+    plan = make_plan(rhombus)
+    for name in ("fractions", "force", "estimate"):
+        with pytest.raises(TypeError):
+            getattr(plan, name)["wheat"] = None
+    with pytest.raises(TypeError):
+        plan.fractions["wheat"].bounds["lift"] = 0.0  # type: ignore[index]
+    for name in ("used", "left_out", "warnings", "validity"):
+        assert isinstance(getattr(plan, name), tuple)
+    assert plan == make_plan(rhombus)
+    assert plan.with_forces(BASE).fractions["wheat"].bounds == plan.fractions["wheat"].bounds
+
+
+def test_a_planner_makes_each_rungs_plan_once(rhombus: Scene) -> None:
+    planner = Planner(rhombus, force={"lift": True})
+    assert planner.plan("draft") is planner.plan("draft")
+    assert planner.plan("draft") == make_plan(rhombus, rung="draft", force={"lift": True})
+    assert planner.plan().rung == "draft"
+    assert planner.at(rhombus) is planner
+    faster = planner.at(rhombus.replace({"feed.rate": 900.0}))
+    assert faster.force == {"lift": True}
+    assert faster.plan("draft").validity != planner.plan("draft").validity
+
+
+def test_what_is_left_out_and_is_no_term_of_the_equation_of_motion_says_so() -> None:
+    scene = Scene.load(CASES / "rhombus.toml", {"feed.mode": "injected", "numerics.rung": "draft"})
+    for row in make_plan(scene).left_out:
+        assert isinstance(row, LeftOutTerm) == (row.name in bounds)
+    assert not any(isinstance(row, LeftOutTerm) for row in make_plan(scene, rung="none").left_out)

@@ -1,4 +1,4 @@
-"""The chain's loop: every granule flies to what it meets first, strikes it, and flies or slides on."""
+"""The loop of a flight without air: every granule flies to what it meets first, strikes it, and flies or slides on."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ def follow(
     that is not vertical.
     """
     if gravity[0] != 0.0:
-        raise SceneError(f"gravity = {tuple(gravity)}: the chain needs it vertical")
+        raise SceneError(f"gravity = {tuple(gravity)}: without air it has to be vertical")
     if length is None:
         length = float(np.ptp(bodies[0].outline[:, 0])) if bodies else 1.0
-    chain = _Chain(grains, Surfaces.of(bodies, lines), np.asarray(gravity, dtype=float), until, length, record)
-    chain.tiny = 0.01 * tolerance * length
-    chain.stop_inside(bodies)
-    while chain.advance():
+    flight = _Flight(grains, Surfaces.of(bodies, lines), np.asarray(gravity, dtype=float), until, length, record)
+    flight.tiny = at.LOWEST_BOUNCE * tolerance * length
+    flight.stop_inside(bodies)
+    while flight.advance():
         pass
-    return chain.tracks
+    return flight.tracks
 
 
-class _Chain:
+class _Flight:
     """Granules on their way; arrays (n,) or (n, 2), changed in place."""
 
     tiny = 0.0  # m: bounces that rise less are sliding

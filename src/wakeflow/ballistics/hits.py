@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +15,8 @@ from .surfaces import Array, Index, Surfaces
 __all__ = ["CORNER", "FACE", "LINE", "NONE", "Falling", "Hit", "first_hits"]
 
 Mask = NDArray[np.bool_]
+_Gap = Callable[[Index, Array], tuple[Array, Array]]
+_Counts = Callable[[Index, Array], Mask]
 NONE, FACE, CORNER, LINE = range(4)
 TURN = 0.3  # rad of a body's vibration looked at in one piece
 PIECES = 8  # of a passage by a corner at rest
@@ -213,13 +216,10 @@ def _corners(fall: Falling, surfaces: Surfaces, best: Hit) -> list[_Pairs]:
     return found
 
 
-def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], skin: float) -> None:
-    """The first roots of all pairs that may come before what is known."""
-    pairs = _Pairs(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-    keep = pairs.low < best.time[pairs.granule]
-    pairs = pairs.part(keep)
-    if not len(pairs.granule):
-        return
+def _functions(fall: Falling, surfaces: Surfaces, pairs: _Pairs, skin: float) -> tuple[_Gap, _Counts]:
+    """Of pairs k (m,) at times t (m,): the gap (m) between a granule and its feature with its rate (m/s), and whether a
+    gap of zero is a contact.
+    """
     is_face = pairs.kind == FACE
     face, corner = np.where(is_face, pairs.feature, 0), np.where(is_face, 0, pairs.feature)
     body = np.where(is_face, surfaces.face_body[face], surfaces.corner_body[corner])
@@ -250,6 +250,18 @@ def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], s
         on_face = (foot >= np.where(onward >= 0.0, 0.0, skin)) & (foot <= np.where(onward <= 0.0, size, size - skin))
         return ~is_face[k] | on_face
 
+    return gap, counts
+
+
+def _search(fall: Falling, surfaces: Surfaces, best: Hit, parts: list[_Pairs], skin: float) -> None:
+    """The first roots of all pairs that may come before what is known."""
+    pairs = _Pairs(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    keep = pairs.low < best.time[pairs.granule]
+    pairs = pairs.part(keep)
+    if not len(pairs.granule):
+        return
+    who = pairs.granule
+    gap, counts = _functions(fall, surfaces, pairs, skin)
     high = np.minimum(pairs.high, best.time[who])
     times = first_roots(gap, counts, who, pairs.low, high, pairs.step, skin, STILL)
     met = np.flatnonzero(np.isfinite(times))

@@ -94,7 +94,7 @@ def _pieces(c: Contact, surfaces: Surfaces) -> _Piece:
     )
 
 
-def _directions(c: Contact, piece: _Piece, s: Array) -> tuple[Array, Array]:
+def _directions(piece: _Piece, s: Array) -> tuple[Array, Array]:
     """Normal and tangent (n, 2) at arc lengths s (n,)."""
     angle = piece.angle + piece.bend * s
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -104,7 +104,7 @@ def _directions(c: Contact, piece: _Piece, s: Array) -> tuple[Array, Array]:
 def place(c: Contact, surfaces: Surfaces) -> tuple[Array, Array]:
     """Positions (n, 2) m and velocities (n, 2) m/s in the lab."""
     piece = _pieces(c, surfaces)
-    n, t = _directions(c, piece, c.s)
+    n, t = _directions(piece, c.s)
     moved, speed, _ = surfaces.moved(piece.body, c.clock)
     straight = np.where(c.where == CORNER, 0.0, c.s)
     return piece.base + moved + c.radius[:, None] * n + straight[:, None] * t, speed + c.u[:, None] * t
@@ -114,7 +114,7 @@ def arc_length(c: Contact, surfaces: Surfaces, position: Array) -> Array:
     """Where along their faces or corners granules at ``position`` (n, 2) m are, m."""
     piece = _pieces(c, surfaces)
     arm = position - surfaces.moved(piece.body, c.clock)[0] - piece.base
-    _, tangent = _directions(c, piece, np.zeros(len(c.s)))
+    _, tangent = _directions(piece, np.zeros(len(c.s)))
     turned = np.arctan2(arm[:, 1], arm[:, 0]) - piece.angle
     turned = (turned + np.pi) % (2 * np.pi) - np.pi
     return np.clip(np.where(c.where == CORNER, c.radius * turned, (arm * tangent).sum(axis=1)), 0.0, piece.length)

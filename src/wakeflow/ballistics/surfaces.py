@@ -1,4 +1,4 @@
-"""What the chain meets: faces and corners of all bodies, how they move, and the lines that end a track.
+"""What granules meet in flight: faces and corners of all bodies, how they move, and the lines that end a track.
 
 A granule of radius r touches a body where its centre meets the outline offset by r: a ring of faces shifted outward and
 arcs about the convex corners. Both are *pieces* with a normal that turns by (arc length) / r along an arc and not at
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tracking import Body, Motion
-from ..tracking.pack import pack_lines, pack_walls
+from ..tracking.pack_walls import pack_lines, pack_walls
 
 __all__ = ["Array", "Index", "Surfaces"]
 

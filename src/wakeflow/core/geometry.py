@@ -48,8 +48,7 @@ def normals(outline: Array) -> Array:
     start, end = edges(outline)
     along = end - start
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    value: Array = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-    return value
+    return np.asarray(outward / np.linalg.norm(outward, axis=1, keepdims=True))
 
 
 def is_simple(outline: Array) -> bool:

@@ -43,6 +43,12 @@ class Registry(Generic[Entry]):
         self._entries[name] = entry
         return entry
 
+    def remove(self, name: str) -> Entry:
+        """Take the entry called ``name`` out again, as a trial does at its end, and return it."""
+        entry = self[name]
+        del self._entries[name]
+        return entry
+
     def register(self, name: str) -> Callable[[Entry], Entry]:
         """Decorator form of :meth:`add`."""
         return lambda entry: self.add(name, entry)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
-from .flow import Divergence, FlowField, Swing, Truncation
+from .divergence import Divergence
+from .flow import FlowField
+from .modes import Truncation
+from .swing import Swing
 
 __all__ = ["Divergence", "FlowField", "Swing", "Truncation"]

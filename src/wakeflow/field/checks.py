@@ -8,13 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from .triangles import double_area
 
-__all__ = ["cells", "clock", "coefficients", "nodal", "numbers", "optional"]
+__all__ = ["cells", "coefficients", "finite", "motion", "of_shape", "optional", "points", "positive", "times"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+FLAT = 1e-12  # area over the square of its longest edge below which a triangle has none: round-off
 
 
-def numbers(name: str, values: ArrayLike) -> Array:
+def finite(name: str, values: ArrayLike) -> Array:
+    """A contiguous copy in double precision; every value is finite."""
     try:
         array = np.array(values, dtype=np.float64, order="C")
     except (TypeError, ValueError):
@@ -26,29 +28,47 @@ def numbers(name: str, values: ArrayLike) -> Array:
     return array
 
 
-def nodal(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = numbers(name, values)
+def points(values: ArrayLike) -> Array:
+    """Points (N, 2) m, at least three."""
+    nodes = finite("points", values)
+    if nodes.ndim != 2 or nodes.shape[1] != 2 or len(nodes) < 3:
+        raise SceneError(f"points: shape {nodes.shape}, expected (N, 2) with N of at least 3")
+    return nodes
+
+
+def positive(name: str, value: float) -> float:
+    """A number that is positive and finite."""
+    if not (np.isfinite(value) and value > 0):
+        raise SceneError(f"{name} = {value:g} must be positive and finite")
+    return float(value)
+
+
+def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Numbers of exactly this shape."""
+    array = finite(name, values)
     if array.shape != shape:
         raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
     return array
 
 
 def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
-    return None if values is None else nodal(name, values, shape)
+    """The same, or None."""
+    return None if values is None else of_shape(name, values, shape)
 
 
-def cells(triangles: ArrayLike, points: Array) -> Index:
+def cells(triangles: ArrayLike, nodes: Array) -> Index:
+    """Triangles (M, 3) of numbers of the ``nodes`` (N, 2), each with an area; clockwise ones are turned round."""
     cells = np.array(triangles)
     if cells.ndim != 2 or cells.shape[1] != 3 or not len(cells) or not np.issubdtype(cells.dtype, np.integer):
         raise SceneError(f"triangles: shape {cells.shape} of {cells.dtype}, expected (M, 3) of integers")
     cells = cells.astype(np.int64)
-    if cells.min() < 0 or cells.max() >= len(points):
-        raise SceneError(f"triangles: node {int(cells.max())} and {int(cells.min())}, allowed 0 to {len(points) - 1}")
-    double = double_area(points, cells)
+    if cells.min() < 0 or cells.max() >= len(nodes):
+        raise SceneError(f"triangles: node {int(cells.max())} and {int(cells.min())}, allowed 0 to {len(nodes) - 1}")
+    double = double_area(nodes, cells)
     cells[double < 0] = cells[double < 0][:, ::-1]
-    p = points[cells]
+    p = nodes[cells]
     longest = np.max(np.sum((p - np.roll(p, 1, axis=1)) ** 2, axis=2), axis=1)
-    flat = np.abs(double) <= 1e-12 * longest
+    flat = np.abs(double) <= FLAT * longest
     if flat.any():
         raise SceneError(
             f"triangles: {int(flat.sum())} of {len(cells)} have no area, the first is {int(flat.argmax())}"
@@ -56,8 +76,13 @@ def cells(triangles: ArrayLike, points: Array) -> Index:
     return np.ascontiguousarray(cells)
 
 
-def clock(times: ArrayLike, period: float | None) -> Array:
-    clock = numbers("times", times)
+def times(values: ArrayLike | None, period: float | None) -> Array | None:
+    """Increasing times (T,) s that span no more than the ``period`` (s); None without times, then without a period."""
+    if values is None:
+        if period is not None:
+            raise SceneError(f"period = {period:g} s needs the times of the snapshots")
+        return None
+    clock = finite("times", values)
     if clock.ndim != 1 or not len(clock):
         raise SceneError(f"times: shape {clock.shape}, expected (T,)")
     if np.any(np.diff(clock) <= 0):
@@ -67,15 +92,21 @@ def clock(times: ArrayLike, period: float | None) -> Array:
     return clock
 
 
-def coefficients(values: ArrayLike, times: Array | None, period: float | None) -> Array:
-    """Coefficients (T, R) of splines whose knots are the times: uniform over the period, at least four."""
-    array = numbers("coefficients", values)
-    if times is None or period is None or len(times) < 4:
+def coefficients(values: ArrayLike, knots: Array | None, period: float | None) -> Array:
+    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the period, at least four."""
+    array = finite("coefficients", values)
+    if knots is None or period is None or len(knots) < 4:
         raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
-    if array.ndim != 2 or array.shape[0] != len(times) or array.shape[1] < 1:
-        raise SceneError(f"coefficients: shape {array.shape}, expected ({len(times)}, R), a row for each time")
-    if not np.allclose(np.diff(times), period / len(times), rtol=1e-6, atol=0.0):
+    if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
+        raise SceneError(f"coefficients: shape {array.shape}, expected ({len(knots)}, R), a row for each time")
+    if not np.allclose(np.diff(knots), period / len(knots), rtol=1e-6, atol=0.0):
         raise SceneError("coefficients: the times, the knots of the splines, must be uniform over the period")
     if not (np.allclose(array[:, 0], 1.0) and np.allclose(array[:, 1:].mean(axis=0), 0.0, atol=1e-9)):
         raise SceneError("coefficients: the first column must be 1, for the mean, and the others have the mean 0")
     return array
+
+
+def motion(values: ArrayLike) -> tuple[tuple[float, float], float, float]:
+    """Amplitude (x, y) m, omega (rad/s) and, where it is given, phase (rad) of a moving mesh from a flat list."""
+    x, y, omega, *phase = finite("motion", values).ravel().tolist()
+    return (x, y), omega, phase[0] if phase else 0.0

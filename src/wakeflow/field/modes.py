@@ -8,22 +8,21 @@ on the snapshots.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from .splines import design, fit
+from .time_axis import time_shares
 
-if TYPE_CHECKING:
-    from .flow import FlowField
-
-__all__ = ["Truncation", "compress", "time_shares"]
+__all__ = ["Truncation", "compress"]
 
 Array = NDArray[np.float64]
 TINY = 1e-13  # of the mean square: a fluctuation below it is round-off
-FEWEST_KNOTS = 8
+FEWEST_KNOTS = 8  # of a period, for splines and snapshots alike; chosen: below, a mode's function of time is a guess
 
 
 class Truncation(NamedTuple):
@@ -41,53 +40,48 @@ class Truncation(NamedTuple):
     k: float
     dissipation: float
 
-
-def time_shares(times: Array, period: float | None) -> Array:
-    """The part of the time that each snapshot stands for (T,): trapezoidal rule, round the period if there is one."""
-    step = np.diff(times)
-    share = np.zeros(len(times))
-    share[:-1] += step / 2
-    share[1:] += step / 2
-    if period is not None:
-        gap = times[0] + period - times[-1]
-        share[0] += gap / 2
-        share[-1] += gap / 2
-    return share / share.sum() if share.sum() > 0 else np.full(len(share), 1.0 / len(share))
+    @classmethod
+    def from_array(cls, values: Array) -> Truncation:
+        """The record from its numbers in order, as a file holds them."""
+        modes, knots, snapshots, *lost = values.ravel().tolist()
+        return cls(int(modes), int(knots), int(snapshots), *lost)
 
 
-def compress(field: FlowField, error: float, knots: int | None) -> tuple[dict[str, Array], Array, Truncation]:
+def compress(
+    times: Array | None,
+    period: float | None,
+    nodal: Mapping[str, Array],
+    node_area: Array,
+    *,
+    error: float,
+    knots: int | None = None,
+) -> tuple[dict[str, Array], Array, Truncation]:
     """Nodal parts (R, N, ..) by name, spline coefficients (M, R) of their functions of time, and what was lost.
 
-    Part 0 is the mean over time. As few modes and, unless ``knots`` says how many, as few knots as keep the rms error
-    of velocity and pressure below ``error`` times the rms of their fluctuations.
+    ``times`` (T,) s of the snapshots over the ``period`` (s); ``nodal``: arrays (T, N, ..) by name, velocity and
+    pressure among them; ``node_area`` (N,): share of the area that each node stands for. Part 0 is the mean over time.
+    As few modes and, unless ``knots`` says how many, as few knots as keep the rms error of velocity and pressure below
+    ``error`` times the rms of their fluctuations. Raises SceneError without a period, with fewer than FEWEST_KNOTS
+    snapshots, and for ``error`` or ``knots`` out of range.
     """
-    times, period = field.times, field.period
     if times is None or period is None or len(times) < FEWEST_KNOTS:
         raise SceneError(f"compressed: needs at least {FEWEST_KNOTS} snapshots over a whole period")
     if not 0 < error < 1:
         raise SceneError(f"compressed: error = {error:g}, allowed above 0 and below 1")
     if knots is not None and not FEWEST_KNOTS <= knots <= len(times):
         raise SceneError(f"compressed: knots = {knots}, allowed {FEWEST_KNOTS} to {len(times)}, the snapshots")
-    share, area = time_shares(times, period), _node_areas(field)
-    names = [n for n in ("velocity", "pressure", "k", "dissipation", "given_gradient") if getattr(field, n) is not None]
-    nodal = {name: getattr(field, name) for name in names}
+    share, area = time_shares(times, period), node_area
     mean = {name: np.tensordot(share, values, axes=1) for name, values in nodal.items()}
     grams = [_gram(nodal[n] - mean[n], mean[n], share, area) for n in ("velocity", "pressure") if n in nodal]
-    motion = _temporal(grams, share, 0.5 * error**2)
-    coefficients = _smooth(times, period, motion, share, grams, 0.5 * error**2, knots)
-    modes = {n: np.tensordot((share[:, None] * motion).T, values, axes=1) for n, values in nodal.items()}
+    history = _temporal(grams, share, 0.5 * error**2)
+    coefficients = _smooth(times, period, history, share, grams, 0.5 * error**2, knots)
+    modes = {n: np.tensordot((share[:, None] * history).T, values, axes=1) for n, values in nodal.items()}
     lean = coefficients.mean(axis=0)  # part 0 is the mean of the whole, to round-off
     parts = {n: np.concatenate([(mean[n] + np.tensordot(lean, m, axes=1))[None], m]) for n, m in modes.items()}
     parts = {n: values.astype(np.float32).astype(np.float64) for n, values in parts.items()}
     coefficients = np.concatenate([np.ones((len(coefficients), 1)), coefficients - lean], axis=1)
     drawn = design(times, float(times[0]), period, len(coefficients)) @ coefficients
     return parts, coefficients, _measured(nodal, mean, parts, drawn, share, area)
-
-
-def _node_areas(field: FlowField) -> Array:
-    """The part of the area that each node stands for (N,)."""
-    area = np.bincount(field.triangles.ravel(), np.repeat(field.area / 3, 3), len(field.points))
-    return np.asarray(area / area.sum(), dtype=np.float64)
 
 
 def _square(values: Array, area: Array) -> Array:
@@ -129,7 +123,7 @@ def _smooth(
 
 
 def _measured(
-    nodal: dict[str, Array], mean: dict[str, Array], parts: dict[str, Array], drawn: Array, share: Array, area: Array
+    nodal: Mapping[str, Array], mean: dict[str, Array], parts: dict[str, Array], drawn: Array, share: Array, area: Array
 ) -> Truncation:
     lost, whole, worst = dict.fromkeys(nodal, 0.0), dict.fromkeys(nodal, 0.0), 0.0
     speed = np.sqrt(share @ _square(nodal["velocity"], area)) or 1.0

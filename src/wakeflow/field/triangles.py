@@ -37,6 +37,12 @@ class Triangles:
         return 0.5 * double_area(self.points, self.triangles)
 
     @cached_property
+    def node_area(self) -> Array:
+        """The share of the whole area that each node stands for (N,): a third of each triangle around it."""
+        area = np.bincount(self.triangles.ravel(), np.repeat(self.area / 3, 3), len(self.points))
+        return np.asarray(area / area.sum(), dtype=np.float64)
+
+    @cached_property
     def neighbours(self) -> Index:
         """Triangle across each edge (M, 3); edge k lies opposite corner k; -1 on the boundary.
 

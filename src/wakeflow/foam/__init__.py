@@ -9,15 +9,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .airflow import AirflowResult, solve_airflow
+    from .airflow import solve_airflow
     from .case import FlowSpec, Stream
+    from .measure import AirflowResult
     from .read import read_flow
-    from .solve import Progress
+    from .watch import Progress
 
 _HOMES = {
-    "AirflowResult": "airflow",
+    "AirflowResult": "measure",
     "FlowSpec": "case",
-    "Progress": "solve",
+    "Progress": "watch",
     "Stream": "case",
     "read_flow": "read",
     "solve_airflow": "airflow",

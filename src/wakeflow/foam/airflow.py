@@ -12,11 +12,13 @@ from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start
 from .measure import AirflowResult, measure
+from .prepare import MeshCheck, prepare_case
 from .sanity import check_airflow, check_finite
-from .solve import Listener, MeshCheck, prepare, run_steady
+from .steady import run_steady
 from .time_resolved import run_time_resolved
+from .watch import ProgressListener
 
-__all__ = ["AirflowResult", "solve_airflow"]
+__all__ = ["solve_airflow"]
 
 
 def solve_airflow(
@@ -25,7 +27,7 @@ def solve_airflow(
     folder: Path,
     *,
     start: Path | None = None,
-    listener: Listener = lambda _: None,
+    listener: ProgressListener = lambda _: None,
     timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
@@ -44,7 +46,7 @@ def solve_airflow(
         folder.mkdir(parents=True, exist_ok=True)
 
         def solve(how: FlowSpec, first_order: bool) -> AirflowResult:
-            check = prepare(how, msh, folder)
+            check = prepare_case(how, msh, folder)
             if first_order:
                 first_order_start(how, folder, start, listener, timeout)
             return _solve(how, folder, check, log, start, listener, timeout)
@@ -61,7 +63,7 @@ def _solve(
     mesh: MeshCheck,
     log: Path,
     start: Path | None,
-    listener: Listener,
+    listener: ProgressListener,
     timeout: float | None,
 ) -> AirflowResult:
     """One attempt: run, measure, and hold the result against what is possible."""

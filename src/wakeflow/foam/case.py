@@ -17,10 +17,16 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError, SceneError
 from ..core.files import atomic_write
 from ..core.resources import case_template
-from ..laws.constants import C_MU
+from ..laws.turbulence_models import (
+    USUAL,
+    TurbulenceField,
+    TurbulenceModel,
+    entering_energy,
+    turbulence_models,
+)
 from ..meshing import MeshSpec
+from .mesh_motion import MeshMotion
 from .polymesh import read_polymesh
-from .vibration import Vibration
 
 __all__ = [
     "SETTINGS",
@@ -28,6 +34,7 @@ __all__ = [
     "Stream",
     "axis_points",
     "environment",
+    "read_parameters",
     "set_patch_types",
     "write_case",
     "write_inlets",
@@ -35,24 +42,14 @@ __all__ = [
 ]
 
 PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
+MODELS = "turbulence-models"  # in the template: a folder a model, its files go over those of the template's own
 INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
-MIXING_LENGTH = 0.07  # of the channel width: fully developed duct flow
 LONGEST_STEP = 0.05  # convective times: about 100 steps a shedding period where the Courant number allows more
 WAKE_PROBES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # projected widths behind the first body: a steady run's velocities
 
 
 # What the template knows: largest Courant number of a time-resolved run, and its share of the one asked for
 SETTINGS = {"normal": (math.inf, 1.0), "careful": (1.0, 0.5), "first-order": (0.5, 0.25)}
-
-
-# Solutions of velocity and pressure in a time step. Laminar: one made a square's lift 15 % and its drag 1.5 % too
-# large at Re 100. k-omega SST: with one, half the Courant number moved a rhombus' Cd by 1.5 % and its lift by 2 %, at
-# twice the cost.
-CORRECTORS = {"laminar": 2, "kOmegaSST": 1}
-# Convection of a time-resolved velocity. LUST is three parts central to one of linearUpwind: on a cylinder's wake at
-# Re 100 (DFG 2D-2, 4.4k cells) it took the error of mean Cd from 5 to 2 % and that of Cl's rms from 19 to 4 %. With
-# k-omega SST cells are too coarse for central differences.
-CONVECTION = {"laminar": "LUST grad(U)", "kOmegaSST": "linearUpwind grad(U)"}
 
 
 @dataclass(frozen=True)
@@ -69,17 +66,18 @@ class Stream:
 @dataclass(frozen=True)
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
-    ``intensity`` (u'/U at the inlet; not used when laminar), ``profile`` of the inlet's velocity (parabolic: fully
-    developed laminar channel flow, 3/2 of the mean in the middle), ``inlets``: secondary streams. ``vibration``: of
-    bodies and mesh along the channel; None: the bodies are at rest in the air. ``settings``: one of SETTINGS, where the
-    ladder of safer ones starts; ``ranks``: MPI processes. ``accuracy``: relative half-width of the 95 % intervals at
-    which a time-resolved run ends, see :func:`wakeflow.foam.statistics.wanted`."""
+    ``turbulence``: one of ``laws.turbulence_models``; ``intensity`` (u'/U at the inlet; not used when laminar),
+    ``profile`` of the inlet's velocity (parabolic: fully developed laminar channel flow, 3/2 of the mean in the
+    middle), ``inlets``: secondary streams. ``vibration``: of bodies and mesh along the channel; None: the bodies are at
+    rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes.
+    ``accuracy``: relative half-width of the 95 % intervals at which a time-resolved run ends, see
+    :func:`wakeflow.foam.statistics.wanted`."""
 
     mesh: MeshSpec
     speed: float
     density: float
     viscosity: float
-    turbulence: Literal["laminar", "kOmegaSST"]
+    turbulence: str
     stepping: Literal["steady", "time-resolved"] = "steady"
     intensity: float = 0.05
     max_courant: float = 4.0
@@ -88,9 +86,11 @@ class FlowSpec:
     inlets: tuple[Stream, ...] = ()
     settings: str = "normal"
     ranks: int = 1
-    vibration: Vibration | None = None
+    vibration: MeshMotion | None = None
 
     def __post_init__(self) -> None:
+        """Raise SceneError for a model that is not known, and for what the stepping cannot follow."""
+        _ = self.model
         if self.stepping == "time-resolved" and self.mesh.half:
             raise SceneError(
                 "a time-resolved airflow sheds vortices to both sides: it needs a mesh of the whole channel"
@@ -113,14 +113,23 @@ class FlowSpec:
         """+1 for air flowing towards +y, -1 for -y."""
         return 1.0 if self.mesh.direction == "up" else -1.0
 
-    def incoming(self, speed: float, width: float) -> tuple[float, float]:
-        """k (m2/s2) and omega (1/s) of air entering at ``speed`` (m/s) through an opening of ``width`` (m).
+    @property
+    def model(self) -> TurbulenceModel:
+        """The turbulence model's record. Raises SceneError where none has that name."""
+        return turbulence_models[self.turbulence]
 
-        k = 3/2 (I U)^2, omega = sqrt(k)/(C_mu^(1/4) l) with l = 0.07 of the width, the usual estimate for fully
-        developed duct flow.
+    @property
+    def transported(self) -> tuple[TurbulenceField, ...]:
+        """The turbulent fields that the case folder holds in 0/ with a value on the inlet: those of the template's
+        own model, which stay unread under another one, then the model's further ones.
         """
-        k = 1.5 * (self.intensity * speed) ** 2
-        return k, k**0.5 / (C_MU**0.25 * MIXING_LENGTH * width)
+        both = (*turbulence_models[USUAL].transported, *self.model.transported)
+        return tuple({field.name: field for field in both}.values())
+
+    def entering(self, speed: float, width: float) -> dict[TurbulenceField, float]:
+        """The turbulent fields (SI) of air entering at ``speed`` (m/s) through an opening of ``width`` (m)."""
+        k = entering_energy(self.intensity, speed)
+        return {field: field.entering(k, width) for field in self.transported if field.entering is not None}
 
     def parameters(self) -> dict[str, str | float | int]:
         """Everything the template leaves open, by the names in system/parameters.
@@ -128,8 +137,8 @@ class FlowSpec:
         The coefficients' area counts the meshed part of the body only, so that a half domain gives the full body's
         coefficients.
         """
-        k, omega = self.incoming(self.speed, self.mesh.width)
-        spec = self.mesh
+        spec, model = self.mesh, self.model
+        inlet = self.entering(self.speed, spec.width)
         most, share = SETTINGS[self.settings]
         middle, _, rear = axis_points(self)
         size, depth = spec.projected_width, 0.5 * spec.thickness
@@ -144,15 +153,14 @@ class FlowSpec:
             "inletSpeed": self.speed,
             "flowDirection": f"(0 {self.along:g} 0)",
             "nu": self.viscosity / self.density,
-            "inletK": k,
-            "inletOmega": omega,
+            **{field.inlet: inlet[field] for field in turbulence_models[USUAL].transported},
             "bodyWidth": spec.projected_width,
             "bodyArea": spec.projected_width * spec.thickness * (0.5 if spec.half else 1.0),
             "basePoint": f"({middle:.9g} {self.along * rear:.9g} {depth:.9g})",
             "wakePoints": "(" + " ".join(f"({middle + 0.01 * size:.9g} {y:.9g} {depth:.9g})" for y in behind) + ")",
             "settings": self.settings,
-            "convection": CONVECTION[self.turbulence],
-            "correctors": CORRECTORS[self.turbulence],
+            "convection": model.convection,
+            "correctors": model.correctors,
             "maxCo": min(most, share * self.max_courant),
             "ranks": self.ranks,
             **swing,
@@ -179,8 +187,18 @@ def environment() -> dict[str, str]:
 
 
 def write_case(spec: FlowSpec, folder: Path) -> None:
-    """Copy the template into ``folder`` and set its parameters; an existing case keeps its mesh, times and history."""
-    shutil.copytree(case_template(), folder, dirs_exist_ok=True)
+    """Copy the template into ``folder``, the turbulence model's own files over it, and set its parameters; an existing
+    case keeps its mesh, times and history.
+
+    Raises FoamError where the template lacks a field of the model.
+    """
+    shutil.copytree(case_template(), folder, ignore=shutil.ignore_patterns(MODELS), dirs_exist_ok=True)
+    own = case_template() / MODELS / spec.turbulence
+    if own.is_dir():
+        shutil.copytree(own, folder, dirs_exist_ok=True)
+    lacking = [field.name for field in spec.model.fields if not (folder / "0" / field.name).exists()]
+    if lacking:
+        raise FoamError(f"the case template has no 0/{lacking[0]} for {spec.turbulence}: put it into {own / '0'}")
     write_parameters(folder, spec.parameters())
     write_inlets(spec, folder)
     names = spec.mesh.names if len(spec.mesh.names) > 1 else ()
@@ -203,6 +221,12 @@ def write_parameters(folder: Path, values: Mapping[str, str | float | int]) -> N
         stream.write(text)
 
 
+def read_parameters(folder: Path) -> dict[str, str]:
+    """``system/parameters`` of a case by name; empty for a case that was not written from the template."""
+    path = folder / PARAMETERS
+    return dict(re.findall(r"^(\w+)\s+([^;]*);", path.read_text(), re.M)) if path.exists() else {}
+
+
 def write_inlets(spec: FlowSpec, folder: Path) -> None:
     """Write ``system/inlets``, what enters where; a parabolic profile once the case has its mesh.
 
@@ -212,20 +236,24 @@ def write_inlets(spec: FlowSpec, folder: Path) -> None:
     velocity = f"uniform (0 {spec.along * spec.speed:.12g} 0)"
     if spec.profile == "parabolic" and (folder / "constant" / "polyMesh" / "boundary").exists():
         velocity = _list_of_vectors(0.0, spec.along * _parabola(spec, folder))
-    rows = {"inletsU": {"inlet": velocity}, "inletsK": {}, "inletsOmega": {}}
+    rows: dict[str, dict[str, str]] = {"U": {"inlet": velocity}, **{field.name: {} for field in spec.transported}}
     for stream in spec.inlets:
-        k, omega = spec.incoming(stream.velocity, stream.width)
         inward = stream.velocity if stream.side == "left" else -stream.velocity
         patch = f"inlet_{stream.name}"
-        rows["inletsU"][patch] = f"uniform ({inward:.12g} 0 0)"
-        rows["inletsK"][patch], rows["inletsOmega"][patch] = f"uniform {k:.12g}", f"uniform {omega:.12g}"
+        rows["U"][patch] = f"uniform ({inward:.12g} 0 0)"
+        for field, value in spec.entering(stream.velocity, stream.width).items():
+            rows[field.name][patch] = f"uniform {value:.12g}"
+    known = turbulence_models[USUAL].transported  # system/parameters holds theirs
+    further = {f: v for f, v in spec.entering(spec.speed, spec.mesh.width).items() if f not in known}
     path = folder / INLETS
     head = path.read_text().split("\ninletsU", 1)[0]
     with atomic_write(path) as out:
         out.write(head)
         for name, patches in rows.items():
             entries = "".join(f"    {patch} {{ type fixedValue; value {v}; }}\n" for patch, v in patches.items())
-            out.write(f"\n{name}\n{{\n{entries}}}\n")
+            out.write(f"\ninlets{name[0].upper()}{name[1:]}\n{{\n{entries}}}\n")
+        for field, value in further.items():
+            out.write(f"\n{field.inlet} {value:.12g};\n")
 
 
 def _parabola(spec: FlowSpec, folder: Path) -> NDArray[np.float64]:

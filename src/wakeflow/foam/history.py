@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .case import read_parameters
+
 __all__ = ["CD", "CL", "Interval", "Tail", "kind_of", "read_table", "read_vectors", "upward_crossings"]
 
 Array = NDArray[np.float64]
 CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...
-
-
 ABSENT = 1e100  # what OpenFOAM writes for a probe outside the mesh is larger
+WIGGLE = 0.5  # of the signal's rms: a rise through the mean counts once the signal was so far below. Chosen
+AGAIN = 0.5  # autocorrelation that a periodic signal reaches again after it was negative. Chosen
 
 
 @dataclass(frozen=True)
@@ -68,9 +69,8 @@ class Tail:
     def __init__(self, case: Path) -> None:
         self.case = case
         self.parts = [_Table(case, "forceCoefficients", (CD, CL))]
-        text = (case / "system" / "parameters").read_text() if (case / "system" / "parameters").exists() else ""
-        speed = re.search(r"^inletSpeed\s+([^;]+);", text, re.M)
-        self.dynamic = 0.5 * float(speed[1]) ** 2 if speed else None
+        speed = read_parameters(case).get("inletSpeed")
+        self.dynamic = None if speed is None else 0.5 * float(speed) ** 2
         if self.dynamic:
             self.parts += [_Table(case, "basePressure", (1,)), _Table(case, "inletPressure", (1,))]
 
@@ -125,7 +125,7 @@ def upward_crossings(time: Array, signal: Array, typical: Array | None = None) -
     """
     typical = signal if typical is None else typical
     deviation = signal - typical.mean()
-    level = 0.5 * float(typical.std())
+    level = WIGGLE * float(typical.std())
     if level == 0:
         return np.zeros(0)
     side = np.where(deviation > level, 1, np.where(deviation < -level, -1, 0))
@@ -152,4 +152,4 @@ def kind_of(signal: Array, tolerance: float) -> str:
     lagged = lagged / lagged[0] * len(deviation) / (len(deviation) - np.arange(len(lagged)))
     negative = np.flatnonzero(lagged < 0)
     again = lagged[negative[0] :].max() if len(negative) else 0.0
-    return "periodic" if again > 0.5 else "broadband"
+    return "periodic" if again > AGAIN else "broadband"

@@ -15,12 +15,15 @@ from typing import TypeVar
 from ..core.errors import SceneError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
+from .case_fields import time_folders
 from .failure import AirflowFailure, Attempt
-from .read import LOOP, time_folders
+from .prepare import CHECKED
+from .read import LOOP
 from .sanity import is_sane
-from .solve import CHECKED, PHASE, SAVE_EVERY, Listener, Watch, solver
-from .start import perturb, start_from
-from .time_resolved import RECORDED
+from .solver import PHASE, SAVE_EVERY, run_solver
+from .start import first_step, perturb, start_from
+from .time_resolved import COLLAPSED, RECORDED
+from .watch import ProgressListener, Watch
 
 __all__ = ["LADDER", "climb", "first_order_start", "warning"]
 
@@ -32,8 +35,10 @@ LADDER = {
     "first-order": "first-order schemes throughout",
 }
 ATTEMPTS, STARTED = "attempts.json", "first_order_start.json"
-START_ITERATIONS, START_TIME = 300, 10.0  # of a first-order start: iterations, or convective times
-LEAST_STEP = 1e-7  # convective times
+# Length of a first-order start. Chosen: the impulse of the start has left the near wake by then.
+START_ITERATIONS = 300  # of a steady run
+START_TIME = 10.0  # of a time-resolved run, in convective times
+SPARE = 1000  # iterations or convective times beyond: the file "stop", not OpenFOAM's endTime, ends the start
 
 
 def climb(
@@ -49,7 +54,7 @@ def climb(
     if spec.settings not in names:
         raise SceneError(f"settings = {spec.settings!r}: unknown (known: {', '.join(names)})")
     names = names[names.index(spec.settings) :]
-    tried = _load(folder)
+    tried = _attempts_so_far(folder)
     while True:
         settings = names[len(tried)]
         known = "careful" if settings == "first-order-start" else settings
@@ -68,7 +73,7 @@ def climb(
             write_json(folder / ATTEMPTS, [asdict(attempt) for attempt in tried])
 
 
-def _load(folder: Path) -> list[Attempt]:
+def _attempts_so_far(folder: Path) -> list[Attempt]:
     path = folder / ATTEMPTS
     return [Attempt(**row) for row in json.loads(path.read_text())] if path.exists() else []
 
@@ -96,7 +101,7 @@ def warning(settings: str, attempts: list[Attempt]) -> str | None:
 
 
 def first_order_start(
-    spec: FlowSpec, folder: Path, start: Path | None, listener: Listener, timeout: float | None
+    spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
 ) -> None:
     """Bring a case through its start with first-order schemes; the caller writes the parameters that follow.
 
@@ -110,16 +115,16 @@ def first_order_start(
     if not steady and not time_folders(folder):
         start_from(spec, folder, start)
         perturb(spec, folder)
-    first = 1.0 if steady else 0.2 * spec.mesh.h_corner / spec.speed
+    first = 1.0 if steady else first_step(spec)
     write_parameters(folder, {
-        **replace(spec, settings="first-order").parameters(), "startFrom": "latestTime", "endTime": end + 1000 * scale,
+        **replace(spec, settings="first-order").parameters(), "startFrom": "latestTime", "endTime": end + SPARE * scale,
         "deltaT": first, "writeControl": "clockTime", "writeInterval": SAVE_EVERY, "purgeWrite": 2,
     })  # fmt: skip
     watch = Watch(
         folder, "steady" if steady else "first-order start", listener, lambda rows: bool(rows[-1, 0] >= end),
-        expected=end, least_step=0.0 if steady else LEAST_STEP * scale,
+        expected=end, least_step=0.0 if steady else COLLAPSED * scale,
     )  # fmt: skip
-    solver(folder, "simpleFoam" if steady else "pimpleFoam", watch, timeout)
+    run_solver(folder, "simpleFoam" if steady else "pimpleFoam", watch, timeout)
     write_parameters(folder, spec.parameters())
     write_json(folder / STARTED, {"end": end})
 

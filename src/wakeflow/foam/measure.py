@@ -10,34 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..laws.turbulence_models import NUT
 from .case import FlowSpec, axis_points
+from .case_fields import CaseFields, Snapshot
 from .failure import Attempt
 from .history import CD, Interval, Tail, read_table
-from .read import CaseFields, Snapshot, loop_of, read_flow
+from .read import loop_of, read_flow
+from .reconstruction import PlaneMesh
 from .statistics import evaluate, is_still
+from .steady import WINDOW
+from .suction import Suction, suction_zone
 
-__all__ = ["AirflowResult", "Suction", "measure", "suction_zone"]
+__all__ = ["AirflowResult", "mean_pressure", "measure", "on_edges", "y_plus"]
 
 Array = NDArray[np.float64]
-THRESHOLD = -0.5  # pressure coefficient below which the air counts as the suction zone
-WINDOW = 300  # last iterations of a steady run that its interval covers
-
-
-@dataclass(frozen=True)
-class Suction:
-    """The suction zone: Cp < threshold, downstream of the body's widest place, connected to the body.
-
-    ``length`` (m) along the air from the body's rear-most point, ``width`` (m) its extent across the air, ``area``
-    (m2), both sides counted. ``cp_min`` is its lowest Cp. ``reversal_length`` (m): from the rear, how far the mean
-    air on the body's axis runs backwards.
-    """
-
-    threshold: float
-    cp_min: float
-    length: float
-    width: float
-    area: float
-    reversal_length: float
 
 
 @dataclass(frozen=True)
@@ -106,40 +92,22 @@ def measure(
     residuals: dict[str, float] | None = None,
     mesh: dict[str, float] | None = None,
 ) -> AirflowResult:
-    """Measure a solved case."""
-    fields = CaseFields(folder)
+    """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
+
+    ``verdict``, ``seconds``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
+    FoamError for a case without a solved time, or whose values are not finite.
+    """
     loop = loop_of(folder)
-    times = [fields.folder(name) for name in loop["times"]] if loop else [fields.folder("latest")]
-    shots = [fields.snapshot(time) for time in times]
-    arrays = read_flow(folder, "mean" if loop else "latest", density=1.0)
-    plane = fields.mesh.plane
-    dynamic = 0.5 * spec.speed**2
-    at_inlet = _mean_on(fields, shots, "inlet")
-    cp = (arrays["pressure"] - at_inlet) / dynamic
-    middle, front, rear = axis_points(spec)
     rows = Tail(folder).update()
     history = _coefficients(spec, rows, loop)
-    flow, mass_error = _mass_balance(spec, fields, shots)
-    body = fields.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
-    edges, points = plane.faces[body], arrays["points"]
-    at_rear = _on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
     return AirflowResult(
         stepping=spec.stepping,
         verdict=verdict,
         turbulence=spec.turbulence,
-        cells=len(plane.cells),
         reynolds=spec.reynolds,
         cd=history.cd,
         cl_rms=history.cl_rms,
         strouhal=history.strouhal,
-        cp_base=_base(history.cp_base, rows, loop, at_rear),
-        cp_front=_on_edges(points, edges, cp, np.array([middle, front * spec.along])),
-        p_inlet=spec.density * at_inlet,
-        pressure_drop=spec.density * (at_inlet - _mean_on(fields, shots, "outlet")),
-        flow_rate=flow,
-        mass_error=mass_error,
-        suction=suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges)),
-        y_plus=_y_plus(spec, fields, times[-1], shots[-1], body),
         steps=history.steps,
         seconds=seconds,
         field_time="all" if loop else "latest",
@@ -151,18 +119,49 @@ def measure(
         statistics=history.statistics,
         notes=history.notes,
         cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
+        **_from_fields(spec, folder, loop, rows, history.cp_base),
     )
 
 
-def _mean_on(fields: CaseFields, shots: Sequence[Snapshot], patch: str) -> float:
-    """Mean kinematic static pressure on a patch, by length and over the snapshots."""
-    chosen = fields.mesh.plane.on(patch)
-    weight = fields.mesh.plane.lengths[chosen]
+def _from_fields(
+    spec: FlowSpec, folder: Path, loop: dict[str, Any] | None, rows: Array, probed: Interval
+) -> dict[str, Any]:
+    """What the stored fields say, by the names of :class:`AirflowResult`; ``probed``: the history's base pressure."""
+    fields = CaseFields(folder)
+    times = [fields.folder(name) for name in loop["times"]] if loop else [fields.folder("latest")]
+    shots = [fields.snapshot(time) for time in times]
+    flow = read_flow(folder, "mean" if loop else "latest", density=1.0)
+    plane = fields.mesh.plane
+    at_inlet, at_outlet = (mean_pressure(plane, shots, plane.on(patch)) for patch in ("inlet", "outlet"))
+    cp = (flow["pressure"] - at_inlet) / (0.5 * spec.speed**2)
+    middle, front, rear = axis_points(spec)
+    body = fields.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
+    edges, points = plane.faces[body], flow["points"]
+    at_rear = on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
+    flow_rate, mass_error = _mass_balance(spec, fields, shots)
+    return {
+        "cells": len(plane.cells),
+        "cp_base": _base(probed, rows, loop, at_rear),
+        "cp_front": on_edges(points, edges, cp, np.array([middle, front * spec.along])),
+        "p_inlet": spec.density * at_inlet,
+        "pressure_drop": spec.density * (at_inlet - at_outlet),
+        "flow_rate": flow_rate,
+        "mass_error": mass_error,
+        "suction": suction_zone(spec, points, flow["triangles"], cp, flow["velocity"], np.unique(edges)),
+        "y_plus": y_plus(spec, fields, times[-1], shots[-1], body),
+    }
+
+
+def mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:
+    """Mean kinematic static pressure (m2/s2) over boundary edges (b,), by length and over the snapshots."""
+    weight = plane.lengths[chosen]
     return float(np.mean([np.average(shot.pressure_faces[chosen], weights=weight) for shot in shots]))
 
 
-def _on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array) -> float:
-    """Value at ``where`` on the nearest boundary edge, linear along it."""
+def on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array) -> float:
+    """Value at ``where`` (2,) m on the nearest of the boundary ``edges`` (e, 2), linear along it; ``values`` (n,) at
+    the ``points`` (n, 2) m.
+    """
     start, end = points[edges[:, 0]], points[edges[:, 1]]
     along = end - start
     share = np.clip(((where - start) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
@@ -223,7 +222,7 @@ def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _
             f"{rows[-1, 0] / scale:.0f} widths of travel, where the run was ended"
         ]
     table = {"periods": found.periods, "start_up": found.begin, "accuracy": spec.accuracy, "excess": found.excess}
-    number = found.frequency and _times(found.frequency, scale)
+    number = None if found.frequency is None else _times(found.frequency, scale)
     return _Coefficients(found.cd, found.cl_rms, found.cp_base, number, len(rows), table, notes)
 
 
@@ -277,7 +276,7 @@ def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot])
     return inflow * (2 if spec.mesh.half else 1), lost / inflow
 
 
-def _y_plus(
+def y_plus(
     spec: FlowSpec, fields: CaseFields, time: Path, shot: Snapshot, body: NDArray[np.bool_]
 ) -> tuple[float, float]:
     """Least and largest y+ of the first cells on the bodies: sqrt(nu_eff |u_t| / y) y / nu."""
@@ -288,101 +287,7 @@ def _y_plus(
     velocity = shot.velocity[cell] - shot.velocity_faces[body]
     along = velocity - (velocity * normal).sum(axis=1, keepdims=True) * normal
     effective = np.full(len(cell), nu)
-    if fields.has(time, "nut") and spec.turbulence != "laminar":
-        effective += fields.field(time, "nut")[1][body]
+    if spec.model.turbulent and fields.has(time, NUT.name):
+        effective += fields.field(time, NUT.name)[1][body]
     value = np.sqrt(effective * np.linalg.norm(along, axis=1) / distance) * distance / nu
     return float(value.min()), float(value.max())
-
-
-def suction_zone(
-    spec: FlowSpec, points: Array, triangles: NDArray[np.intp], cp: Array, velocity: Array, body: NDArray[np.intp]
-) -> Suction:
-    """Extent of the suction zone from node values; triangles are cut along Cp = threshold and at the body's widest
-    place.
-    """
-    outline = np.array(spec.mesh.bodies[0])
-    along = spec.along * outline[:, 1]
-    left, right = outline[:, 0].min(), outline[:, 0].max()
-    size = right - left
-    widest = float(max(s for (x, _), s in zip(outline, along, strict=True) if min(x - left, right - x) < 1e-6 * size))
-    rear = float(along.max())
-    x, s = points[:, 0], spec.along * points[:, 1]
-    inside = _connected((cp < THRESHOLD) & (s >= widest - 1e-6 * size), triangles, body)
-    chosen = triangles[inside[triangles].any(axis=1)]
-    pieces = [_cut(np.column_stack([x[t], s[t], cp[t]]), widest) for t in chosen]
-    pieces = [piece for piece in pieces if len(piece) >= 3]
-    reversal = _reversal(spec, points, triangles, spec.along * velocity[:, 1], rear)
-    if not pieces:
-        return Suction(THRESHOLD, float(cp[s >= widest].min()), 0.0, 0.0, 0.0, reversal)
-    corners = np.vstack(pieces)
-    twice = 2.0 if spec.mesh.half else 1.0
-    across = 2 * corners[:, 0].max() if spec.mesh.half else np.ptp(corners[:, 0])
-    return Suction(
-        threshold=THRESHOLD,
-        cp_min=float(cp[inside].min()),
-        length=max(float(corners[:, 1].max()) - rear, 0.0),
-        width=float(across),
-        area=twice * sum(_area(piece) for piece in pieces),
-        reversal_length=reversal,
-    )
-
-
-def _connected(low: NDArray[np.bool_], triangles: NDArray[np.intp], body: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """The nodes of ``low`` that a chain of mesh edges within ``low`` joins to the body."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    pairs = pairs[low[pairs].all(axis=1)]
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(low), len(low)))
-    _, label = connected_components(graph, directed=False)
-    return low & np.isin(label, label[body[low[body]]])
-
-
-def _cut(corners: Array, widest: float) -> Array:
-    """The part of a triangle, rows (x, s, Cp), with Cp below the threshold and s beyond ``widest``."""
-    for column, sign, level in ((2, 1.0, THRESHOLD), (1, -1.0, widest)):
-        if len(corners) == 0:
-            break
-        level_distance = sign * (corners[:, column] - level)
-        kept = []
-        for i, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
-            da, db = level_distance[i], level_distance[(i + 1) % len(corners)]
-            if da <= 0:
-                kept.append(a)
-            if da * db < 0:
-                kept.append(a + da / (da - db) * (b - a))
-        corners = np.array(kept).reshape(-1, 3)
-    return corners
-
-
-def _area(corners: Array) -> float:
-    x, y = corners[:, 0] - corners[0, 0], corners[:, 1] - corners[0, 1]
-    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
-
-
-def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forward: Array, rear: float) -> float:
-    """Distance (m) from the rear to where the velocity along the air on the body's axis turns forward; 0 when it
-    never turns back.
-    """
-    middle, _, _ = axis_points(spec)
-    x, s = points[:, 0] - middle - 1e-7 * spec.mesh.projected_width, spec.along * points[:, 1]
-    if spec.mesh.half:
-        x = points[:, 0] - 1e-7 * spec.mesh.projected_width
-    pairs = np.unique(
-        np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1), axis=0
-    )
-    pairs = pairs[(x[pairs[:, 0]] * x[pairs[:, 1]] < 0) & (s[pairs].max(axis=1) > rear)]
-    share = x[pairs[:, 0]] / (x[pairs[:, 0]] - x[pairs[:, 1]])
-    place = s[pairs[:, 0]] + share * (s[pairs[:, 1]] - s[pairs[:, 0]])
-    speed = forward[pairs[:, 0]] + share * (forward[pairs[:, 1]] - forward[pairs[:, 0]])
-    order = np.argsort(place)
-    place, speed = place[order] - rear, speed[order]
-    backwards = np.flatnonzero(speed < -1e-6 * spec.speed)
-    if not len(backwards) or place[backwards[0]] > spec.mesh.projected_width:
-        return 0.0
-    turns = np.flatnonzero((speed[:-1] < 0) & (speed[1:] >= 0) & (place[1:] > place[backwards[0]]))
-    if not len(turns):
-        return float(place[-1])
-    i = turns[0]
-    return float(place[i] - speed[i] * (place[i + 1] - place[i]) / (speed[i + 1] - speed[i]))

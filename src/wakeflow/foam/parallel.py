@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from .case import read_parameters
 from .programs import call
 
 __all__ = ["gather", "scatter"]
@@ -47,5 +48,4 @@ def _is_time(name: str) -> bool:
 
 
 def _ranks(folder: Path) -> int:
-    found = re.search(r"^ranks\s+(\d+);", (folder / "system" / "parameters").read_text(), re.M)
-    return int(found[1]) if found else 1
+    return int(read_parameters(folder).get("ranks", 1))

@@ -49,15 +49,20 @@ def call(
         if not problem.ended:  # raised by on_line: it says why itself
             problem.command = problem.command or " ".join(words)
             raise
-        if problem.ended == "missing":
-            raise AirflowFailure(Cause.MISSING, str(problem), command=problem.command) from None
-        if problem.ended == "timed out":
-            cause, why = Cause.TIMED_OUT, str(problem).split("; log:")[0].split(" ", 1)[1]
-        else:
-            cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
-        if cause.numerical and program not in SOLVERS:
-            cause = Cause.CRASHED
-        raise _failure(cause, f"{program} {why}", log, problem.command) from None
+        raise _diagnosed(problem, program, log, before, folder) from None
+
+
+def _diagnosed(problem: FoamError, program: str, log: Path, before: int, folder: Path) -> AirflowFailure:
+    """The failure of a program that ended by itself, with its cause; ``before``: where in the log it began (bytes)."""
+    if problem.ended == "missing":
+        return AirflowFailure(Cause.MISSING, str(problem), command=problem.command)
+    if problem.ended == "timed out":
+        cause, why = Cause.TIMED_OUT, str(problem).split("; log:")[0].split(" ", 1)[1]
+    else:
+        cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
+    if cause.numerical and program not in SOLVERS:
+        cause = Cause.CRASHED
+    return _failure(cause, f"{program} {why}", log, problem.command)
 
 
 def _failure(cause: Cause, said: str, log: Path, command: str = "") -> AirflowFailure:

@@ -3,186 +3,40 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FoamError
-from ..laws.constants import C_MU
-from .polymesh import FoamMesh, read_polymesh
+from .case_fields import CaseFields, Snapshot, time_folders
 from .reconstruction import Reconstruction, triangulate
 
-__all__ = ["CaseFields", "Snapshot", "loop_of", "read_flow", "time_folders"]
+__all__ = ["LOOP", "FlowArrays", "loop_of", "read_flow"]
 
 Array = NDArray[np.float64]
 LOOP = "loop.json"  # what a time-resolved airflow keeps: {"period": s, "times": [names of time folders]}
 
 
-def time_folders(case: Path) -> list[Path]:
-    """The case's time folders that hold a velocity, in order of time; 0 is left out."""
-    found = []
-    for path in case.iterdir() if case.is_dir() else []:
-        try:
-            time = float(path.name)
-        except ValueError:
-            continue
-        if time > 0 and any((path / name).exists() for name in ("U", "U.gz")):
-            found.append((time, path))
-    return [path for _, path in sorted(found)]
+class FlowArrays(TypedDict):
+    """Keyword arguments of ``FlowField.from_arrays``, shapes and units as there; T times, N nodes, M triangles."""
 
-
-@dataclass(frozen=True)
-class Snapshot:
-    """One time of a case: velocity (m, 2) m/s at cells and (b, 2) at boundary edges, kinematic static pressure
-    (m2/s2), k, omega (1/s).
-
-    ``pressure`` is OpenFOAM's p minus 2k/3, which its linear eddy-viscosity models leave in p.
-    """
-
+    points: Array
+    triangles: NDArray[np.intp]
     velocity: Array
-    velocity_faces: Array
     pressure: Array
-    pressure_faces: Array
+    pressure_gradient: Array | None
+    times: Array | None
+    period: float | None
     k: Array | None
-    k_faces: Array | None
     dissipation: Array | None
+    density: float
+    viscosity: float
+    motion: list[float] | None
 
 
-class CaseFields:
-    """The fields of one case folder. Raises FoamError for a case that is three-dimensional or only decomposed."""
-
-    def __init__(self, case: Path) -> None:
-        self.case = Path(case)
-        if not time_folders(self.case) and (self.case / "processor0").is_dir():
-            raise FoamError(f"{self.case} is decomposed: run reconstructPar in it first")
-        self.mesh: FoamMesh = read_polymesh(self.case)
-        plane = self.mesh.plane
-        self.wall = plane.on(*(name for name, kind in self.mesh.types.items() if kind == "wall"))
-        self.symmetry = plane.on(*(n for n, kind in self.mesh.types.items() if kind in ("symmetry", "symmetryPlane")))
-
-    def folder(self, time: str | float) -> Path:
-        """The time folder called or nearest to ``time``. Raises FoamError naming those that are there."""
-        folders = time_folders(self.case)
-        if not folders:
-            raise FoamError(f"{self.case} holds no solved time: run its solver first")
-        if time == "latest":
-            return folders[-1]
-        times = np.array([float(path.name) for path in folders])
-        wanted = float(time)
-        nearest = int(np.abs(times - wanted).argmin())
-        if abs(times[nearest] - wanted) > 1e-6 * max(abs(wanted), 1e-9):
-            raise FoamError(
-                f"{self.case} has no time {wanted:g} (it has {times[0]:g} to {times[-1]:g}, {len(times)} times)"
-            )
-        return folders[nearest]
-
-    def has(self, folder: Path, name: str) -> bool:
-        """Whether a time folder holds the field ``name``."""
-        return any((folder / (name + end)).exists() for end in ("", ".gz"))
-
-    def field(self, folder: Path, name: str) -> tuple[Array, Array]:
-        """Cell values (m,) or (m, 2), boundary-edge values (b,) or (b, 2) of one field.
-
-        An edge of a patch without stored values takes its cell's value (zero gradient).
-        """
-        from foamlib import FoamFieldFile
-
-        plane = self.mesh.plane
-        path = folder / name
-        data = FoamFieldFile(path if path.exists() else path.with_name(name + ".gz"))
-        count = len(plane.cells)
-        try:
-            cells = np.asarray(data.internal_field, dtype=float)
-            stored = {
-                patch: dict(data.boundary_field[patch]) for patch in plane.patches if patch in data.boundary_field
-            }
-        except (ValueError, KeyError, TypeError) as problem:
-            raise FoamError(f"cannot read {path}: {problem}") from None
-        vector = cells.shape[-1:] == (3,) and name != "p"
-        cells = np.broadcast_to(cells, (count, 3) if vector else (count,))
-        if not np.isfinite(cells).all():
-            raise FoamError(f"{path} holds values that are not finite: the solution has diverged", log=path)
-        faces = cells[plane.owner].copy()
-        for index, patch in enumerate(plane.patches):
-            entry = stored.get(patch, {})
-            members = plane.patch == index
-            if entry.get("type") == "noSlip":
-                faces[members] = 0.0
-            elif "value" in entry:
-                values = np.asarray(entry["value"], dtype=float)
-                listed = values.ndim > (1 if vector else 0)
-                faces[members] = values[self.mesh.slots[members]] if listed else values
-        return (cells[:, :2], faces[:, :2]) if vector else (cells, faces)
-
-    def boundary_flux(self, folder: Path, patch: str) -> Array:
-        """Volume flux (m3/s) out of the air through the faces of one patch, from OpenFOAM's conserved phi."""
-        from foamlib import FoamFieldFile
-
-        entry = FoamFieldFile(folder / "phi").boundary_field[patch]
-        count = int(np.count_nonzero(self.mesh.plane.on(patch)))
-        return np.broadcast_to(np.asarray(entry["value"], dtype=float), (count,))
-
-    def snapshot(self, folder: Path, suffix: str = "") -> Snapshot:
-        """All fields of one time folder; ``suffix`` "Mean" reads OpenFOAM's own averages (of U, p and k)."""
-        plane = self.mesh.plane
-        velocity, at_faces = self.field(folder, "U" + suffix)
-        sliding = self.slip(folder)
-        across = (at_faces[sliding] * plane.normals[sliding]).sum(axis=1, keepdims=True)
-        at_faces[sliding] -= across * plane.normals[sliding]
-        pressure, pressure_faces = self.field(folder, "p" + suffix)
-        k = k_faces = dissipation = None
-        if self.has(folder, "k" + suffix) and self.eddy_viscosity:
-            k, k_faces = self.field(folder, "k" + suffix)
-            pressure, pressure_faces = pressure - 2 / 3 * k, pressure_faces - 2 / 3 * k_faces
-            if self.has(folder, "epsilon" + suffix):
-                dissipation = self.field(folder, "epsilon" + suffix)[0]
-            elif self.has(folder, "omega" + suffix):
-                dissipation = C_MU * k * self.field(folder, "omega" + suffix)[0]
-        return Snapshot(velocity, at_faces, pressure, pressure_faces, k, k_faces, dissipation)
-
-    def slip(self, folder: Path) -> NDArray[np.bool_]:
-        """Boundary edges (b,) that the air slides along: symmetry, and patches whose velocity is of type slip."""
-        from foamlib import FoamFieldFile
-
-        kinds = FoamFieldFile(folder / "U").boundary_field if (folder / "U").exists() else {}
-        names = [name for name in self.mesh.plane.patches if name in kinds and kinds[name].get("type") == "slip"]
-        return self.symmetry | self.mesh.plane.on(*names)
-
-    @cached_property
-    def eddy_viscosity(self) -> bool:
-        """Whether a linear eddy-viscosity model ran, as ``constant/turbulenceProperties`` says (unknown: yes)."""
-        if "turbulence" in self.parameters:
-            return self.parameters["turbulence"] != "laminar"
-        path = self.case / "constant" / "turbulenceProperties"
-        return not path.exists() or re.search(r"^\s*simulationType\s+laminar", path.read_text(), re.M) is None
-
-    @cached_property
-    def parameters(self) -> dict[str, str]:
-        """The parameters of a case written from the template; empty for other cases."""
-        path = self.case / "system" / "parameters"
-        return dict(re.findall(r"^(\w+)\s+([^;]*);", path.read_text(), re.M)) if path.exists() else {}
-
-    def viscosity(self) -> float:
-        """Kinematic viscosity (m2/s) from the parameters or ``constant/transportProperties``."""
-        if "nu" in self.parameters:
-            return float(self.parameters["nu"])
-        from foamlib import FoamFile
-
-        path = self.case / "constant" / "transportProperties"
-        try:
-            value: Any = FoamFile(path)["nu"]
-        except (FileNotFoundError, KeyError):
-            raise FoamError(f"{path} gives no nu: a Newtonian fluid is needed") from None
-        return float(getattr(value, "value", value))
-
-
-def read_flow(case_dir: Path | str, time: str | float = "latest", density: float = 1.2) -> dict[str, Any]:
+def read_flow(case_dir: Path | str, time: str | float = "latest", density: float = 1.2) -> FlowArrays:
     """Keyword arguments for ``FlowField.from_arrays`` from a one-layer OpenFOAM case.
 
     ``time``: "latest", a time (s), "mean" (OpenFOAM's UMean of the last time, else the mean over the stored times),
@@ -194,33 +48,45 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     """
     fields = CaseFields(Path(case_dir))
     loop = loop_of(fields.case)
-    times: Array | None = None
-    suffix = ""
-    if time in ("mean", "all"):
-        folders = [fields.folder(name) for name in loop["times"]] if loop else time_folders(fields.case)
-        if time == "mean" and not loop and fields.has(fields.folder("latest"), "UMean"):
-            folders, suffix = [fields.folder("latest")], "Mean"
-        if not folders:
-            fields.folder("latest")
-        times = np.array([float(path.name) for path in folders])
-    else:
-        folders = [fields.folder(time)]
+    folders, suffix = _folders_of(fields, time, loop)
     shots = [fields.snapshot(folder, suffix) for folder in folders]
-    arrays = _nodes(fields, folders[0], shots)
-    if time == "all" and len(folders) > 1:
-        assert times is not None
-        arrays["times"] = times - times[0]
-        arrays["period"] = loop["period"] if loop else None
+    nodes = _at_nodes(fields, folders[0], shots)
+    looped = time == "all" and len(folders) > 1
+    if not looped:
+        nodes = nodes.mean()
+    flow = FlowArrays(
+        points=fields.mesh.plane.points,
+        triangles=triangulate(fields.mesh.plane.points, fields.mesh.plane.cells),
+        velocity=nodes.velocity,
+        pressure=nodes.pressure * density,
+        pressure_gradient=None,
+        times=None,
+        period=None,
+        k=nodes.k,
+        dissipation=nodes.dissipation,
+        density=density,
+        viscosity=fields.viscosity() * density,
+        motion=None,
+    )
+    if looped:
+        clock = np.array([float(path.name) for path in folders])
+        flow["times"] = clock - clock[0]
+        flow["period"] = loop["period"] if loop else None
         if loop and "motion" in loop:
-            arrays["motion"] = [*loop["motion"]["amplitude"], loop["motion"]["omega"], loop["motion"]["phase"]]
-    else:
-        for name in ("velocity", "pressure", "k", "dissipation"):
-            if arrays[name] is not None:
-                arrays[name] = arrays[name].mean(axis=0)
-    arrays["pressure"] = arrays["pressure"] * density
-    arrays["density"] = density
-    arrays["viscosity"] = fields.viscosity() * density
-    return arrays
+            flow["motion"] = [*loop["motion"]["amplitude"], loop["motion"]["omega"], loop["motion"]["phase"]]
+    return flow
+
+
+def _folders_of(fields: CaseFields, time: str | float, loop: dict[str, Any] | None) -> tuple[list[Path], str]:
+    """The time folders that ``time`` means, and what OpenFOAM appends to the names of the fields to read there."""
+    if time not in ("mean", "all"):
+        return [fields.folder(time)], ""
+    if loop:
+        return [fields.folder(name) for name in loop["times"]], ""
+    latest = fields.folder("latest")
+    if time == "mean" and fields.has(latest, "UMean"):
+        return [latest], "Mean"
+    return time_folders(fields.case), ""
 
 
 def loop_of(case: Path) -> dict[str, Any] | None:
@@ -231,8 +97,24 @@ def loop_of(case: Path) -> dict[str, Any] | None:
     return json.loads(path.read_text()) if path.exists() else None
 
 
-def _nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> dict[str, Any]:
-    """Node arrays over the snapshots: velocity (t, n, 2), kinematic pressure (t, n), k, dissipation."""
+class _Nodes(NamedTuple):
+    """Node arrays over t snapshots: velocity (t, n, 2) m/s, kinematic pressure and k (t, n) m2/s2, dissipation of k (t,
+    n) m2/s3; without the first axis their mean.
+    """
+
+    velocity: Array
+    pressure: Array
+    k: Array | None
+    dissipation: Array | None
+
+    def mean(self) -> _Nodes:
+        """The mean over the snapshots."""
+        k, dissipation = (None if values is None else values.mean(axis=0) for values in (self.k, self.dissipation))
+        return _Nodes(self.velocity.mean(axis=0), self.pressure.mean(axis=0), k, dissipation)
+
+
+def _at_nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _Nodes:
+    """The snapshots' fields at the nodes; ``folder`` tells which boundary values are prescribed."""
     plane = fields.mesh.plane
     slip = fields.slip(folder)
     wall = fields.wall & ~slip
@@ -242,24 +124,15 @@ def _nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> dict[
     def stack(name: str) -> Array:
         return np.stack([getattr(shot, name) for shot in shots])
 
-    none = np.zeros(len(plane.faces), dtype=bool)
-    arrays: dict[str, Any] = {
-        "points": plane.points,
-        "triangles": triangulate(plane.points, plane.cells),
-        "velocity": nodes.vector(stack("velocity"), stack("velocity_faces"), inlet | wall),
-        "pressure": nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet),
-        "pressure_gradient": None,
-        "times": None,
-        "period": None,
-        "k": None,
-        "dissipation": None,
-    }
+    k = dissipation = None
     if shots[0].k is not None:
-        arrays["k"] = nodes.scalar(stack("k"), stack("k_faces"), inlet | wall, bounded=True)
+        k = nodes.scalar(stack("k"), stack("k_faces"), inlet | wall, bounded=True)
     if shots[0].dissipation is not None:
-        faces = np.zeros((len(shots), len(plane.faces)))
-        arrays["dissipation"] = nodes.scalar(stack("dissipation"), faces, none, bounded=True)
-    return arrays
+        no_faces, none = np.zeros((len(shots), len(plane.faces))), np.zeros(len(plane.faces), dtype=bool)
+        dissipation = nodes.scalar(stack("dissipation"), no_faces, none, bounded=True)
+    velocity = nodes.vector(stack("velocity"), stack("velocity_faces"), inlet | wall)
+    pressure = nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet)
+    return _Nodes(velocity, pressure, k, dissipation)
 
 
 def _fixed(fields: CaseFields, folder: Path, name: str) -> NDArray[np.bool_]:

@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 WORST = 1e-3  # least singular value over the largest of a node's scaled fit; below it the stencil grows by one ring
 FEWEST = 4  # data points in a linear fit: one more than it needs
+SLENDER = 0.1  # least singular value over the largest of a scaled stencil below which a ring is added. Chosen
+RINGS = 4  # most rings that a stencil grows by. Chosen
+NEAREST = 1e-6  # of a stencil's size: data nearer to the node weigh as if they were so far off, for 1/distance to exist
 
 
 @dataclass(frozen=True)
@@ -44,12 +47,12 @@ class PlaneMesh:
     @property
     def midpoints(self) -> Array:
         """Middle of every boundary edge, (b, 2) m."""
-        return self.points[self.faces].mean(axis=1)
+        return np.asarray(self.points[self.faces].mean(axis=1))
 
     @property
     def lengths(self) -> Array:
         """Length of every boundary edge, (b,) m."""
-        return np.linalg.norm(self.points[self.faces[:, 1]] - self.points[self.faces[:, 0]], axis=1)
+        return np.asarray(np.linalg.norm(self.points[self.faces[:, 1]] - self.points[self.faces[:, 0]], axis=1))
 
     @property
     def normals(self) -> Array:
@@ -112,7 +115,7 @@ class Reconstruction:
         mesh = self.mesh
         data = np.vstack([mesh.centres, mesh.midpoints])
         stencils = _stencils(mesh, known)
-        rows, columns, weights = _fit(mesh.points, data, stencils, len(mesh.centres))
+        rows, columns, weights = _fit(mesh.points, data, stencils)
         return csr_array((weights, (rows, columns)), shape=(len(mesh.points), len(data)))
 
     def scalar(self, cells: Array, faces: Array, known: NDArray[np.bool_], *, bounded: bool = False) -> Array:
@@ -196,7 +199,7 @@ def _stencils(mesh: PlaneMesh, known: NDArray[np.bool_]) -> csr_array:
     first = csr_array(hstack([touches, edges]))
     stencil = first.copy()
     data = np.vstack([mesh.centres, mesh.midpoints])
-    for _ in range(4):
+    for _ in range(RINGS):
         poor = _ill_posed(mesh.points, data, stencil)
         if not poor.any():
             break
@@ -223,7 +226,7 @@ def _padded(points: Array, data: Array, stencil: csr_array) -> tuple[Array, Arra
     distance = np.linalg.norm(offset, axis=2)
     scale = distance.max(axis=1, keepdims=True)
     offset, distance = offset / scale[..., None], distance / scale
-    weight = np.where(there, 1 / np.maximum(distance, 1e-6), 0.0)
+    weight = np.where(there, 1 / np.maximum(distance, NEAREST), 0.0)
     return offset, weight, columns, there
 
 
@@ -231,10 +234,10 @@ def _ill_posed(points: Array, data: Array, stencil: csr_array) -> NDArray[np.boo
     offset, _, _, there = _padded(points, data, stencil)
     matrix = np.concatenate([there[..., None].astype(float), offset], axis=2)
     singular = np.linalg.svd(matrix, compute_uv=False)
-    return (there.sum(axis=1) < FEWEST) | (singular[:, -1] < 0.1 * singular[:, 0])
+    return np.asarray((there.sum(axis=1) < FEWEST) | (singular[:, -1] < SLENDER * singular[:, 0]))
 
 
-def _fit(points: Array, data: Array, stencil: csr_array, cells: int) -> tuple[Index, Index, Array]:
+def _fit(points: Array, data: Array, stencil: csr_array) -> tuple[Index, Index, Array]:
     """Rows, columns and weights of the value at each node of the weighted linear fit through its data."""
     offset, weight, columns, there = _padded(points, data, stencil)
     matrix = np.concatenate([there[..., None].astype(float), offset], axis=2) * weight[..., None]

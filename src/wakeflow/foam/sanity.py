@@ -17,7 +17,8 @@ solver ended well. With V = the largest mean speed in a gap (:func:`gap_speed`),
   about 13), the lubrication pressure of a gap (96 B^2 / (1 - B)^3 over the bodies' height, B the blocked share) and of
   the channel's own walls (24 L D / W^2); three times their sum.
 - **mass**: inflow less outflow below 1e-3 of the inflow.
-- **turbulence**: k, omega, nut not negative; k at most 2 V^2, the energy of air that consists of fluctuations alone.
+- **turbulence**: the model's fields (k, omega, nut ...) not negative; k at most 2 V^2, the energy of air that consists
+  of fluctuations alone.
 """
 
 from __future__ import annotations
@@ -31,18 +32,24 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from .case import FlowSpec
+from .case_fields import CaseFields, time_folders
 from .failure import AirflowFailure, Cause
 from .measure import AirflowResult
-from .read import CaseFields, time_folders
 
 __all__ = ["Check", "blockage", "check_airflow", "check_finite", "friction", "gap_speed", "is_sane"]
 
 Array = NDArray[np.float64]
 LEAK = 1e-3  # inflow less outflow over inflow
-SPEED_FACTOR, DRAG_FACTOR = 4.0, 3.0
+SPEED_FACTOR = 4.0  # largest speed over V: 1.5 x 2 x 4/3, see above
+DRAG_FACTOR = 3.0  # root of the largest drag coefficient where V = U: two and a half times what a flat plate reaches
 TURBULENCE = 2.0  # k over V^2
 UNSTEADY = 0.5  # of (V/U)^2: unsteady part of the stagnation pressure
-CREEPING, GAP, CHANNEL, MARGIN = 40.0, 96.0, 24.0, 3.0
+# What friction adds to a pressure or drag coefficient, times Re (see above):
+CREEPING = 40.0  # creeping flow about a body: three times Lamb's drag of a cylinder at Re 1
+CHANNEL = 24.0  # plane Poiseuille flow: 12 mu U L / W^2 over rho U^2 / 2
+GAP = 96.0  # the same in two gaps of half the free width each, at the mean speed there
+MARGIN = 3.0  # on the sum. Chosen: no sound solution comes near the limit
+LEAST_GAP = 1e-3  # of the channel's width: what bodies leave free counts as no less
 ROUNDING = 1e-9  # of a scale: what counts as zero
 
 
@@ -99,7 +106,7 @@ def gap_speed(spec: FlowSpec, inflow: float = 0.0, fastest: float = 0.0) -> floa
     """
     share = blockage(spec.mesh.bodies, spec.mesh.width)
     own = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed)
-    return max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, 1e-3) + own
+    return max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, LEAST_GAP) + own
 
 
 def friction(spec: FlowSpec) -> float:
@@ -107,7 +114,7 @@ def friction(spec: FlowSpec) -> float:
     share = blockage(spec.mesh.bodies, spec.mesh.width)
     size, width = spec.mesh.projected_width, spec.mesh.width
     heights = sum(float(np.ptp([y for _, y in body])) for body in spec.mesh.bodies) / size
-    gap = GAP * share**2 / max(1.0 - share, 1e-3) ** 3 * max(heights, 1.0)
+    gap = GAP * share**2 / max(1.0 - share, LEAST_GAP) ** 3 * max(heights, 1.0)
     channel = CHANNEL * (spec.mesh.top - spec.mesh.bottom) * size / width**2
     return MARGIN * (CREEPING * len(spec.mesh.bodies) + gap + channel) / spec.reynolds
 
@@ -143,12 +150,11 @@ def _field_checks(spec: FlowSpec, fields: CaseFields, time: Path) -> Iterator[Ch
     lowest = head - (SPEED_FACTOR * scale / spec.speed) ** 2 - friction(spec) - pushed
     yield Check("largest Cp", float(pressure.max() - mean) / dynamic, lowest, highest)
     yield Check("least Cp", float(pressure.min() - mean) / dynamic, lowest, highest)
-    if spec.turbulence != "laminar":
-        for name in ("k", "omega", "nut"):
-            values = fields.field(time, name)[0]
-            most = TURBULENCE * scale**2 if name == "k" else np.inf
-            yield Check(f"least {name}", float(values.min()), -ROUNDING * abs(float(values.max())), np.inf)
-            yield Check(f"largest {name}", float(values.max()), 0.0, most)
+    for field in spec.model.fields:
+        values = fields.field(time, field.name)[0]
+        most = TURBULENCE * scale**2 if field.is_energy else np.inf
+        yield Check(f"least {field.name}", float(values.min()), -ROUNDING * abs(float(values.max())), np.inf)
+        yield Check(f"largest {field.name}", float(values.max()), 0.0, most)
 
 
 def is_sane(spec: FlowSpec, folder: Path, time: Path) -> bool:

@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 
 from ..core.files import atomic_write
 from .case import FlowSpec
+from .case_fields import CaseFields
 from .polymesh import read_polymesh
-from .read import CaseFields
 
-__all__ = ["perturb", "start_from"]
+__all__ = ["first_step", "perturb", "start_from"]
 
 Array = NDArray[np.float64]
-PUSH = 1.0  # peak speed of the vortex over the inlet speed
+# Chosen: the vortex is a push that every wake forgets, no part of the result.
+PUSH = 1.0  # peak speed of the vortex that sets off the shedding, over the inlet speed
+BEHIND = 0.75  # widths from the first body's rear to the middle of the vortex
+REACH = 0.5  # widths, radius of the vortex: its speed falls as r exp(-r^2) in this unit
+FIRST_STEP = 0.2  # of a corner cell that the incoming air crosses in the first time step
 
 
 def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
@@ -24,8 +28,8 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     uniform.
 
     A half domain is mirrored about x = 0 first. A source written from the template may have another speed, size or
-    direction: lengths scale with the first body's width, U with the inlet speed, p and k with its square, omega with
-    speed over width; a field that it lacks keeps its inlet value. Linear between cell centres, the nearest cell's value
+    direction: lengths scale with the first body's width, U with the inlet speed, p with its square, turbulent fields
+    by their units; a field that it lacks keeps its inlet value. Linear between cell centres, the nearest cell's value
     outside them.
     """
     if source is None:
@@ -36,7 +40,8 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     speed = spec.speed / float(given.get("inletSpeed", spec.speed))
     size = spec.mesh.projected_width / float(given.get("bodyWidth", spec.mesh.projected_width))
     turned = np.sign(float(given.get("flowDirection", f"(0 {spec.along} 0)").strip("()").split()[1]) * spec.along)
-    factors = {"U": speed, "p": speed**2, "k": speed**2, "omega": speed / size}
+    factors = {"U": speed, "p": speed**2}
+    factors |= {field.name: field.rescaled(speed, size) for field in spec.transported}
     target = read_polymesh(folder).plane.centres
     half = "axis" in fields.mesh.plane.patches
     centres = fields.mesh.plane.centres * (size, size * turned)
@@ -53,14 +58,19 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
         _write_internal(folder / "0" / name, _interpolate(centres, values, target))
 
 
+def first_step(spec: FlowSpec) -> float:
+    """The first time step (s) of a time-resolved run."""
+    return FIRST_STEP * spec.mesh.h_corner / spec.speed
+
+
 def perturb(spec: FlowSpec, folder: Path) -> None:
-    """Add a vortex, free of divergence: peak speed U, radius about half a width, 0.75 widths behind the first body."""
+    """Add a vortex, free of divergence, behind the first body: peak speed PUSH times U, at BEHIND, as wide as REACH."""
     centres = read_polymesh(folder).plane.centres
     velocity = _read_start(spec, folder, len(centres))
     outline = np.array(spec.mesh.bodies[0])
     size = spec.mesh.projected_width
-    rear = float((spec.along * outline[:, 1]).max()) + 0.75 * size
-    offset = (centres - (outline[:, 0].min() + 0.5 * size, spec.along * rear)) / (0.5 * size)
+    rear = float((spec.along * outline[:, 1]).max()) + BEHIND * size
+    offset = (centres - (outline[:, 0].min() + 0.5 * size, spec.along * rear)) / (REACH * size)
     swirl = np.exp(0.5 - (offset**2).sum(axis=1)) * np.sqrt(2.0)  # r exp(-r^2) peaks at 1/sqrt(2 e)
     velocity += PUSH * spec.speed * swirl[:, None] * np.column_stack([-offset[:, 1], offset[:, 0]])
     _write_internal(folder / "0" / "U", velocity)

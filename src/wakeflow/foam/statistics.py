@@ -19,6 +19,7 @@ from .history import Interval, upward_crossings
 __all__ = ["LOOSER", "Statistics", "Stopping", "cycles", "evaluate", "is_still", "start_up_of", "student", "wanted"]
 
 Array = NDArray[np.float64]
+# Chosen by trials on records of known statistics (tests/foam/test_statistics.py) where no source is given.
 FEWEST = 6  # whole periods after the start-up
 ENOUGH = {"periodic": FEWEST, "broadband": 12}  # before a run may end: a few unequal periods look alike by chance
 BATCHES = 8  # at most about twice as many: fewer but longer batches of a longer run are less correlated
@@ -28,6 +29,17 @@ SHARED = -0.4  # periods share their ends: what one is longer by, its neighbour 
 OFTEN = 1.15  # looked at often, a spread that is small by chance ends the run: wider by what that costs in trials
 SURE = 0.5  # of the width asked: so narrow that one look at a periodic wake is enough
 RESOLVED = 0.05  # of the half-width asked: no interval is narrower, slower changes than the run lasted go unseen
+LEAST_DRAG = 0.1  # Cd, and as a share of Cd the lift's rms: smaller ones are measured against this (see `wanted`)
+LEAST_PRESSURE = 0.5  # base pressure coefficient: the same
+STRONGEST = 0.8  # correlation of neighbouring batches, at most: a stronger one cannot be told from few batches
+NO_SLOWING = 0.9  # ratio of successive thirds' changes with which a drift that does not slow down is extrapolated
+SHORTEST = 0.1  # of the mean period: the lower end of its interval is no lower
+FAINT = 0.01  # of the drag: lift below it has no rhythm of its own
+# A wake at rest: for REST convective times, after REST_AFTER at the earliest, nothing moves by more than RESTING of the
+# drag, of the base pressure coefficient (or of 1), and of a lift coefficient of 1.
+RESTING = 1e-3
+REST, REST_AFTER = 10.0, 30.0  # convective times
+LATER = 0.1  # of the record: so much more of it before it is looked at again
 LOOSER = {"cd": 1.0, "strouhal": 2.0, "cp_base": 1.0, "cl_rms": 2.0}  # times the accuracy asked; see `wanted`
 PERIODIC = {"length": 0.01, "drag": 0.01, "lift": 0.03}  # relative spread from period to period of a periodic wake
 
@@ -101,7 +113,7 @@ def wanted(values: dict[str, float], accuracy: float) -> dict[str, float]:
     as directly; a small rms is measured against a tenth of Cd, a small base pressure against half the
     dynamic pressure, so that a quantity near zero does not keep the run going.
     """
-    floor = {"cd": 0.1, "cl_rms": 0.1 * abs(values["cd"]), "cp_base": 0.5}
+    floor = {"cd": LEAST_DRAG, "cl_rms": LEAST_DRAG * abs(values["cd"]), "cp_base": LEAST_PRESSURE}
     scale = {name: max(abs(value), floor.get(name, 0.0)) for name, value in values.items()}
     return {name: LOOSER[name] * accuracy * size for name, size in scale.items()}
 
@@ -168,7 +180,7 @@ def _interval(values: Array) -> Interval:
     spread = float(np.sqrt((off**2).sum() / (count - 1) / count))
     if spread == 0:
         return Interval(mean, mean, mean)
-    correlation = float(np.clip((off[1:] * off[:-1]).sum() / (off**2).sum() + 1 / count, SHARED, 0.8))
+    correlation = float(np.clip((off[1:] * off[:-1]).sum() / (off**2).sum() + 1 / count, SHARED, STRONGEST))
     half = OFTEN * student(count - 1) * spread * np.sqrt((1 + correlation) / (1 - correlation))
     half += _drift(values, batches)
     return Interval(mean, float(mean - half), float(mean + half))
@@ -178,7 +190,7 @@ def _drift(values: Array, batches: Array) -> float:
     """What a drift may still change: nothing unless the slope over the batches is significant.
 
     From the means a, b, c of three thirds: a geometric approach, c - b = q (b - a), ends at c + (c - b) q/(1 - q); an
-    approach that does not slow down counts with q = 0.9.
+    approach that does not slow down counts with q = NO_SLOWING.
     """
     order = np.arange(len(batches)) - 0.5 * (len(batches) - 1)
     slope = (order * batches).sum() / (order**2).sum()
@@ -187,7 +199,7 @@ def _drift(values: Array, batches: Array) -> float:
     if abs(slope) <= DRIFTING * error:
         return 0.0
     a, b, c = (float(part.mean()) for part in np.array_split(values, 3))
-    ratio = float(np.clip((c - b) / (b - a), 0.0, 0.9)) if b != a else 0.9
+    ratio = float(np.clip((c - b) / (b - a), 0.0, NO_SLOWING)) if b != a else NO_SLOWING
     return abs(c + (c - b) * ratio / (1 - ratio) - float(batches.mean()))
 
 
@@ -198,7 +210,7 @@ def _root(square: Interval) -> Interval:
 
 def _inverse(length: Interval) -> Interval:
     """1/length; a lower end at or below zero (a few wild periods) counts as a tenth of the mean."""
-    return Interval(1 / length.value, 1 / length.high, 1 / max(length.low, 0.1 * length.value))
+    return Interval(1 / length.value, 1 / length.high, 1 / max(length.low, SHORTEST * length.value))
 
 
 def _at_least(part: Interval, half: float) -> Interval:
@@ -212,7 +224,7 @@ def _verdict(kept: Array, square: Array) -> str:
     spread = {
         "length": kept[:, 1].std() / kept[:, 1].mean(),
         "drag": kept[:, 2].std() / max(drag, 1e-300),
-        "lift": lift.std() / max(lift.mean(), 0.01 * drag),
+        "lift": lift.std() / max(lift.mean(), FAINT * drag),
     }
     return "periodic" if all(spread[name] <= most for name, most in PERIODIC.items()) else "broadband"
 
@@ -223,14 +235,14 @@ def is_still(rows: Array, scale: float, *, swings: bool = False) -> bool:
 
     Where the body vibrates (``swings``) drag and pressure never rest: there the lift decides.
     """
-    if rows[-1, 0] < 30 * scale:
+    if rows[-1, 0] < REST_AFTER * scale:
         return False
-    recent = rows[rows[:, 0] > rows[-1, 0] - 10 * scale]
+    recent = rows[rows[:, 0] > rows[-1, 0] - REST * scale]
     half = len(recent) // 2
     shrinks = np.ptp(recent[half:, 2]) <= np.ptp(recent[:half, 2])
-    drag = swings or np.ptp(recent[:, 1]) < 1e-3 * abs(recent[:, 1].mean())
-    pressure = swings or np.ptp(recent[:, 3]) < 1e-3 * max(abs(float(recent[:, 3].mean())), 1.0)
-    return bool(drag and pressure and np.ptp(recent[:, 2]) < 1e-3 and shrinks)
+    drag = swings or np.ptp(recent[:, 1]) < RESTING * abs(recent[:, 1].mean())
+    pressure = swings or np.ptp(recent[:, 3]) < RESTING * max(abs(float(recent[:, 3].mean())), 1.0)
+    return bool(drag and pressure and np.ptp(recent[:, 2]) < RESTING and shrinks)
 
 
 class Stopping:
@@ -251,7 +263,7 @@ class Stopping:
             return False
         found = evaluate(rows, self.accuracy)
         period = (found.period if found else None) or 0.0
-        self.next = now + max(0.1 * (now - first), 2 * period)
+        self.next = now + max(LATER * (now - first), 2 * period)
         stands = found is not None and found.stands
         self.stood, before = stands, self.stood
         sure = found is not None and found.verdict == "periodic" and found.excess < SURE

@@ -14,25 +14,38 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
+from .case_fields import CaseFields, time_folders
 from .history import Tail
-from .read import LOOP, CaseFields, time_folders
-from .solve import PHASE, SAVE_EVERY, Listener, Watch, solver
-from .start import perturb, start_from
+from .mesh_motion import MeshMotion
+from .read import LOOP
+from .solver import PHASE, SAVE_EVERY, run_solver
+from .start import first_step, perturb, start_from
 from .statistics import Stopping, cycles, evaluate, is_still
-from .vibration import Vibration
+from .watch import ProgressListener, Watch
 
 __all__ = ["LONGEST", "LOOP_PERIODS", "SNAPSHOTS", "best_loop", "run_time_resolved"]
 
 Array = NDArray[np.float64]
-SNAPSHOTS = 24  # a period
+# Chosen, where nothing else is said; convective time: the first body's projected width over the inlet speed.
+SNAPSHOTS = 24  # a shedding period: the field between them is interpolated
 LOOP_PERIODS = 3  # at least this many in the loop of a periodic wake
 BROADBAND_PERIODS = 6  # the same where periods differ from each other
 SPARE_PERIODS = 3  # more are kept until the run ends, to choose the loop from
 RECORDED = "recorded"  # a file: the solver ended by itself
-KEPT = {"U", "p", "k", "omega"}
 COLLAPSED = 1e-7  # convective times: a time step this short will never arrive
-LONGEST_START = 80.0  # convective times (projected width over speed) before a start-up is given up as irregular
+PUSHED = 2.0  # convective times at the beginning that show the push, not the shedding
+LEAST_START = 15.0  # convective times before a start-up may end: the wake has to fill first
+ALIKE = 0.1  # relative spread of the last three periods below which their length can be told
+LONGEST_START = 80.0  # convective times before a start-up is given up as irregular
 LONGEST = 300.0  # convective times after which a run ends with what it has, its intervals wider than asked
+TYPICAL = 40.0  # convective times of a start-up, or of a whole run: what the time left is estimated from
+BLUFF_PERIOD = 6.0  # convective times: shedding period of a bluff body at its usual Strouhal number of 1/6
+WHOLE = 1e-6  # vibrations: a run that is so near to the end of one has reached it
+USABLE = 0.9  # of a recording that is shorter than the loop wanted: what of it the loop may still take
+SHORTER = 0.92  # of the length wanted: shedding periods vary, so that a loop may be so much shorter
+OFF_BEAT = 0.02  # cadences by which a snapshot may miss its beat: OpenFOAM rounds the names of times
+GAP = 1.5  # cadences between snapshots that are no longer neighbours
+IN_PHASE = 0.1  # cadences by which a loop may miss a whole number of vibrations
 
 
 def run_time_resolved(
@@ -40,7 +53,7 @@ def run_time_resolved(
     folder: Path,
     *,
     start: Path | None = None,
-    listener: Listener = lambda _: None,
+    listener: ProgressListener = lambda _: None,
     periods: int | None = None,
     timeout: float | None = None,
 ) -> str:
@@ -85,53 +98,57 @@ def _verdict(spec: FlowSpec, rows: Array) -> str:
     return found.verdict if found else "broadband"
 
 
-def _start_up(spec: FlowSpec, folder: Path, listener: Listener, timeout: float | None) -> None:
+def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener, timeout: float | None) -> None:
     scale = spec.convective_time
 
     def finished(rows: Array) -> bool:
         now = rows[-1, 0]
-        if now < 15 * scale:
+        if now < LEAST_START * scale:
             return False
         still = is_still(rows, scale, swings=spec.vibration is not None)
-        return still or now > LONGEST_START * scale or alike(rows[rows[:, 0] > 2 * scale])
+        return still or now > LONGEST_START * scale or alike(rows[rows[:, 0] > PUSHED * scale])
 
-    first = 0.2 * spec.mesh.h_corner / spec.speed
     write_parameters(folder, {
-        "startFrom": "latestTime", "endTime": 2 * LONGEST_START * scale, "deltaT": first,
+        "startFrom": "latestTime", "endTime": 2 * LONGEST_START * scale, "deltaT": first_step(spec),
         "writeControl": "clockTime", "writeInterval": SAVE_EVERY, "purgeWrite": 2,
     })  # fmt: skip
-    solver(folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, finished, 40 * scale), timeout)
+    run_solver(folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, finished, TYPICAL * scale), timeout)
     if spec.vibration is not None:
         _swing_to_middle(spec.vibration, spec, folder, listener, timeout)
 
 
 def _swing_to_middle(
-    vibration: Vibration, spec: FlowSpec, folder: Path, listener: Listener, timeout: float | None
+    vibration: MeshMotion, spec: FlowSpec, folder: Path, listener: ProgressListener, timeout: float | None
 ) -> None:
     """Go on to the end of the vibration: the recording, and so the loop, begins at phase zero, as the scene does."""
     now = float(time_folders(folder)[-1].name)
     left = -now % vibration.period
-    if left > 1e-6 * vibration.period:
+
+    def runs_to_its_end(_: Array) -> bool:
+        return False
+
+    if left > WHOLE * vibration.period:
         end: dict[str, str | float | int] = {
             "endTime": now + left,
             "writeControl": "adjustableRunTime",
             "writeInterval": left,
         }
         write_parameters(folder, {"startFrom": "latestTime", **end})
-        solver(
-            folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, lambda rows: False, now + left), timeout
+        run_solver(
+            folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, runs_to_its_end, now + left), timeout
         )
 
 
 def alike(rows: Array) -> bool:
-    """Whether the last three shedding periods have lengths and mean drags within 10 %: their length can be told."""
+    """Whether the last three shedding periods have lengths and mean drags within ALIKE: their length can be told."""
     last = cycles(rows)[-3:]
-    return len(last) == 3 and bool((np.ptp(last[:, 1:3], axis=0) <= 0.1 * np.abs(last[:, 1:3].mean(axis=0))).all())
+    return len(last) == 3 and bool((np.ptp(last[:, 1:3], axis=0) <= ALIKE * np.abs(last[:, 1:3].mean(axis=0))).all())
 
 
 def _watch(
-    spec: FlowSpec, folder: Path, stage: str, listener: Listener, finished: Callable[[Array], bool], end: float
+    spec: FlowSpec, folder: Path, stage: str, listener: ProgressListener, finished: Callable[[Array], bool], end: float
 ) -> Watch:
+    """A watch that expects the run to end at ``end`` (s) and knows time steps that will never arrive."""
     return Watch(folder, stage, listener, finished, expected=end, least_step=COLLAPSED * spec.convective_time)
 
 
@@ -142,12 +159,17 @@ def _period(rows: Array, spec: FlowSpec) -> float | None:
     scale = spec.convective_time
     if is_still(rows, scale, swings=spec.vibration is not None):
         return None if spec.vibration is None else spec.vibration.period
-    late = cycles(rows[rows[:, 0] > 2 * scale])[-3:]
-    return float(late[:, 1].mean()) if len(late) else 6 * scale
+    late = cycles(rows[rows[:, 0] > PUSHED * scale])[-3:]
+    return float(late[:, 1].mean()) if len(late) else BLUFF_PERIOD * scale
 
 
 def _record(
-    spec: FlowSpec, folder: Path, state: dict[str, float], periods: int, listener: Listener, timeout: float | None
+    spec: FlowSpec,
+    folder: Path,
+    state: dict[str, float],
+    periods: int,
+    listener: ProgressListener,
+    timeout: float | None,
 ) -> None:
     """Run on, writing snapshots at a fixed cadence, until the statistics stand and a loop can be chosen."""
     begin, step, scale = state["begin"], _cadence(spec, state), spec.convective_time
@@ -167,8 +189,8 @@ def _record(
         "startFrom": "latestTime", "endTime": end, "writeControl": "adjustableRunTime", "writeInterval": step,
         "purgeWrite": kept,
     })  # fmt: skip
-    expected = min(max(40 * scale, least), end)
-    solver(folder, "pimpleFoam", _watch(spec, folder, "recording", listener, finished, expected), timeout)
+    expected = min(max(TYPICAL * scale, least), end)
+    run_solver(folder, "pimpleFoam", _watch(spec, folder, "recording", listener, finished, expected), timeout)
     (folder / RECORDED).touch()
 
 
@@ -189,7 +211,7 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
         clock = np.array([float(path.name) for path in folders])
         velocity = np.stack([fields.field(path, "U")[0] for path in folders])
         whole = None if spec.vibration is None else spec.vibration.period
-        least = min(periods * state["period"], 0.9 * float(clock[-1] - clock[0]) - (whole or 0.0))
+        least = min(periods * state["period"], USABLE * float(clock[-1] - clock[0]) - (whole or 0.0))
         first, last, length, mismatch = best_loop(clock, velocity, least, whole)
         table: dict[str, Any] = {"period": length, "periods": round(length / state["period"]), "begin": state["begin"]}
         names = [path.name for path in folders[first:last]]
@@ -197,16 +219,17 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
             table["motion"] = spec.vibration.motion(clock[first])
         write_json(folder / LOOP, {**table, "mismatch": mismatch, "times": names})
     kept = set(json.loads((folder / LOOP).read_text())["times"])
+    read = {"U", "p", *(field.name for field in spec.model.transported)}
     for path in time_folders(folder)[:-1]:  # the last one stays whole: the run can go on from it
         if path.name not in kept:
             shutil.rmtree(path)
             continue
         for member in path.iterdir():
-            if member.name not in KEPT:
+            if member.name not in read:
                 shutil.rmtree(member) if member.is_dir() else member.unlink()
 
 
-def _on_beat(folders: list[Path], begin: float, step: float, vibration: Vibration | None) -> list[Path]:
+def _on_beat(folders: list[Path], begin: float, step: float, vibration: MeshMotion | None) -> list[Path]:
     """The times of the recording, every ``step`` (s) from ``begin``: not those at which a run was stopped in between,
     nor those before a gap (the begin itself stays when OpenFOAM has thrown away what followed).
 
@@ -215,10 +238,10 @@ def _on_beat(folders: list[Path], begin: float, step: float, vibration: Vibratio
 
     def beats(path: Path, interval: float) -> bool:
         count = (float(path.name) - begin) / interval
-        return count > -0.02 and abs(count - round(count)) * interval < 0.02 * step
+        return count > -OFF_BEAT and abs(count - round(count)) * interval < OFF_BEAT * step
 
     found = [path for path in folders if beats(path, step)]
-    gaps = np.diff([float(path.name) for path in found]) > 1.5 * step
+    gaps = np.diff([float(path.name) for path in found]) > GAP * step
     found = found[int(np.flatnonzero(gaps)[-1]) + 1 :] if gaps.any() else found
     if vibration is not None:
         first = next((i for i, path in enumerate(found) if beats(path, vibration.period)), 0)
@@ -241,10 +264,10 @@ def best_loop(clock: Array, velocity: Array, least: float, whole: float | None =
     square = (flat**2).sum(axis=1)
     distance = square[:, None] + square[None] - 2 * flat @ flat.T
     lengths = clock[None] - clock[:, None]
-    allowed = lengths >= 0.92 * least
+    allowed = lengths >= SHORTER * least
     allowed[:, -1] = False  # the parabola needs a snapshot after the last
     if whole is not None:
-        over = np.abs(lengths - whole * np.round(lengths / whole)) < 0.1 * (clock[1] - clock[0])
+        over = np.abs(lengths - whole * np.round(lengths / whole)) < IN_PHASE * (clock[1] - clock[0])
         allowed &= over & over[0][:, None]  # lengths and starts
     if not allowed.any():
         raise FoamError(f"the recording of {clock[-1] - clock[0]:.3g} s is shorter than a loop of {least:.3g} s")

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.geometry import distance_to
+from ..laws.turbulence_models import NUT
 from .case import FlowSpec, axis_points
-from .measure import _on_edges, _y_plus, suction_zone
-from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
+from .case_fields import CaseFields, Snapshot, time_folders
+from .measure import mean_pressure, on_edges, y_plus
+from .read import loop_of, read_flow
 from .reconstruction import PlaneMesh
+from .suction import suction_zone
 
 __all__ = ["case_files", "measure_given"]
 
@@ -49,36 +52,50 @@ def measure_given(spec: FlowSpec, case: Path, time: str) -> dict[str, Any]:
     _check_channel(spec, plane)
     _check_bodies(spec, plane, wall)
     loop = loop_of(case)
-    folders = [fields.folder("latest")] if time == "latest" else time_folders(case)
-    if loop and time != "latest":
-        folders = [fields.folder(name) for name in loop["times"]]
+    return {
+        "stepping": "given",
+        "verdict": "given",
+        **_from_fields(spec, fields, _chosen_times(fields, time, loop), time, wall),
+        "field_time": time,
+        "period": loop["period"] if loop and time == "all" else None,
+        "motion": loop.get("motion") if loop else None,
+        "loop_mismatch": loop["mismatch"] if loop and time == "all" else None,
+        "half": half,
+    }
+
+
+def _chosen_times(fields: CaseFields, time: str, loop: dict[str, Any] | None) -> list[Path]:
+    """The time folders that "latest", "mean" or "all" means."""
+    if time == "latest":
+        return [fields.folder("latest")]
+    return [fields.folder(name) for name in loop["times"]] if loop else time_folders(fields.case)
+
+
+def _from_fields(
+    spec: FlowSpec, fields: CaseFields, folders: list[Path], time: str, wall: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """What the stored fields say, None for what they do not. Raises SceneError where the air is not the scene's."""
+    plane = fields.mesh.plane
     shots = [fields.snapshot(folder) for folder in folders]
     outward = _outward(fields, folders, shots)
     inlet, outlet = _ends(spec, plane, outward)
     inflow = -float(outward[outward < 0].sum())
     _check_air(spec, fields, -float(outward[inlet].sum() / plane.lengths[inlet].sum()))
     drag = [_drag(spec, fields, folder, shot, wall) for folder, shot in zip(folders, shots, strict=True)]
-    at_inlet, at_outlet = _mean_pressure(plane, shots, inlet), _mean_pressure(plane, shots, outlet)
+    at_inlet, at_outlet = mean_pressure(plane, shots, inlet), mean_pressure(plane, shots, outlet)
     return {
-        "stepping": "given",
-        "verdict": "given",
         "turbulence": "laminar" if shots[0].k is None else "given",
         "cells": len(plane.cells),
         "reynolds": spec.reynolds,
         "cd": _unsure(float(np.mean(drag))),
         "cl_rms": None,
         "strouhal": None,
-        **_on_body(spec, plane, case, time, at_inlet, wall),
+        **_on_body(spec, plane, fields.case, time, at_inlet, wall),
         "p_inlet": spec.density * at_inlet,
         "pressure_drop": spec.density * (at_inlet - at_outlet),
-        "flow_rate": inflow * (2.0 if half else 1.0),
+        "flow_rate": inflow * (2.0 if spec.mesh.half else 1.0),
         "mass_error": float(-outward.sum()) / inflow,
-        "y_plus": _y_plus(spec, fields, folders[-1], shots[-1], wall),
-        "field_time": time,
-        "period": loop["period"] if loop and time == "all" else None,
-        "motion": loop.get("motion") if loop else None,
-        "loop_mismatch": loop["mismatch"] if loop and time == "all" else None,
-        "half": half,
+        "y_plus": y_plus(spec, fields, folders[-1], shots[-1], wall),
     }
 
 
@@ -174,12 +191,6 @@ def _check_air(spec: FlowSpec, fields: CaseFields, speed: float) -> None:
         )
 
 
-def _mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:
-    """Mean kinematic static pressure over boundary edges, by length and over the times."""
-    weight = plane.lengths[chosen]
-    return float(np.mean([np.average(shot.pressure_faces[chosen], weights=weight) for shot in shots]))
-
-
 def _on_body(
     spec: FlowSpec, plane: PlaneMesh, case: Path, time: str, at_inlet: float, wall: NDArray[np.bool_]
 ) -> dict[str, Any]:
@@ -188,11 +199,11 @@ def _on_body(
     cp = (arrays["pressure"] - at_inlet) / (0.5 * spec.speed**2)
     points, edges = arrays["points"], plane.faces[wall]
     middle, front, rear = axis_points(spec)
-    base = _on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
+    base = on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
     zone = suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges))
     return {
         "cp_base": _unsure(base),
-        "cp_front": _on_edges(points, edges, cp, np.array([middle, front * spec.along])),
+        "cp_front": on_edges(points, edges, cp, np.array([middle, front * spec.along])),
         "suction": asdict(zone),
     }
 
@@ -207,8 +218,8 @@ def _drag(spec: FlowSpec, fields: CaseFields, folder: Path, shot: Snapshot, wall
     slip = shot.velocity[cell] - shot.velocity_faces[wall]
     away = ((plane.midpoints[wall] - plane.centres[cell]) * normal).sum(axis=1)
     effective = np.full(len(cell), spec.viscosity / spec.density)
-    if fields.has(folder, "nut") and shot.k is not None:
-        effective += fields.field(folder, "nut")[1][wall]
+    if fields.has(folder, NUT.name) and shot.k is not None:
+        effective += fields.field(folder, NUT.name)[1][wall]
     force = ((pressure[:, None] * normal + (effective / away)[:, None] * slip) * length[:, None]).sum(axis=0)
     twice = 2.0 if spec.mesh.half else 1.0
     return float(twice * spec.along * force[1] / (0.5 * spec.speed**2 * spec.mesh.projected_width))

@@ -9,11 +9,11 @@ from ..core.errors import FoamError
 from ..core.process import capture
 from .case import INSTALL, environment
 
-__all__ = ["version"]
+__all__ = ["openfoam_version"]
 
 
 @cache
-def version() -> str:
+def openfoam_version() -> str:
     """Version and patch of the installed OpenFOAM, "1912 patch=200626". Raises FoamError when there is none."""
     command = ["simpleFoam", "-help"]
     code, text = capture(command, env=environment())

@@ -3,7 +3,7 @@
 Injected (the paper's model): a granule falls straight down onto the slope under it, arrives with its own speed (drag
 included), meets the body at the phase of the vibration that a uniform stream meets, and leaves by eq. (1)-(2) with the
 velocity in the lab frame. Its first contact lies on the outline offset by its radius: a slope or a corner. Those that
-the air would carry round the body (``deflection``) are released above it and tracked from there.
+the air would carry round the body (``planning.impaction``) are released above it and tracked from there.
 
 Resolved: all are released above the body and the tracker does the impact; for fractions that the air turns aside.
 
@@ -101,7 +101,7 @@ def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Arra
     return height, normal
 
 
-def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, speed: Array) -> Array:
+def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed: Array) -> Array:
     """Downward speed (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
@@ -131,8 +131,8 @@ def arrival(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, spee
     )
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
     tracks = tracking.track(
-        column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=how.drag, lines=(level,),
-        forces=[force for force in how.forces if forces[force].calm], gravity=(0.0, -GRAVITY),
+        column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=plan.drag, lines=(level,),
+        forces=[force for force in plan.forces if forces[force].calm], gravity=(0.0, -GRAVITY),
     )  # fmt: skip
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
 
@@ -178,16 +178,16 @@ def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
     return np.stack([x, height], axis=1) + shift
 
 
-def granules_of(fraction: Fraction, how: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
+def granules_of(fraction: Fraction, plan: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
     """Granules of ``diameter`` (n,) m with the fraction's properties and drag, at rest at the origin; ``settling`` (n,)
     m/s: each granule's own terminal velocity where it was measured.
     """
     origin = np.zeros((len(diameter), 2))
     properties = fraction.properties
     if settling is None:
-        scale = how.drag_scale / slip_correction(diameter)
+        scale = plan.drag_scale / slip_correction(diameter)
     else:
-        law, air = how.drag, (*STANDARD_AIR, GRAVITY)
+        law, air = plan.drag, (*STANDARD_AIR, GRAVITY)
         scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law)
     return Granules(
         position=origin,
@@ -209,12 +209,12 @@ def feedstock(
 
     ``replicates``: only those, the same granules as among all.
     """
-    fraction, how = scene.fraction[name], plan.fractions[name]
+    fraction, fraction_plan = scene.fraction[name], plan.fractions[name]
     spreads = fraction.settling(np.zeros(0)) is not None
     points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates, 5 if spreads else 4)
     x = scene.feed.places(points[:, 0])
     diameter = fraction.diameters(points[:, 1])
-    grains = granules_of(fraction, how, diameter, fraction.settling(points[:, 4]) if spreads else None)
+    grains = granules_of(fraction, fraction_plan, diameter, fraction.settling(points[:, 4]) if spreads else None)
     if not scene.body:
         return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
     assert scene.first_outline is not None
@@ -224,16 +224,16 @@ def feedstock(
     if scene.feed.start == "resting":
         lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
         return Feedstock(lying, replicate, injected)
-    position, velocity = _released(scene, how, grains, x, level, speed)
-    if how.mode == "injected":
+    position, velocity = _released(scene, fraction_plan, grains, x, level, speed)
+    if fraction_plan.mode == "injected":
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
-        if how.impaction is not None:
-            meets &= how.impaction.meets(diameter, x - axis(scene))
-        fall = arrival(scene, how, grains, level - np.where(meets, height, level - 1.0), speed)
+        if fraction_plan.impaction is not None:
+            meets &= fraction_plan.impaction.meets(diameter, x - axis(scene))
+        fall = arrival(scene, fraction_plan, grains, level - np.where(meets, height, level - 1.0), speed)
         injected = meets & np.isfinite(fall)
         i = np.flatnonzero(injected)
-        passing, pull = time[i].copy(), _pull(scene, how, grains[i], level[i] - height[i], speed[i], fall[i])
+        passing, pull = time[i].copy(), _pull(scene, fraction_plan, grains[i], level[i] - height[i], speed[i], fall[i])
         time[i], wall = first_contact(fall[i], normal[i], passing, motion_of(scene), pull)
         since = time[i] - passing
         position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
@@ -242,14 +242,14 @@ def feedstock(
     return Feedstock(entered, replicate, injected)
 
 
-def _pull(scene: Scene, how: FractionPlan, grains: Granules, drop: Array, speed: Array, fall: Array) -> Array:
+def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed: Array, fall: Array) -> Array:
     """Downward acceleration (n,) m/s2 with which granules come to the slope: over the way that a vibration adds."""
     if scene.vibration is None or not len(drop):
         return np.zeros(len(drop))
     if scene.air is None:
         return np.full(len(drop), GRAVITY)
     way = max(float(np.linalg.norm(scene.vibration.displacement)), LEAST_WAY * scene.width)
-    later = arrival(scene, how, grains, drop + way, speed)
+    later = arrival(scene, plan, grains, drop + way, speed)
     return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 
 
@@ -269,13 +269,13 @@ def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple
 
 
 def _released(
-    scene: Scene, how: FractionPlan, grains: Granules, x: Array, level: Array, speed: Array
+    scene: Scene, plan: FractionPlan, grains: Granules, x: Array, level: Array, speed: Array
 ) -> tuple[Array, Array]:
     """Where granules that the tracker takes from the start begin: at ``level``, or at the channel's top below it."""
     top = scene.channel.top - 1e-6 * scene.width
     velocity = np.stack([np.zeros(len(x)), -speed], axis=1)
     above = np.flatnonzero(level > top)
     if len(above):
-        fall = arrival(scene, how, grains[above], level[above] - top, speed[above])
+        fall = arrival(scene, plan, grains[above], level[above] - top, speed[above])
         velocity[above, 1] = -np.nan_to_num(fall, nan=0.0)
     return np.stack([x, np.minimum(level, top)], axis=1), velocity

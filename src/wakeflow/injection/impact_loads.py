@@ -1,12 +1,14 @@
 """What the falling stream does to the first body: mass flow, forces and power on each slope, by first impacts.
 
 Computed from the scene and the plan by the laws that injection uses, at points spread evenly over the curtain, the
-sizes and the vibration's period; no granule is tracked. Granules that the air carries round the body (``deflection``)
-are left out. Later bounces on the same body are not counted, nor how the air bends the way of those that do meet it.
+sizes and the vibration's period; no granule is tracked. Granules that the air carries round the body
+(``planning.impaction``) are left out. Later bounces on the same body are not counted, nor how the air bends the way of
+those that do meet it.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,17 +26,19 @@ from .first_contact import first_contact, motion_of
 __all__ = ["impact_loads"]
 
 Array = NDArray[np.float64]
+# How finely the stream is sampled; chosen
 SIZES = 8  # equal shares of a fraction's mass
 PLACES = 24  # of each half of the curtain, others for every size
 PHASES = 64  # of the vibration's period
+UPWARD = 1e-12  # part of a unit normal above which a face looks up: round-off
 
 
 def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
-    """The ``impact`` table of result.json, of the first body; None where none stands, or another may be met before
-    it. Per slope that is met, from left
-    to right, per fraction, and in total, in SI units: ``mass_flow``; ``fall_speed`` of arrival; ``normal`` force into
-    the slope and ``tangential`` force down it; ``force`` on the body (x, y); ``power`` that the vibration gives to the
-    stream; ``velocity`` of the centre of mass after the impact.
+    """The ``impact`` table of result.json, of the first body; None where none stands, or another may be met before it.
+
+    Per slope that is met, from left to right, per fraction, and in total, in SI units: ``mass_flow``; ``fall_speed`` of
+    arrival; ``normal`` force into the slope and ``tangential`` force down it; ``force`` on the body (x, y); ``power``
+    that the vibration gives to the stream; ``velocity`` of the centre of mass after the impact.
     """
     if not scene.body or scene.obstacles:
         return None
@@ -43,17 +47,18 @@ def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
     slopes = _slopes(outline)
     fractions: dict[str, Any] = {}
     totals: dict[str, list[Load]] = {slope: [] for slope in slopes}
-    for fraction, how in plan.fractions.items():
-        met = _sample(scene, fraction, how, outline)
-        rows, parts = {}, []
+    for fraction, fraction_plan in plan.fractions.items():
+        stream = _sample(scene, fraction, fraction_plan, outline)
+        by_slope, loads = {}, []
         for number, slope in enumerate(slopes):
-            found, fall = _on_slope(scene, fraction, met, number)
-            if found.mass_flow > 0.0:
-                rows[slope] = {"fall_speed": fall, **_sum([found])}
-                totals[slope].append(found)
-                parts.append(found)
-        arrival = float(np.mean(met["fall"], where=met["fall"] > 0.0)) if parts else None
-        fractions[fraction] = {"mode": how.mode, "slopes": rows, "total": {"fall_speed": arrival, **_sum(parts)}}
+            on_slope, fall = _on_slope(scene, fraction, stream, number)
+            if on_slope.mass_flow > 0.0:
+                by_slope[slope] = {"fall_speed": fall, **_sum([on_slope])}
+                totals[slope].append(on_slope)
+                loads.append(on_slope)
+        arrival = float(np.mean(stream.fall, where=stream.fall > 0.0)) if loads else None
+        total = {"fall_speed": arrival, **_sum(loads)}
+        fractions[fraction] = {"mode": fraction_plan.mode, "slopes": by_slope, "total": total}
     places = {
         slope: {"from": start.tolist(), "to": end.tolist(), **_sum(totals[slope])}
         for slope, (start, end) in slopes.items()
@@ -71,21 +76,29 @@ def _middles(count: int) -> Array:
 def _slopes(outline: Array) -> dict[str, tuple[Array, Array]]:
     """The edges that look up, by name, each from its left end to its right."""
     starts, ends = edges(outline)
-    up = [(end, start) for start, end, n in zip(starts, ends, normals(outline), strict=True) if n[1] > 1e-12]
+    up = [(end, start) for start, end, n in zip(starts, ends, normals(outline), strict=True) if n[1] > UPWARD]
     up.sort(key=lambda edge: float(edge[0][0] + edge[1][0]))
     names = {1: ["top"], 2: ["left", "right"]}.get(len(up)) or [f"slope-{i + 1}" for i in range(len(up))]
     return dict(zip(names, up, strict=True))
 
 
-def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[str, Array]:
-    """Equal parts of a fraction's stream (n,): ``slope`` number below them, ``fall`` speed m/s when they touch the body
-    (NaN: they do not), unit ``normal`` (n, 2) and velocity of the ``wall`` (n, 2) m/s there.
-    """
+@dataclass(frozen=True, eq=False)
+class _Stream:
+    """Equal parts of a fraction's stream as they touch the first body."""
+
+    slope: NDArray[np.int64]  # (n,) number of the slope below them
+    fall: Array  # (n,) m/s, speed of their fall; NaN where they pass the body
+    normal: Array  # (n, 2) unit outward normal there
+    wall: Array  # (n, 2) m/s, velocity of the body
+
+
+def _sample(scene: Scene, name: str, plan: FractionPlan, outline: Array) -> _Stream:
+    """The stream of fraction ``name``, spread evenly over sizes, places and the vibration's period."""
     release, motion = scene.level + scene.release[0], motion_of(scene)
     swing = 0.0 if scene.vibration is None else float(np.linalg.norm(scene.vibration.displacement))
     fraction, middles, parts = scene.fraction[name], _middles(SIZES), []
     settling = fraction.settling(np.roll(middles, 3))
-    grains = granules_of(fraction, how, fraction.diameters(middles), settling)
+    grains = granules_of(fraction, plan, fraction.diameters(middles), settling)
     lates = np.roll(middles[::-1], 3)
     for shift, late, diameter, factor in zip(middles, lates, grains.diameter, grains.drag_scale, strict=True):
         half = (np.arange(PLACES) + shift) / PLACES
@@ -93,24 +106,24 @@ def _sample(scene: Scene, name: str, how: FractionPlan, outline: Array) -> dict[
         place, phase = (each.ravel() for each in np.meshgrid(0.5 + 0.5 * np.append(-half, half), at))
         x = scene.feed.places(place)
         height, normal = contact_points(outline, x, np.full(len(x), diameter / 2))
-        met = np.isfinite(height)
-        if how.impaction is not None:
-            met &= how.impaction.meets(np.full(len(x), diameter), x - axis(scene))
+        meets = np.isfinite(height)
+        if plan.impaction is not None:
+            meets &= plan.impaction.meets(np.full(len(x), diameter), x - axis(scene))
         fall, later, wall = np.full(len(x), np.nan), np.full(len(x), np.nan), np.zeros((len(x), 2))
-        if met.any():
-            drop = np.maximum(release - height[met], 0.0)
+        if meets.any():
+            drop = np.maximum(release - height[meets], 0.0)
             drops = np.concatenate([drop, drop + swing])
-            speeds = fall_speeds(scene, name, how.drag, float(factor), float(diameter), drops)
-            fall[met], later[met] = speeds.reshape(2, -1)
-        met = fall > 0.0
-        if scene.vibration is not None and met.any():
-            passing = scene.vibration.period * phase[met]
-            pull = np.nan_to_num((later[met] ** 2 - fall[met] ** 2) / (2.0 * swing), nan=0.0)
-            time, wall[met] = first_contact(fall[met], normal[met], passing, motion, pull)
-            fall[met] += pull * (time - passing)
+            speeds = fall_speeds(scene, name, plan.drag, float(factor), float(diameter), drops)
+            fall[meets], later[meets] = speeds.reshape(2, -1)
+        meets = fall > 0.0
+        if scene.vibration is not None and meets.any():
+            passing = scene.vibration.period * phase[meets]
+            pull = np.nan_to_num((later[meets] ** 2 - fall[meets] ** 2) / (2.0 * swing), nan=0.0)
+            time, wall[meets] = first_contact(fall[meets], normal[meets], passing, motion, pull)
+            fall[meets] += pull * (time - passing)
         parts.append((_slope_below(outline, x), fall, normal, wall))
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    return dict(zip(("slope", "fall", "normal", "wall"), columns, strict=True))
+    slopes, *columns = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return _Stream(slopes, *columns)
 
 
 def _slope_below(outline: Array, x: Array) -> NDArray[np.int64]:
@@ -118,26 +131,26 @@ def _slope_below(outline: Array, x: Array) -> NDArray[np.int64]:
     counts to the slope below its centre, or the next.
     """
     x = np.clip(x, outline[:, 0].min(), np.nextafter(outline[:, 0].max(), -np.inf))
-    highest, found = np.full(len(x), -np.inf), np.zeros(len(x), dtype=np.int64)
+    highest, below = np.full(len(x), -np.inf), np.zeros(len(x), dtype=np.int64)
     for number, (a, b) in enumerate(_slopes(outline).values()):
         y = a[1] + (x - a[0]) * (b[1] - a[1]) / (b[0] - a[0])
         higher = (x >= a[0]) & (x < b[0]) & (y > highest)
-        highest[higher], found[higher] = y[higher], number
-    return found
+        highest[higher], below[higher] = y[higher], number
+    return below
 
 
-def _on_slope(scene: Scene, name: str, met: dict[str, Array], number: int) -> tuple[Load, float]:
-    """What a fraction does to a slope, and its mean fall speed (m/s) there."""
+def _on_slope(scene: Scene, name: str, stream: _Stream, number: int) -> tuple[Load, float]:
+    """What the ``stream`` of a fraction does to a slope, and its mean fall speed (m/s) there."""
     fraction = scene.fraction[name]
     granule, inertia = fraction.properties, fraction.inertia
-    here = np.flatnonzero((met["fall"] > 0.0) & (met["slope"] == number))
-    flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(met["fall"])
-    fall = met["fall"][here]
-    found = load_on_wall(
-        flow, fall, met["normal"][here], met["wall"][here], granule.restitution, granule.friction,
+    here = np.flatnonzero((stream.fall > 0.0) & (stream.slope == number))
+    flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(stream.fall)
+    fall = stream.fall[here]
+    on_slope = load_on_wall(
+        flow, fall, stream.normal[here], stream.wall[here], granule.restitution, granule.friction,
         0.0 if inertia is None else 1.0 / inertia,
     )  # fmt: skip
-    return found, float(fall.mean()) if len(here) else 0.0
+    return on_slope, float(fall.mean()) if len(here) else 0.0
 
 
 def _sum(parts: list[Load]) -> dict[str, Any]:

@@ -129,11 +129,11 @@ def layers(
     if not (np.all(shares >= 0.0) and shares.sum() > 0.0):
         raise SceneError(f"thickness = {thickness}: must not be negative, nor all zero")
     shares = shares / shares.sum()
-    found = [
+    each = [
         layer(slope_angle, fall_speed, body_speed, rho * share, area, e, f, k)
         for rho, share, e, f, k in zip(density, shares, restitution, friction, turning, strict=True)
     ]
-    parts = Layer(*(np.stack([getattr(one, name) for one in found]) for name in Layer.__dataclass_fields__))
+    parts = Layer(*(np.stack([getattr(one, name) for one in each]) for name in Layer.__dataclass_fields__))
     mass = np.broadcast_to(
         (np.asarray(density) * shares).reshape(-1, *[1] * (parts.velocity.ndim - 1)), parts.velocity.shape
     )

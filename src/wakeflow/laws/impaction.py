@@ -162,8 +162,8 @@ fronts: Registry[Callable[..., Front]] = Registry("front")
 
 
 @fronts.register("circle")
-def circle(*, half: float, depth: float, channel: float, speed: float) -> Front:
-    """The cylinder; the channel's walls are left out."""
+def circle(*, half: float, speed: float, **_rest: float) -> Front:
+    """The cylinder; the channel's walls are left out, and its depth is its radius."""
     return Cylinder(half, speed)
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from ..core.errors import MeshError
 from ..core.files import write_json
 from ..core.process import call_in_child
-from .quality import MeshReport, judge, read_mesh, write_vtu
+from .quality import MeshReport, read_mesh, report_on, write_vtu
 from .spec import MeshSpec
 
 __all__ = ["build_mesh"]
 
-MIN_ANGLE = 12.0  # degrees: a smaller one in a 2D cell is refused
+MIN_ANGLE = 12.0  # degrees: a smaller one in a 2D cell is refused. Chosen
 
 
 def build_mesh(spec: MeshSpec, folder: Path, *, timeout: float = 300.0) -> MeshReport:
@@ -29,7 +29,7 @@ def build_mesh(spec: MeshSpec, folder: Path, *, timeout: float = 300.0) -> MeshR
         "wakeflow.meshing.gmsh_child:mesh_in_this_process", argument, log=log, timeout=timeout, error=MeshError
     )
     points, cells, boundary = read_mesh(partial)
-    report = judge(points, cells, boundary)
+    report = report_on(points, cells, boundary)
     missing = sorted(set(spec.patches) - {"front", "back"} - set(boundary))
     if missing:
         raise MeshError(f"the mesh has no edges on: {', '.join(missing)}; log: {log}", log=log)

@@ -13,7 +13,7 @@ from .spec import Array
 __all__ = ["FlatMesh", "write_msh"]
 
 Indices = NDArray[np.intp]
-FLAT = 160.0  # degrees
+FLAT = 160.0  # degrees: a quad with a larger angle is cut in two. Chosen
 LINE, TRIANGLE, QUAD, HEXAHEDRON, PRISM = 1, 2, 3, 5, 6  # MSH's numbers of element types
 
 

@@ -20,18 +20,20 @@ from .outline import Piece, crosses_itself
 from .spec import Array, MeshSpec
 from .zones import Sizes, gap
 
-__all__ = ["Layers", "around", "joined", "stack", "with_layers"]
+__all__ = ["WallLayers", "joined", "sizes_around", "stack", "with_layers"]
 
 INSIDE = "inside"  # where layers and the mesh around them meet: no patch
-SWELL = 1.3  # ratio of neighbouring layers
-
+# Chosen, so that no quad of layers or kites has an angle near 0 or 180 degrees:
+SWELL = 1.3  # ratio of neighbouring layers' thickness
 APART = math.radians(35)  # a corner that turns more gets kites
 KITE = math.radians(100)  # the most that one kite turns by
+OF_GAP = 0.25  # the largest share of a gap that the layers on one of its walls fill
+GRAIN = 1e-9  # of the mesh's extent: points nearer to each other are one
 Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Layers:
+class WallLayers:
     """Points (n, 2) m and quads (q, 4) of the layers along one wall; ``outer``: the points on their far side, in the
     wall's order; ``edges`` (e, 2) on the wall and, where it is open, on the axis, with the ``patch`` of each.
     """
@@ -50,10 +52,10 @@ class Layers:
         return bool((out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0] > 0).all())
 
 
-def with_layers(spec: MeshSpec, rings: list[list[Piece]]) -> tuple[list[list[Piece]], list[Layers]]:
+def with_layers(spec: MeshSpec, rings: list[list[Piece]]) -> tuple[list[list[Piece]], list[WallLayers]]:
     """Rings that go round the layers instead of the bodies, and the layers: none where there is no room for them."""
     made: list[list[Piece]] = []
-    found: list[Layers] = []
+    found: list[WallLayers] = []
     for ring in rings:
         kept: list[Piece] = []
         for patch, members in groupby(ring, key=lambda piece: piece.patch):
@@ -71,19 +73,19 @@ def with_layers(spec: MeshSpec, rings: list[list[Piece]]) -> tuple[list[list[Pie
     return [_moved(ring, found) for ring in made], found
 
 
-def _around(layers: Layers, *, closed: bool) -> list[Piece]:
+def _around(layers: WallLayers, *, closed: bool) -> list[Piece]:
     """Pieces along the far side of layers, the air on the same side as on the ring's other pieces."""
     outer = layers.points[layers.outer] if closed else layers.points[layers.outer[::-1]]
     return [Piece((x, y), INSIDE, whole=True) for x, y in (outer if closed else outer[:-1]).tolist()]
 
 
-def _moved(ring: list[Piece], found: list[Layers]) -> list[Piece]:
+def _moved(ring: list[Piece], found: list[WallLayers]) -> list[Piece]:
     """The ring with axis pieces that start where layers end, not on the body below them."""
     feet = {tuple(layers.points[0].tolist()): tuple(layers.points[layers.outer[0]].tolist()) for layers in found}
     return [replace(p, start=feet.get(p.start, p.start)) if p.patch == "axis" else p for p in ring]
 
 
-def _fitting(spec: MeshSpec, index: int, wall: Array) -> Layers | None:
+def _fitting(spec: MeshSpec, index: int, wall: Array) -> WallLayers | None:
     """Layers from the corner's cell edge up to the body's on one wall, the air on its right; None where there is no
     room: they may fill a quarter of a gap, and must neither fold nor run into each other.
     """
@@ -91,7 +93,7 @@ def _fitting(spec: MeshSpec, index: int, wall: Array) -> Layers | None:
     body, least = share * spec.h_body, share * min(spec.h_corner, spec.h_body)
     count = 2 + math.ceil(math.log(body / least) / math.log(SWELL) - 1e-9)
     heights = np.cumsum(np.minimum(least * SWELL ** np.arange(count), body))
-    heights = heights[heights <= 0.25 * gap(spec, index, wall).min()]
+    heights = heights[heights <= OF_GAP * gap(spec, index, wall).min()]
     if len(heights) < 2:
         return None
     closed = bool((wall[0] != wall[-1]).any() and not (wall[[0, -1], 0] == 0).all())
@@ -99,7 +101,7 @@ def _fitting(spec: MeshSpec, index: int, wall: Array) -> Layers | None:
     return layers if layers.sound and not crosses_itself(layers.points[layers.outer]) else None
 
 
-def stack(wall: Array, heights: Array, patch: str, *, closed: bool) -> Layers:
+def stack(wall: Array, heights: Array, patch: str, *, closed: bool) -> WallLayers:
     """Layers on the nodes of a wall (k, 2) with the air on its right, at ``heights`` (l,) m above it, increasing.
 
     An open wall starts and ends on the axis x = 0, about which the air is symmetric: its end columns lie there.
@@ -124,10 +126,10 @@ def stack(wall: Array, heights: Array, patch: str, *, closed: bool) -> Layers:
         for column in (columns[0][0], columns[-1][-1]):
             edges += pairwise(column)
             names += ["axis"] * (len(column) - 1)
-    return Layers(np.array(builder.points), np.array(builder.quads), np.array(outer), np.array(edges), tuple(names))
+    return WallLayers(np.array(builder.points), np.array(builder.quads), np.array(outer), np.array(edges), tuple(names))
 
 
-def around(sizes: Sizes, parts: Sequence[Layers]) -> Sizes:
+def sizes_around(sizes: Sizes, parts: Sequence[WallLayers]) -> Sizes:
     """Sizes that also ask for the layers' own edges along their far side."""
     points, edge = [sizes.points], [sizes.edge]
     for part in parts:
@@ -138,13 +140,13 @@ def around(sizes: Sizes, parts: Sequence[Layers]) -> Sizes:
     return replace(sizes, points=np.concatenate(points), edge=np.concatenate(edge))
 
 
-def joined(mesh: FlatMesh, parts: Sequence[Layers]) -> FlatMesh:
+def joined(mesh: FlatMesh, parts: Sequence[WallLayers]) -> FlatMesh:
     """The mesh around the layers and the layers as one; equal points are one."""
     if not parts:
         return mesh
     offsets = np.cumsum([len(mesh.points), *(len(part.points) for part in parts)])
     points = np.concatenate([mesh.points, *(part.points for part in parts)])
-    grain = 1e-9 * float(np.ptp(points))
+    grain = GRAIN * float(np.ptp(points))
     _, first, number = np.unique(np.round(points / grain), axis=0, return_index=True, return_inverse=True)
     outside = np.array(mesh.names)[mesh.patch] != INSIDE
     named = [*np.array(mesh.names)[mesh.patch[outside]].tolist(), *(name for part in parts for name in part.patch)]

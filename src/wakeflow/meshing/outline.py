@@ -20,11 +20,14 @@ from ..core.errors import MeshError
 from ..core.geometry import edges
 from .spec import Array, MeshSpec
 
-__all__ = ["Piece", "chains", "crosses_itself", "distance", "loops", "seen", "sharp", "to_edges", "turning"]
+__all__ = ["Piece", "chains", "crosses_itself", "loops", "seen", "sharp", "turning"]
 
-SMOOTH = math.radians(25)  # a corner that turns less is part of a curve
+# Chosen:
+SMOOTH = math.radians(25)  # a corner that turns less is part of a curve; core.geometry's roundings turn by 7.5 a chord
 OFF = 0.05  # of a cell: how far the mesh's boundary may lie off the outline
 LONG = 0.6  # of a cell: a segment longer than this keeps both its ends
+SPECK = 0.75  # of a corner cell: of a row of corners nearer to each other than this only the middle one counts
+ON_AXIS = 1e-9  # of the outline's largest coordinate: how far off x = 0 a point still lies on the axis
 Indices = NDArray[np.intp]
 
 
@@ -43,7 +46,7 @@ def seen(spec: MeshSpec, index: int) -> Array:
     So that no speck rules the time step; a right angle's rounding moves by a seventh of a corner cell at most.
     """
     outline = np.array(spec.bodies[index])
-    least = 0.75 * min(spec.h_corner, spec.h_body) * spec.widths[index] / min(spec.widths)
+    least = SPECK * min(spec.h_corner, spec.h_body) * spec.widths[index] / min(spec.widths)
     start, end = edges(outline)
     length = np.linalg.norm(end - start, axis=1)
     if (length >= least).sum() < 3:  # a smooth curve of short segments all around
@@ -67,7 +70,7 @@ def turning(outline: Array) -> Array:
     start, end = edges(outline)
     out = end - start
     into = np.roll(out, 1, axis=0)
-    return np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1))
+    return np.asarray(np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1)))
 
 
 def sharp(outline: Array) -> NDArray[np.bool_]:
@@ -84,12 +87,6 @@ def chains(outline: Array) -> list[tuple[Indices, bool]]:
     return [(np.arange(a, b + 1) % count, False) for a, b in zip(ends, following, strict=True)]
 
 
-def to_edges(places: Array, outline: Array) -> Array:
-    """Distance (m) from each place (k, 2) to a polygon's edges."""
-    start, end = edges(outline)
-    return _to_segments(places, start, end).min(axis=1)
-
-
 def _to_segments(places: Array, start: Array, end: Array) -> Array:
     along = end - start
     offset = places[:, None] - start
@@ -97,27 +94,16 @@ def _to_segments(places: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2))
 
 
-def distance(one: Array, other: Array) -> float:
-    """Least distance (m) between two polygons' corners and edges; 0 when edges cross."""
-
-    crossing = _sides(one, other, lambda first, second: first * second <= 0)
-    return 0.0 if crossing else float(min(to_edges(one, other).min(), to_edges(other, one).min()))
-
-
 def crosses_itself(outline: Array) -> bool:
     """Whether two edges of an outline cross; touching does not count."""
-    return _sides(outline, outline, lambda first, second: first * second < 0)
-
-
-def _sides(one: Array, other: Array, apart: Callable[[Array, Array], NDArray[np.bool_]]) -> bool:
-    """Whether two edges have each other's ends on sides that ``apart`` calls opposite."""
 
     def side(p: Array, q: Array, r: Array) -> Array:
         return np.asarray((q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0])
 
-    a, b = one[:, None], np.roll(one, -1, axis=0)[:, None]
-    c, d = edges(other)
-    return bool((apart(side(a, b, c), side(a, b, d)) & apart(side(c, d, a), side(c, d, b))).any())
+    a, b = outline[:, None], np.roll(outline, -1, axis=0)[:, None]
+    c, d = edges(outline)
+    apart = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
+    return bool(apart.any())
 
 
 def loops(spec: MeshSpec, size: Callable[[Array], Array]) -> list[list[Piece]]:
@@ -238,8 +224,8 @@ def _right_half(outline: Array) -> Array:
     size = float(np.abs(outline).max())
     points: list[tuple[float, float]] = []
     for (x0, y0), (x1, y1) in zip(*edges(outline), strict=True):
-        points.append((0.0 if abs(x0) < 1e-9 * size else x0, y0))
-        if min(x0, x1) < -1e-9 * size and max(x0, x1) > 1e-9 * size:
+        points.append((0.0 if abs(x0) < ON_AXIS * size else x0, y0))
+        if min(x0, x1) < -ON_AXIS * size and max(x0, x1) > ON_AXIS * size:
             points.append((0.0, y0 - x0 * (y1 - y0) / (x1 - x0)))
     count = len(points)
     starts = [i for i in range(count) if points[i][0] == 0.0 and points[(i + 1) % count][0] > 0]

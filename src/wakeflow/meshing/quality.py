@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .spec import Array
 
-__all__ = ["MeshReport", "judge", "read_mesh", "write_vtu"]
+__all__ = ["MeshReport", "read_mesh", "report_on", "write_vtu"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def _anticlockwise(points: Array, cells: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.where(area[:, None] < 0, cells[:, ::-1], cells)
 
 
-def judge(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[str, int]) -> MeshReport:
+def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[str, int]) -> MeshReport:
     """Counts and quality of a mesh as :func:`read_mesh` gives it."""
     lowest, highest, aspect, shortest = 180.0, 0.0, 1.0, math.inf
     for block in cells.values():

@@ -11,14 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.geometry import edges
-from .outline import chains, seen, sharp, to_edges, turning
+from ..core.geometry import distance_to, edges
+from .outline import chains, seen, sharp, turning
 from .spec import Array, MeshSpec
 
 __all__ = ["Box", "Sizes", "boxes", "gap", "levels", "sources"]
 
-TURN = 0.2  # rad: a cell on a rounded part turns no more than this
-STEP = 1.15  # ratio of neighbouring levels that the edges wanted are rounded down to
+# Chosen:
+TURN = 0.2  # rad: a cell on a rounded part turns no more than this, so that a circle has 31 of them
+STEP = 1.15  # ratio of neighbouring levels that the edges wanted are rounded down to: one field of Gmsh's each
+DENSE = 0.5  # cell edges between the points along an outline at which sizes are set: between them nothing is missed
+SHORTEST = 3.0  # corner cells over the shortest cell that an edge between two sharp corners may ask for
+# Boxes behind a body, (length over the wake's, width over the body's, cell edge over the wake's): the near wake, in
+# which the vortices form, and the way out of it.
+WAKE_BOXES = ((1.0, 1.25, 1.0), (3.0, 1.5, 2.0))
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class Sizes:
     def at(self, places: Array) -> Array:
         """Cell edge (m) at places (k, 2), without the boxes."""
         distance = np.linalg.norm(places[:, None] - self.points, axis=2)
-        return np.minimum((self.edge + self.growth * distance).min(axis=1), self.largest)
+        return np.asarray(np.minimum((self.edge + self.growth * distance).min(axis=1), self.largest))
 
 
 @dataclass(frozen=True)
@@ -79,8 +85,8 @@ def boxes(spec: MeshSpec) -> list[Box]:
         (left, low), (right, high) = np.min(outline, axis=0), np.max(outline, axis=0)
         widest = float(np.mean([y for x, y in outline if min(x - left, right - x) < 1e-9 * width]))
         reach = spec.wake_length * width / max(spec.widths)
-        for length, wide, edge in ((reach, 1.25, 1.0), (3 * reach, 1.5, 2.0)):
-            ends = sorted((widest, (high if ahead > 0 else low) + ahead * length))
+        for length, wide, edge in WAKE_BOXES:
+            ends = sorted((widest, (high if ahead > 0 else low) + ahead * length * reach))
             middle, half = (left + right) / 2, wide * width / 2
             size = min(edge * share * spec.h_wake, spec.h_far)
             found.append(Box(float(middle - half), float(middle + half), ends[0], float(ends[1]), size))
@@ -104,10 +110,10 @@ def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
     for chain, closed in chains(outline):
         total = length[chain[:-1]].sum()
         if not closed:
-            along[chain[:-1]] = np.minimum(along[chain[:-1]], max(total * spec.of_edge, corner / 3))
+            along[chain[:-1]] = np.minimum(along[chain[:-1]], max(total * spec.of_edge, corner / SHORTEST))
     points, edge = [outline], [np.minimum(wanted, np.minimum(along, np.roll(along, 1)))]
     for a, b, size in zip(start, end, along, strict=True):
-        share_along = _along(0.0, 1.0, 0.5 * size / float(np.linalg.norm(b - a)))[1:-1]
+        share_along = _along(0.0, 1.0, DENSE * size / float(np.linalg.norm(b - a)))[1:-1]
         points.append(a + share_along[:, None] * (b - a))
         edge.append(np.full(len(share_along), size))
     places = np.concatenate(points)
@@ -119,7 +125,7 @@ def gap(spec: MeshSpec, index: int, places: Array) -> Array:
     least = spec.width / 2 - np.abs(places[:, 0])
     for other, outline in enumerate(spec.bodies):
         if other != index:
-            least = np.minimum(least, to_edges(places, np.array(outline)))
+            least = np.minimum(least, distance_to(places, np.array(outline)))
     return least
 
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field import FlowField
-from ..foam.case import MIXING_LENGTH
-from ..laws.constants import C_MU
+from ..laws.turbulence_models import OMEGA, entering_energy
 from ..scene import Scene
 
 __all__ = ["decaying", "duct_airflow", "duct_field"]
@@ -56,8 +55,9 @@ def duct_field(scene: Scene, *, turbulent: bool) -> FlowField:
         pressure = 12.0 * air.viscosity * air.speed / channel.width**2 * sign * (end - points[:, 1])
     k = dissipation = None
     if turbulent:
-        k0 = 1.5 * (air.turbulence * air.speed) ** 2
-        omega = k0**0.5 / (C_MU**0.25 * MIXING_LENGTH * channel.width)  # as a solved airflow enters
+        assert OMEGA.entering is not None
+        k0 = entering_energy(air.turbulence, air.speed)
+        omega = OMEGA.entering(k0, channel.width)  # as a solved airflow enters
         k, dissipation = decaying(k0, omega, sign * (points[:, 1] - start) / air.speed)
     velocity = np.stack([np.zeros(len(points)), sign * speed], axis=1)
     return FlowField.from_arrays(

@@ -128,13 +128,13 @@ class Pipeline:
     def solution(self) -> tuple[str, Path]:
         """Key and folder of the airflow, an OpenFOAM case; a time-resolved one starts from a solved one."""
         from ..foam import solve_airflow
-        from ..foam.version import version
+        from ..foam.version import openfoam_version
 
         if self.given is not None:
             return self._measured(self.given)
         mesh_key, mesh_folder = self.mesh
         spec = flow_spec(self.scene, self.plan, self.mesh_spec)
-        code = content_key(_code("airflow"), digest_files([case_template()]), version())
+        code = content_key(_code("airflow"), digest_files([case_template()]), openfoam_version())
         asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
         key = content_key("airflow", mesh_key, asked, code)
 

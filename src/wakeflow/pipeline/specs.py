@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..laws.turbulence_models import USUAL, turbulence_models
 from ..planning.plan import Plan
 from ..scene import Scene
 
@@ -39,7 +40,7 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
 def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     """The airflow that the plan wants through a mesh, or that a given case must be."""
     from ..foam import FlowSpec, Stream
-    from ..foam.vibration import Vibration
+    from ..foam.mesh_motion import MeshMotion
 
     air, how = scene.air, plan.airflow
     amplitude, omega = scene.motion
@@ -50,7 +51,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         speed=air.speed,
         density=air.density,
         viscosity=air.viscosity,
-        turbulence="laminar" if how.turbulence == "laminar" else "kOmegaSST",
+        turbulence=how.turbulence if how.turbulence in turbulence_models else USUAL,
         stepping=how.stepping or "steady",
         intensity=air.turbulence,
         profile=air.profile,
@@ -58,5 +59,5 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
             Stream(name, inlet.side, inlet.width, inlet.velocity) for name, inlet in scene.channel.inlet.items()
         ),
         accuracy=how.accuracy,
-        vibration=Vibration(float(amplitude[1]), omega) if how.moving else None,
+        vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
     )

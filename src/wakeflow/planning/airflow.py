@@ -16,6 +16,7 @@ from typing import Literal
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.registry import did_you_mean
+from ..laws.turbulence_models import model_at, turbulence_models
 from ..scene import Scene
 from ..scene.user_case import is_laminar
 
@@ -36,7 +37,7 @@ RUNGS = ("auto", "none", "draft", "standard", "reference")
 SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle 46.2: Jackson 1987, J. Fluid Mech. 182)
 # walls raise it (36, 60, 91 at blockages of 1/8, 1/4, 1/2: Parveez, Dhiman & Rasool 2014, a trapezoidal prism)
 FLAT_BELOW = 160.0  # two-dimensional below: mode A of a square's wake at 161 (Robichaux 1999), of a circle's near 190
-LAMINAR_BELOW = 300.0  # above it the k-omega SST model runs
+LAMINAR_BELOW = turbulence_models["laminar"].reynolds[1]  # above it a turbulence model runs
 FINE = 0.005  # accuracy of a share that pays for three grids where the mesh is what limits it
 GRIDS = 1.5  # refinement ratio between the grids of a study
 # of the airflow's statistics: below a third of what grids differ by; as usual; where model errors are tens of per cent
@@ -60,13 +61,19 @@ class AirflowPlan:
     rung: str  # none | analytic (nothing stands in it) | draft | standard | reference | given (a case of the user's)
     why: str
     stepping: Stepping | None
-    turbulence: Literal["laminar", "kOmegaSST", "decaying", "given"] | None
+    turbulence: str | None  # one of laws.turbulence_models, "decaying" (analytic air), "given" (a case of the user's)
     symmetric: bool
     half: bool
     scales: tuple[float, ...] = (1.0,)
     brackets: bool = False
     moving: bool = False
     accuracy: float = 0.02
+
+    @property
+    def turbulent(self) -> bool:
+        """Whether the wake is turbulent: by the model that runs, or in a user's case that brings k."""
+        solved = self.turbulence in turbulence_models and turbulence_models[str(self.turbulence)].turbulent
+        return solved or self.turbulence == "given"
 
     @property
     def mirrored(self) -> bool:
@@ -105,7 +112,7 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
         rung=rung,
         why=why,
         stepping="steady" if steady else "time-resolved",
-        turbulence="laminar" if reynolds < LAMINAR_BELOW else "kOmegaSST",
+        turbulence=model_at(reynolds).name,
         symmetric=symmetric,
         half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
         scales=(1 / GRIDS, 1.0, GRIDS) if rung == "reference" else (1.0,),
@@ -132,7 +139,7 @@ def _given(case: str, asked: str) -> AirflowPlan:
     """A user's own solution: nothing is solved, and nothing is known of its symmetry."""
     if asked != "auto":
         raise SceneError(f"rung = {asked!r}: air.case gives the airflow; leave the rung out, or air.case")
-    turbulence: Literal["laminar", "given"] = "laminar" if is_laminar(Path(case)) else "given"
+    turbulence = "laminar" if is_laminar(Path(case)) else "given"
     return AirflowPlan("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan, typical_cells, typical_seconds
@@ -27,16 +28,15 @@ SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 
-def estimate(
-    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], poured: float = 0.0
-) -> dict[str, float]:
-    """``seconds``, ``memory`` and ``disk`` (bytes) of a run; ``poured``: seconds that its funnel takes."""
+def estimate(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> dict[str, float]:
+    """``seconds``, ``memory`` and ``disk`` (bytes) of a run, its funnel included."""
     count = REPLICATES * replicate_size(scene.feed.count)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
     again = 1 + (COMPANIONS * airflow.brackets + len(airflow.scales) - 1) * COMPARED / REPLICATES
     tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
     cells = typical_cells(airflow, len(scene.body))
+    poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
     snapshots = SNAPSHOTS[airflow.stepping or "steady"]
     return {
         "seconds": STARTED + typical_seconds(airflow) + tracks + poured,

@@ -44,7 +44,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
     _, omega = scene.motion
     upward = air.direction == "up"
     sideways = not scene.body or any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values())
-    found = []
+    scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)
         times = fall.times()
@@ -54,7 +54,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
         if scene.body and upward and fall.settling < air.speed:  # it falls into the wake, and leaves with the air
             stays = NEAR * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
         thrown = arrival * _thrown(scene, fraction, arrival) if scene.body else abs(float(scene.entry[0]))
-        found.append(FlightScales(
+        scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body,
             arrival=arrival, thrown=thrown, slip=slip, settling=fall.settling,
             landing=times.landing, whole=times.whole + stays, time=times.time + stays, near=times.near + stays,
@@ -64,7 +64,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
             omega=omega, meetings=meetings(scene, diameter, density),
         ))  # fmt: skip
-    return found
+    return scales
 
 
 def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Iterator[tuple[float, float]]:

@@ -26,11 +26,15 @@ __all__ = ["Deflection", "deflection"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[Any]
+# How finely a fraction is sampled; chosen
 SIZES = 6  # mass classes of a fraction
 PLACES = 257  # quantiles of the curtain
-STRAIGHT = 0.1  # share missed, and body widths of landing shift, below which a fraction passes as falling straight
-FALL_STEPS = 200  # of the flight from the slope to the floor
-CLOSE = 0.999  # radii off the face: nearer, a granule bounces
+FALL_STEPS = 200  # of the flight from the slope to the floor, in twice the time of a free fall
+STRAIGHT = 0.1  # share missed, and body widths of landing shift, below which a fraction passes as falling straight:
+# chosen, a tenth is lost beside the factors in the bounds
+CLOSE = 0.999  # radii off the face: nearer, a granule bounces; chosen just below 1, where it stands after a bounce
+WIDEST = 1e-9  # of the width, within which corners count as the highest or the widest: round-off
+WITHIN = 0.95  # share of the mass whose landings the stated shift holds for
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ def axis(scene: Scene) -> float:
     """x (m) of the first body's top, which parts the curtain."""
     outline = scene.first_outline
     assert outline is not None
-    return float(outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=1e-9 * scene.width), 0].mean())
+    return float(outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=WIDEST * scene.width), 0].mean())
 
 
 def front_of(scene: Scene) -> Front:
@@ -70,7 +74,7 @@ def front_of(scene: Scene) -> Front:
     body = next(iter(scene.body.values()))
     outline = body.outline()
     x, y = outline.T
-    widest = y[np.isclose(np.abs(x - 0.5 * (x.min() + x.max())), 0.5 * np.ptp(x), rtol=1e-9)].max()
+    widest = y[np.isclose(np.abs(x - 0.5 * (x.min() + x.max())), 0.5 * np.ptp(x), rtol=WIDEST)].max()
     make = fronts[body.shape] if body.shape in fronts else fronts["wedge"]
     return make(
         half=0.5 * float(np.ptp(x)), depth=float(y.max() - widest), channel=0.5 * scene.channel.width,
@@ -92,18 +96,18 @@ def deflection(scene: Scene, name: str, law: str, scale: float) -> Deflection | 
         tuple(diameters.tolist()), fraction.properties.density, law, fraction.sphericity or 1.0, scale,
         air.density, air.viscosity,
     )  # fmt: skip
-    found = _approached(front_of(scene), granule, *scene.release)
+    approached = _approached(front_of(scene), granule, *scene.release)
     weight = count / SIZES
     places = scene.feed.places((np.arange(PLACES) + 0.5) / PLACES) - axis(scene)
-    full = found.reach / found.efficiency
+    full = approached.reach / approached.efficiency
     would = np.abs(places) < full[:, None]
-    hits = np.abs(places) < found.reach[:, None]
+    hits = np.abs(places) < approached.reach[:, None]
     return Deflection(
-        efficiency=float(weight @ found.efficiency),
+        efficiency=float(weight @ approached.efficiency),
         missed=float(weight @ np.mean(would & ~hits, axis=1)),
-        shift=_landing_shift(scene, name, granule, found, weight, places, hits),
+        shift=_landing_shift(scene, name, granule, approached, weight, places, hits),
         diameters=granule.diameters,
-        reach=tuple(found.reach.tolist()),
+        reach=tuple(approached.reach.tolist()),
     )
 
 
@@ -137,39 +141,40 @@ def _approached(front: Front, kind: _Kind, above: float, speed: float) -> Impact
 
 
 def _landing_shift(
-    scene: Scene, name: str, kind: _Kind, found: Impaction, weight: Array, places: Array, hits: NDArray[np.bool_]
+    scene: Scene, name: str, kind: _Kind, approached: Impaction, weight: Array, places: Array, hits: NDArray[np.bool_]
 ) -> float:
     """The 95th percentile, by mass, of the landing shifts (body widths) of those that meet the body; 0 if none does."""
     if not hits.any():
         return 0.0
     turned, straight = (
-        _at(found, _landing(scene, name, kind, met), np.abs(places)) for met in (found.turned, found.straight)
+        _at(approached, _landing(scene, name, kind, contacts), np.abs(places))
+        for contacts in (approached.turned, approached.straight)
     )
     mass = np.broadcast_to(weight[:, None], hits.shape)[hits]
     shift = np.abs(turned - straight)[hits] / scene.width
     order = np.argsort(shift)
     passed = np.cumsum(mass[order])
-    return float(shift[order][min(np.searchsorted(passed, 0.95 * passed[-1]), len(order) - 1)])
+    return float(shift[order][min(np.searchsorted(passed, WITHIN * passed[-1]), len(order) - 1)])
 
 
-def _at(found: Impaction, values: Array, offset: Array) -> Array:
-    """``values`` (n, m) of granules that start at ``found.start``, at the offsets (k,) of others: (n, k). Only of those
-    that met the face; beyond the last of them its value.
+def _at(approached: Impaction, values: Array, offset: Array) -> Array:
+    """``values`` (n, m) of granules that start at ``approached.start``, at the offsets (k,) of others: (n, k). Only of
+    those that met the face; beyond the last of them its value.
     """
-    rows = []
-    for start, row, met in zip(found.start, values, found.turned.hit, strict=True):
-        rows.append(np.interp(offset, start[met], row[met]) if met.any() else np.zeros(len(offset)))
-    return np.array(rows)
+    every = []
+    for start, of_size, hit in zip(approached.start, values, approached.turned.hit, strict=True):
+        every.append(np.interp(offset, start[hit], of_size[hit]) if hit.any() else np.zeros(len(offset)))
+    return np.array(every)
 
 
-def _landing(scene: Scene, name: str, kind: _Kind, met: Met) -> Array:
-    """How far off the axis (n, m) m granules land that met the face as ``met`` says: they leave it, at rest, by the
-    collision law, fly through uniform air, and bounce off the face again and off the channel's walls.
+def _landing(scene: Scene, name: str, kind: _Kind, contacts: Met) -> Array:
+    """How far off the axis (n, m) m granules land that met the face in ``contacts``: they leave the face, which is at
+    rest, by the collision law, fly through uniform air, and bounce off the face again and off the channel's walls.
     """
     assert scene.air is not None
     front, rim = front_of(scene), 0.5 * np.array(kind.diameters)[:, None]
     floor, air = scene.level - scene.channel.bottom, complex(scene.air.speed)
-    z, v = met.z.copy(), _bounced(scene, name, rim, met.v, met.normal)
+    z, v = contacts.z.copy(), _bounced(scene, name, rim, contacts.v, contacts.normal)
     step = 2.0 * np.sqrt(2.0 * floor / GRAVITY) / FALL_STEPS
     for _ in range(FALL_STEPS):
         tau = kind.relax(np.abs(air - v))
@@ -188,11 +193,11 @@ def _landing(scene: Scene, name: str, kind: _Kind, met: Met) -> Array:
 
 def _bounced(scene: Scene, name: str, radius: Array, v: Complex, normal: Complex) -> Complex:
     fraction = scene.fraction[name]
-    own = fraction.properties
+    granule = fraction.properties
     ways = v.real, v.imag, normal.real, normal.imag, 0.0, 0.0
-    e = restitution_at(own.restitution, approach_speed(*ways))
+    e = restitution_at(granule.restitution, approach_speed(*ways))
     vx, vy, *_ = collide(
-        *ways[:2], 0.0, *ways[2:], e, own.friction,
+        *ways[:2], 0.0, *ways[2:], e, granule.friction,
         0.0 if fraction.inertia is None else 1.0 / fraction.inertia, radius,
     )  # fmt: skip
     return np.asarray(vx + 1j * vy)

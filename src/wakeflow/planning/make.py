@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.errors import SceneError
-from ..funnel import estimated_seconds, summary
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import (
     drag_factor_for_terminal_velocity,
@@ -27,7 +26,7 @@ from ..scene import Scene
 from .airflow import AirflowPlan, choose_airflow
 from .bounds import VIBRATION, moved_by_air
 from .cost import estimate
-from .coupling import limits
+from .coupling import Limit, limits
 from .flight_scales import flights
 from .impaction import deflection
 from .lock_in import AirMotion, vibration_of_scene
@@ -69,24 +68,19 @@ def make_plan(
     check_switches(flown, switches, airflow.turbulence)
     decided = {name: _decide(flown, name, airflow, switches, target) for name in flown.fraction}
     fractions = {name: one.plan for name, one in decided.items()}
-    arrivals = {name: fraction.arrival_speed for name, fraction in fractions.items()}
-    scales = {name: one.scales for name, one in decided.items() if one.scales}
-    validity = tuple(limits(flown, arrivals, scales, limit_of(flown, target)))
-    gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
-    without_air = _WithoutAir() if flown is given else _without_air(given, fractions)
-    chain = flown is not given
-    used = used_lines(flown, airflow, fractions, validity, motion, chain=chain)
-    missing = missing_lines(gates, flown.unit)
+    gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
+    validity = _validity(flown, decided, target)
+    without_air = _without_air(given, fractions) if chain else _WithoutAir()
     strained = warning_lines(flown, airflow, fractions, validity, target)
     return Plan(
         airflow=airflow,
         target_error=target,
         force=switches,
         fractions=fractions,
-        used=(*used, *(() if flown.funnel is None else (summary(flown.funnel),))),
+        used=tuple(used_lines(flown, airflow, fractions, validity, motion, chain=chain)),
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
-        estimate=estimate(flown, airflow, fractions, 0.0 if flown.funnel is None else estimated_seconds(flown.funnel)),
-        warnings=(*missing, *without_air.warnings, *strained),
+        estimate=estimate(flown, airflow, fractions),
+        warnings=(*missing_lines(gates, flown.unit), *without_air.warnings, *strained),
         flown_by="chain" if chain else "tracker",
         validity=validity,
         unit=flown.unit,
@@ -156,7 +150,7 @@ def _decide(scene: Scene, name: str, airflow: AirflowPlan, switches: Mapping[str
     turned = deflection(scene, name, law, scale)
     scales = flights(
         scene, name, law, scale, straight=turned is not None and turned.straight and not scene.obstacles,
-        turbulent=airflow.turbulence in ("kOmegaSST", "given"),
+        turbulent=airflow.turbulent,
     )  # fmt: skip
     gate = open_gate(scene, name, scales, switches, target, airflow.turbulence, moving=airflow.moving)
     small = turned is not None and turned.missed <= target and turned.shift <= gate.limit
@@ -175,6 +169,13 @@ def _decide(scene: Scene, name: str, airflow: AirflowPlan, switches: Mapping[str
         limit=gate.limit,
     )
     return _Decided(plan, gate, scales)
+
+
+def _validity(scene: Scene, decided: Mapping[str, _Decided], target: float) -> tuple[Limit, ...]:
+    """What the feed rate strains, by the speeds and scales of the fractions."""
+    arrivals = {name: one.plan.arrival_speed for name, one in decided.items()}
+    scales = {name: one.scales for name, one in decided.items() if one.scales}
+    return tuple(limits(scene, arrivals, scales, limit_of(scene, target)))
 
 
 def _left_out(

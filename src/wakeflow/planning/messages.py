@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ..core.process import cores
+from ..funnel import summary
 from ..scene import Scene
 from .airflow import SHEDDING_ABOVE, AirflowPlan, ranks_for, typical_cells
 from .coupling import Limit, strained
@@ -35,8 +36,9 @@ def used_lines(
     *,
     chain: bool,
 ) -> Iterator[str]:
-    """A line for each thing that is computed: airflow, streams, fractions, feed, vibration. ``motion``: what the
-    vibration asks of the airflow; ``chain``: a scene with air is flown without.
+    """A line for each thing that is computed: airflow, streams, fractions, feed, vibration, funnel.
+
+    ``motion``: what the vibration asks of the airflow; ``chain``: a scene with air is flown without.
     """
     yield from _airflow_lines(airflow, len(scene.body))
     if chain:
@@ -57,6 +59,8 @@ def used_lines(
             f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
             f"impacts; {sight}{why}"
         )
+    if scene.funnel is not None:
+        yield summary(scene.funnel)
 
 
 def _fraction_line(scene: Scene, name: str, fraction: FractionPlan) -> str:

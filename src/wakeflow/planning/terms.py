@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..laws.forces import FlightScales, forces
+from ..laws.turbulence_models import has_no_turbulence
 from ..scene import Fraction, Scene
 from .bounds import VIBRATION, bounds
 
@@ -89,7 +90,7 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
             continue  # a switch of the airflow, for all fractions
         if term not in forces or not forces[term].computed:
             raise SceneError(f"--force {key}=on: this version cannot compute it; its bound is in the plan")
-        if forces[term].needs == "turbulence" and turbulence == "laminar":
+        if forces[term].needs == "turbulence" and has_no_turbulence(turbulence):
             raise SceneError(
                 f"--force {key}=on: the airflow is laminar (Re {scene.reynolds:.3g}), it has no turbulence"
             )
@@ -184,7 +185,7 @@ def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | Non
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
     if term not in forces:
         return "not computed in this version"
-    return forces[term].blocked(laminar=turbulence == "laminar", point_mass=fraction.inertia is None)
+    return forces[term].blocked(laminar=has_no_turbulence(turbulence), point_mass=fraction.inertia is None)
 
 
 def _refusal(name: str, term: str, shift: float, limit: float, target: float, unit: str) -> str:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from .granules import Body, Fate, Granules, Motion, Tracks
+from .bodies import Body, Motion
+from .granules import Granules
+from .tracks import Fate, Tracks
 
 if TYPE_CHECKING:
     from .driver import track

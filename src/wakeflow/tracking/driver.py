@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..field import FlowField
+from ..core.process import cores
+from ..field import FlowField, Swing
 from ..laws.constants import GRAVITY
+from .bodies import Body, Motion
 from .frame import from_frame, swing_of, to_frame
-from .granules import Body, Granules, Motion, Tracks
+from .granules import Granules
 from .kernel import layout as at
 from .kernel.layout import Air, Rules, Walls
 from .kernel.loop import fly_block
-from .pack import check_forces, pack_air, pack_granules, pack_lines, pack_state, pack_tables, pack_walls
+from .pack import check_forces, pack_granules, pack_tables
+from .pack_air import pack_air
+from .pack_state import pack_state
+from .pack_walls import pack_lines, pack_walls
+from .tracks import Tracks
 
 __all__ = ["track"]
 
@@ -27,7 +33,11 @@ BLOCK = 512  # granules handed to a thread at a time
 ROOM = 1024  # points kept of a recorded track
 NOISE_STEP = 0.1  # of an eddy's lifetime: an interval of noise
 EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
-MOST_STEPS = 1_000_000
+MOST_STEPS = 1_000_000  # of a track, also points of a record; then it is STOPPED
+REACH = 1e-6  # of ``length``: the mesh's edge this near to an outline at rest is covered by it, round-off of meshes
+SKIN = 1e-11  # of ``length``: distances below it are contact: far above round-off, far below any tolerance
+AGAIN = 1.05  # of the period of what may shake a granule off: held for so long it has seen all of it
+IN_VACUUM = 10.0  # lengths: extent of a flight without a mesh
 
 
 def track(
@@ -59,15 +69,52 @@ def track(
     line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
     one born outside the mesh ESCAPED with no step. ``seed`` numbers the random streams of dispersion and Brownian
     motion, one a granule, by its place among ``grains``.
-    ``record`` keeps each path, thinned to at most 1024 points, or as many as it says. ``march`` False: third-order
-    steps from face to face all the way, slower, and no better than ``tolerance`` either. ``workers`` threads (default:
-    all cores); results do not depend on their number. ``progress(done, total)``. Raises SceneError for an unknown
-    force or drag law, a force that needs what the field has not, or arguments out of range.
+    ``record`` keeps each path, thinned to at most 1024 points, or as many as it says. ``march`` False takes confined
+    steps only, none over several triangles (docs/kernel.md): a switch for tests, which measure the order of these
+    steps by it; flights become slower, and their landing error is bounded by the same ``tolerance``. ``workers``
+    threads (default: all cores); results do not depend on their number. ``progress(done, total)``. Raises SceneError
+    for an unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)
     solids = [body if isinstance(body, Body) else Body(np.asarray(body, dtype=float), motion=motion) for body in bodies]
     if length is None:
         length = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
+    _check(record, length, tolerance, until, seed)
+    swing, reach = swing_of(field), REACH * length
+    walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
+    air = pack_air(field, solids, reach, forces)
+    rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
+    points = ROOM if record is True else int(record)
+    tables, table_of = pack_tables(drag, grains.sphericity)
+    flight = _Flight(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
+    found = Tracks.empty(len(grains), recorded=bool(record))
+    if not len(grains):
+        pack_granules(grains, field, forces, gravity)  # for what it raises
+    _fly_all(flight, found, workers, progress)
+    return found
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """What all blocks of granules of one call share, most of it as the kernel takes it."""
+
+    field: FlowField | None
+    grains: Granules
+    forces: Sequence[str]
+    gravity: Sequence[float]
+    solids: Sequence[Body]
+    swing: Swing | None  # how the mesh moves, in whose frame granules fly
+    reach: float  # m, how near to a body the mesh's edge counts as covered by it
+    points: int  # kept of a path, 0: none
+    walls: Walls
+    air: Air
+    rules: Rules
+    tables: Array  # of the drag law
+    table_of: NDArray[np.int64]  # which of them each granule uses
+
+
+def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int) -> None:
+    """Raise SceneError for numbers that are out of range."""
     if record is not True and not (record == 0 or 16 <= record <= MOST_STEPS):
         raise SceneError(f"record = {record}: True, or 16 to {MOST_STEPS} points")
     for name, value in (("length", length), ("tolerance", tolerance)):
@@ -77,49 +124,57 @@ def track(
         raise SceneError(f"until = {until:g} s must be finite")
     if not 0 <= seed < 2**63:
         raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
-    reach, points = 1e-6 * length, ROOM if record is True else int(record)
-    swing = swing_of(field)
-    walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
-    air = pack_air(field, solids, reach, forces)
-    tables, table_of = pack_tables(drag, grains.sphericity)
-    rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
-    found = Tracks.empty(len(grains), recorded=bool(record))
 
-    def fly(low: int) -> int:
-        """One block, packed here so that what the kernel needs of a granule exists for few of them at a time."""
-        part = slice(low, min(low + BLOCK, len(grains)))
-        some = to_frame(grains[part], swing)
-        floats, ints = pack_state(some, low, field, air, solids, reach)
-        constants = pack_granules(some, field, forces, gravity)
-        room = np.zeros((len(some), points, at.RECORD))
-        scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
-        fly_block(floats, ints, constants, tables, table_of[part], air, walls, rules, room, *scratch)
-        found.time[part], found.spin[part] = floats[:, at.T], floats[:, at.SPIN]
-        ends = from_frame(floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]], floats[:, at.T], swing)
-        found.position[part], found.velocity[part] = ends
-        for whole, column in (
-            (found.fate, at.FATE), (found.steps, at.STEPS), (found.impacts, at.IMPACTS), (found.line, at.LINE),
-            (found.evaluations, at.EVALUATIONS),
-        ):  # fmt: skip
-            whole[part] = ints[:, column]
-        if found.recorded is not None:
-            for table in room:
-                table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], swing)
-            found.recorded[part] = [room[i, : ints[i, at.KEPT]].copy() for i in range(len(some))]
-        return len(some)
 
-    if not len(grains):
-        pack_granules(grains, field, forces, gravity)
-    done = 0
-    pool = ThreadPoolExecutor(max_workers=workers or os.cpu_count() or 1)
+def _fly_block(flight: _Flight, found: Tracks, low: int) -> int:
+    """One block, packed here so that what the kernel needs of a granule exists for few of them at a time; returns how
+    many granules it holds.
+    """
+    part = slice(low, min(low + BLOCK, len(flight.grains)))
+    some = to_frame(flight.grains[part], flight.swing)
+    floats, ints = pack_state(some, low, flight.field, flight.air, flight.solids, flight.reach)
+    constants = pack_granules(some, flight.field, flight.forces, flight.gravity)
+    room = np.zeros((len(some), flight.points, at.RECORD))
+    scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
+    tables = flight.tables, flight.table_of[part]
+    fly_block(floats, ints, constants, *tables, flight.air, flight.walls, flight.rules, room, *scratch)
+    found.time[part], found.spin[part] = floats[:, at.T], floats[:, at.SPIN]
+    ends = from_frame(floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]], floats[:, at.T], flight.swing)
+    found.position[part], found.velocity[part] = ends
+    found.fate[part], found.line[part] = ints[:, at.FATE], ints[:, at.LINE]
+    found.steps[part], found.impacts[part] = ints[:, at.STEPS], ints[:, at.IMPACTS]
+    found.evaluations[part] = ints[:, at.EVALUATIONS]
+    if found.recorded is not None:
+        for table in room:
+            table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], flight.swing)
+        found.recorded[part] = [room[i, : ints[i, at.KEPT]].copy() for i in range(len(some))]
+    return len(some)
+
+
+def _fly_all(
+    flight: _Flight, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None
+) -> None:
+    """All blocks, on ``workers`` threads."""
+    done, count = 0, len(flight.grains)
+    pool = ThreadPoolExecutor(max_workers=workers or cores())
     try:
-        for future in as_completed([pool.submit(fly, low) for low in range(0, len(grains), BLOCK)]):
+        for future in as_completed([pool.submit(_fly_block, flight, found, low) for low in range(0, count, BLOCK)]):
             done += future.result()
             if progress is not None:
-                progress(done, len(grains))
+                progress(done, count)
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
         pool.shutdown(cancel_futures=True)
-    return found
+
+
+def _longest_wait(field: FlowField | None, air: Air, bodies: Sequence[Body], omega: float) -> float:
+    """Seconds that a granule held by friction waits for what may blow or shake it off; inf: for ever."""
+    periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
+    rest = max([*periods, 2 * np.pi / omega] if omega > 0 else periods, default=0.0)
+    if field is not None and field.times is not None and len(field.times) > 1:
+        rest = max(rest, field.period) if field.period is not None else np.inf
+    if air.values.shape[-1] > at.NODE_RMS:  # eddies may blow it off later; what lay still for many of them stays
+        rest = max(rest, EDDIES * float(np.median(air.values[..., at.NODE_LIFE])))
+    return rest
 
 
 def _rules(
@@ -133,33 +188,28 @@ def _rules(
     seed: int,
     march: bool,
 ) -> Rules:
-    extent = 10 * length if field is None else float(np.hypot(*np.ptp(field.points, axis=0)))
-    coarse = 1.0 / air.smooth[1] if air.smooth[1] != 0.0 else np.inf
-    omega = float(air.swing[2])
-    periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
-    rest = max([*periods, 2 * np.pi / omega] if omega > 0 else periods, default=0.0)
-    if field is not None and field.times is not None and len(field.times) > 1:
-        rest = max(rest, field.period) if field.period is not None else np.inf
-    if air.values.shape[-1] > 4:  # eddies may blow it off later; what lay still for many of them stays
-        rest = max(rest, EDDIES * float(np.median(air.values[..., 5])))
-    box, swing = walls.bodies[:, :4], np.abs(walls.bodies[:, 4:6])
+    """The kernel's scalars; ``length`` (m), ``until`` (s)."""
+    extent = IN_VACUUM * length if field is None else float(np.hypot(*np.ptp(field.points, axis=0)))
+    coarse = 1.0 / air.smooth[at.KNOT_RATE] if air.smooth[at.KNOT_RATE] != 0.0 else np.inf
+    omega = float(air.swing[at.SWING_OMEGA])
+    box, swing = walls.bodies[:, : at.REACH_X], np.abs(walls.bodies[:, [at.REACH_X, at.REACH_Y]])
     return Rules(
         until=float(until),
         allowance=tolerance * length / extent,
         extent=extent,
         length=float(length),
-        skin=1e-11 * length,
-        tiny=0.01 * tolerance * length,
-        rest=1.05 * rest,
+        skin=SKIN * length,
+        tiny=at.LOWEST_BOUNCE * tolerance * length,
+        rest=AGAIN * _longest_wait(field, air, bodies, omega),
         coarse=float(min(coarse, 0.5 / omega) if omega > 0 else coarse),
-        shaken=float(np.hypot(air.swing[0], air.swing[1]) * omega**2),
+        shaken=float(np.hypot(air.swing[at.SWING_X], air.swing[at.SWING_Y]) * omega**2),
         noise=NOISE_STEP,
         seed=int(seed),
         march=int(march),
-        left=float(np.min(box[:, 0] - swing[:, 0], initial=0.0)),
-        right=float(np.max(box[:, 2] + swing[:, 0], initial=0.0)),
-        bottom=float(np.min(box[:, 1] - swing[:, 1], initial=0.0)),
-        top=float(np.max(box[:, 3] + swing[:, 1], initial=0.0)),
+        left=float(np.min(box[:, at.LOW_X] - swing[:, 0], initial=0.0)),
+        right=float(np.max(box[:, at.HIGH_X] + swing[:, 0], initial=0.0)),
+        bottom=float(np.min(box[:, at.LOW_Y] - swing[:, 1], initial=0.0)),
+        top=float(np.max(box[:, at.HIGH_Y] + swing[:, 1], initial=0.0)),
         steps=MOST_STEPS,
         impacts=at.MOST_IMPACTS,
     )

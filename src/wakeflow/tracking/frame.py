@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..field import FlowField, Swing
-from .granules import Granules, Motion
+from .bodies import Motion
+from .granules import Granules
 
 __all__ = ["MINUTE", "from_frame", "relative", "swing_of", "to_frame"]
 

@@ -11,14 +11,14 @@ from .buoyancy import BUOYANCY
 from .drag_force import DRAG
 from .history_force import HISTORY_FORCE
 from .pressure_gradient import PRESSURE_GRADIENT
-from .record import Force, Instant, forces
+from .record import Force, Granule, Instant, forces
 from .scales import Bound, FlightScales
 from .shear_lift import SHEAR_LIFT
 from .spin_lift import SPIN_LIFT
 from .turbulent_dispersion import DISPERSION
 from .weight import GRAVITY_FORCE
 
-__all__ = ["Bound", "FlightScales", "Force", "Instant", "forces"]
+__all__ = ["Bound", "FlightScales", "Force", "Granule", "Instant", "forces"]
 
 for _force in (
     DRAG, GRAVITY_FORCE, BUOYANCY, PRESSURE_GRADIENT, ADDED_MASS, SHEAR_LIFT, SPIN_LIFT, DISPERSION, BROWNIAN_MOTION,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .record import Air, Array, Force, Grains, Instant, Slots, Vector
+from .record import Air, Array, Force, Grains, Granule, Instant, Slots, Vector
 from .scales import Bound, FlightScales
 
 __all__ = ["ADDED_MASS"]
@@ -23,12 +23,12 @@ def _factors(grains: Grains, air: Air) -> Slots:
     return {"INERTIAL": _inertia(grains, air)}
 
 
-def _chi(now: Instant) -> float:
-    return 0.5 * now.ratio
+def _chi(granule: Granule) -> float:
+    return 0.5 * granule.ratio
 
 
 def _reference(now: Instant) -> Vector:
-    chi = _chi(now)
+    chi = _chi(now.granule)
     return chi * now.air_acceleration[0], chi * now.air_acceleration[1]
 
 

@@ -19,7 +19,8 @@ def _acceleration(grains: Grains, air: Air | None, gravity: Array) -> Array:
 
 
 def _reference(now: Instant) -> Vector:
-    return -now.ratio * now.gravity[0], -now.ratio * now.gravity[1]
+    granule = now.granule
+    return -granule.ratio * granule.gravity[0], -granule.ratio * granule.gravity[1]
 
 
 BUOYANCY = Force(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from .record import Air, Force, Grains, Instant, Slots, Vector
 
 __all__ = ["DRAG"]
@@ -15,11 +13,10 @@ def _factors(grains: Grains, air: Air) -> Slots:
 
 
 def _reference(now: Instant) -> Vector:
-    sx, sy = now.slip
-    reynolds = math.hypot(sx, sy) * now.diameter / (now.viscosity / now.air_density)
-    stokes = now.drag_scale * 18 * now.viscosity / (now.density * now.diameter**2)
-    rate = stokes * now.drag_factor(reynolds)
-    return rate * sx, rate * sy
+    granule = now.granule
+    stokes = granule.drag_scale * 18 * granule.viscosity / (granule.density * granule.diameter**2)
+    rate = stokes * granule.drag_factor(now.reynolds)
+    return rate * now.slip[0], rate * now.slip[1]
 
 
 DRAG = Force(

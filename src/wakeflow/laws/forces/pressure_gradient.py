@@ -19,7 +19,8 @@ def _factors(grains: Grains, _air: Air) -> Slots:
 
 def _reference(now: Instant) -> Vector:
     assert now.pressure_gradient is not None
-    return -(now.pressure_gradient[0] / now.density), -(now.pressure_gradient[1] / now.density)
+    density = now.granule.density
+    return -(now.pressure_gradient[0] / density), -(now.pressure_gradient[1] / density)
 
 
 PRESSURE_GRADIENT = Force(

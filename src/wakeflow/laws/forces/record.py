@@ -9,6 +9,7 @@ handed for it, and the same acceleration once more in plain Python for the refer
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from ...core.registry import Registry
 from .scales import Bound
 
-__all__ = ["Air", "Field", "Force", "Grains", "Instant", "forces"]
+__all__ = ["Air", "Field", "Force", "Grains", "Granule", "Instant", "forces"]
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float]
@@ -77,17 +78,34 @@ class Field(Protocol):
         """Its dissipation, m2/s3; None in laminar air."""
 
 
-class Instant(NamedTuple):
-    """One granule at one moment, as the reference integrator sees it: plain floats (SI)."""
+@dataclass(frozen=True)
+class Granule:
+    """One granule and what surrounds it, for the reference integrator: plain floats (SI)."""
 
     diameter: float
     density: float
     drag_scale: float  # factor on the drag law, slip correction included
     inertia: float  # k = I / (m r^2)
-    air_density: float
-    viscosity: float
-    gravity: Vector
     drag_factor: Callable[[float], float]  # f(Re) = Cd Re / 24
+    air_density: float
+    viscosity: float  # dynamic
+    gravity: Vector
+
+    @property
+    def ratio(self) -> float:
+        """Density of the air over the granule's."""
+        return self.air_density / self.density
+
+    @property
+    def kinematic(self) -> float:
+        """Kinematic viscosity of the air (m2/s)."""
+        return self.viscosity / self.air_density
+
+
+class Instant(NamedTuple):
+    """One moment of a granule's flight, as the reference integrator sees it: plain floats (SI)."""
+
+    granule: Granule
     slip: Vector  # air's velocity less the granule's
     curl: float  # of the air's velocity, 1/s
     spin: float  # of the granule, 1/s
@@ -95,9 +113,13 @@ class Instant(NamedTuple):
     pressure_gradient: Vector | None  # Pa/m; None where the field has no pressure
 
     @property
-    def ratio(self) -> float:
-        """Density of the air over the granule's."""
-        return self.air_density / self.density
+    def reynolds(self) -> float:
+        """|slip| d / nu"""
+        return math.hypot(*self.slip) * self.granule.diameter / self.granule.kinematic
+
+    def rotation_reynolds(self, rate: float) -> float:
+        """|rate| d^2 / nu, of a rotation ``rate`` (1/s)."""
+        return abs(rate) * (self.granule.diameter**2 / self.granule.kinematic)
 
 
 @dataclass(frozen=True)
@@ -130,13 +152,18 @@ class Force:
     factors: Callable[[Grains, Air], Slots] | None = None
     constants: Callable[[Grains, Air], Slots] | None = None
     reference: Callable[[Instant], Vector] | None = None
-    reference_inertia: Callable[[Instant], float] | None = None
+    reference_inertia: Callable[[Granule], float] | None = None
     torque: Callable[[Instant], float] | None = None
 
     @property
     def always(self) -> bool:
         """Whether it acts in every flight: nothing bounds what leaving it out would do."""
         return self.bound is None
+
+    @property
+    def in_vacuum(self) -> bool:
+        """Whether it acts where there is no air."""
+        return self.needs == "nothing"
 
     def lacks(self, field: Field) -> str | None:
         """What ``field`` lacks for it, in words; None where it has all."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from ..lift import lift_coefficient
 from .record import Air, Force, Grains, Instant, Slots, Vector
 from .scales import Bound, FlightScales
@@ -27,10 +25,8 @@ def _factors(grains: Grains, air: Air) -> Slots:
 
 
 def _reference(now: Instant) -> Vector:
-    (sx, sy), nu = now.slip, now.viscosity / now.air_density
-    reynolds = math.hypot(sx, sy) * now.diameter / nu
-    c = now.ratio * lift_coefficient(reynolds, abs(now.curl) * (now.diameter**2 / nu))
-    return c * sy * now.curl, -(c * sx * now.curl)
+    c = now.granule.ratio * lift_coefficient(now.reynolds, now.rotation_reynolds(now.curl))
+    return c * now.slip[1] * now.curl, -(c * now.slip[0] * now.curl)
 
 
 SHEAR_LIFT = Force(

@@ -27,23 +27,21 @@ def _factors(grains: Grains, air: Air) -> Slots:
 
 
 def _constants(grains: Grains, air: Air) -> Slots:
-    """SPIN (1/s): rate at which the air takes a spin away."""
-    return {"SPIN": spin_rate(grains.diameter, grains.density, air.viscosity, grains.inertia)}
+    """SPIN_RATE (1/s): rate at which the air takes a spin away."""
+    return {"SPIN_RATE": spin_rate(grains.diameter, grains.density, air.viscosity, grains.inertia)}
 
 
 def _reference(now: Instant) -> Vector:
-    (sx, sy), nu = now.slip, now.viscosity / now.air_density
     relative = 0.5 * now.curl - now.spin
-    reynolds, fast = math.hypot(sx, sy) * now.diameter / nu, abs(relative) * (now.diameter**2 / nu)
-    c = 0.75 * now.ratio * magnus_factor(reynolds, fast) * relative
-    return -(c * sy), c * sx
+    c = 0.75 * now.granule.ratio * magnus_factor(now.reynolds, now.rotation_reynolds(relative)) * relative
+    return -(c * now.slip[1]), c * now.slip[0]
 
 
 def _torque(now: Instant) -> float:
     """The torque of Dennis, Singh & Ingham 1980 over the creeping one, written out once more as they print it."""
-    relative = 0.5 * now.curl - now.spin
-    fast = abs(relative) * (now.diameter**2 / (now.viscosity / now.air_density))
-    slowing = 24 * now.viscosity / (now.inertia * now.density * now.diameter**2)
+    granule, relative = now.granule, 0.5 * now.curl - now.spin
+    fast = now.rotation_reynolds(relative)
+    slowing = 24 * granule.viscosity / (granule.inertia * granule.density * granule.diameter**2)
     return slowing * relative * max(1.0, (12.9 * math.sqrt(fast) + 128.4) / (64 * math.pi))
 
 

@@ -14,7 +14,7 @@ def _acceleration(grains: Grains, _air: Air | None, gravity: Array) -> Array:
 
 
 def _reference(now: Instant) -> Vector:
-    return now.gravity
+    return now.granule.gravity
 
 
 GRAVITY_FORCE = Force(

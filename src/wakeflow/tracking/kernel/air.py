@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .jit import compiled
+from .jit import compiled, inlined
 from .locate import on_edge
 
 __all__ = ["air_at", "bracket", "gradient_at", "load", "nodal", "rise_at", "shares", "swinging"]
@@ -108,10 +108,36 @@ def _flatten(state, affine, air, gap):
             affine[first + at.DX] = affine[first + at.DY] = 0.0
 
 
-@compiled
+@inlined
+def _add(affine, to, k, f, bx, by):
+    """Add what node k of the triangle, with the value f, gives to a coefficient."""
+    if k == 0:
+        affine[to] = f
+    affine[to + at.DX] += f * bx
+    affine[to + at.DY] += f * by
+
+
+@inlined
+def _add_splines(affine, first, air, tri, j, m, factor, mean):
+    """Add quantity m, times ``factor``, and the deviation, times ``mean``, in the powers of time after knot j."""
+    geometry, v = air.geometry, air.values
+    for k in range(3):
+        c = air.corners[tri, k]
+        f0, f1 = factor * v[c, j, m], factor * v[c, j + 1, m]
+        f2, f3 = factor * v[c, j + 2, m], factor * v[c, j + 3, m]
+        if mean != 0.0:
+            f0, f1 = f0 + mean * v[c, j, at.NODE_RMS], f1 + mean * v[c, j + 1, at.NODE_RMS]
+            f2, f3 = f2 + mean * v[c, j + 2, at.NODE_RMS], f3 + mean * v[c, j + 3, at.NODE_RMS]
+        bx, by = geometry[tri, at.B0X + 2 * k], geometry[tri, at.B0Y + 2 * k]
+        _add(affine, first, k, (f0 + 4.0 * f1 + f2) / 6.0, bx, by)
+        _add(affine, first + at.PER_POWER, k, 0.5 * (f2 - f0), bx, by)
+        _add(affine, first + 2 * at.PER_POWER, k, 0.5 * (f0 - 2.0 * f1 + f2), bx, by)
+        _add(affine, first + 3 * at.PER_POWER, k, (f3 - f0 + 3.0 * (f1 - f2)) / 6.0, bx, by)
+
+
+@inlined
 def _load_smooth(state, ints, affine, air, grain, tri):
     """The four polynomial coefficients in time, between two knots, of what ``load`` loads."""
-    geometry, v, j = air.geometry, air.values, ints[at.SNAP_A]
     for i in range(4):
         affine[at.SWING + i] = air.swing[i]
     for m in range(4):
@@ -122,32 +148,53 @@ def _load_smooth(state, ints, affine, air, grain, tri):
             to = first + at.PER_POWER * power
             affine[to] = affine[to + at.DX] = affine[to + at.DY] = 0.0
         if not pressed or factor != 0.0:
-            for k in range(3):
-                c = air.corners[tri, k]
-                f0, f1 = factor * v[c, j, m], factor * v[c, j + 1, m]
-                f2, f3 = factor * v[c, j + 2, m], factor * v[c, j + 3, m]
-                if mean != 0.0:
-                    f0, f1 = f0 + mean * v[c, j, at.NODE_RMS], f1 + mean * v[c, j + 1, at.NODE_RMS]
-                    f2, f3 = f2 + mean * v[c, j + 2, at.NODE_RMS], f3 + mean * v[c, j + 3, at.NODE_RMS]
-                bx, by = geometry[tri, at.B0X + 2 * k], geometry[tri, at.B0Y + 2 * k]
-                for power in range(4):
-                    to = first + at.PER_POWER * power
-                    if power == 0:
-                        f = (f0 + 4.0 * f1 + f2) / 6.0
-                    elif power == 1:
-                        f = 0.5 * (f2 - f0)
-                    elif power == 2:
-                        f = 0.5 * (f0 - 2.0 * f1 + f2)
-                    else:
-                        f = (f3 - f0 + 3.0 * (f1 - f2)) / 6.0
-                    if k == 0:
-                        affine[to] = f
-                    affine[to + at.DX] += f * bx
-                    affine[to + at.DY] += f * by
+            _add_splines(affine, first, air, tri, ints[at.SNAP_A], m, factor, mean)
         if pressed:
             affine[first] += grain[at.GX] if m == 2 else grain[at.GY]
         elif grain[at.NOISE] != 0.0:
             affine[first] += state[at.KICK_X + m]
+
+
+@inlined
+def _load_between(affine, air, grain, tri, a, b, m, base, mean):
+    """Quantity m of what ``load`` loads, linear in time between snapshots a and b: ``base`` more than in them, and the
+    deviation times ``mean``.
+    """
+    first, to, values = at.U0 + at.PER_QUANTITY * m, at.U1 + at.PER_QUANTITY * m, air.values
+    c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
+    factor = grain[at.PRESSURE] if m >= 2 else 1.0
+    stirred = m < 2 and grain[at.DISPERSION] != 0.0
+    f0, f1, f2 = factor * values[a, c0, m], factor * values[a, c1, m], factor * values[a, c2, m]
+    if a != b:
+        d0, d1, d2 = factor * values[b, c0, m] - f0, factor * values[b, c1, m] - f1, factor * values[b, c2, m] - f2
+        if stirred:
+            d0 += mean * (values[b, c0, at.NODE_RMS] - values[a, c0, at.NODE_RMS])
+            d1 += mean * (values[b, c1, at.NODE_RMS] - values[a, c1, at.NODE_RMS])
+            d2 += mean * (values[b, c2, at.NODE_RMS] - values[a, c2, at.NODE_RMS])
+        _plane(affine, to, d0, d1, d2, air.geometry, tri)
+    if stirred:
+        f0 += mean * values[a, c0, at.NODE_RMS]
+        f1 += mean * values[a, c1, at.NODE_RMS]
+        f2 += mean * values[a, c2, at.NODE_RMS]
+    _plane(affine, first, f0 + base, f1 + base, f2 + base, air.geometry, tri)
+
+
+@inlined
+def _load_snapshots(state, ints, affine, air, grain, tri):
+    """What ``load`` loads, in a steady field or between two snapshots."""
+    for m in range(4):
+        if m >= 2:
+            base = grain[at.GX] if m == 2 else grain[at.GY]
+        else:
+            base = state[at.KICK_X + m] if grain[at.NOISE] != 0.0 else 0.0
+        if m >= 2 and grain[at.PRESSURE] == 0.0:
+            first, to = at.U0 + at.PER_QUANTITY * m, at.U1 + at.PER_QUANTITY * m
+            affine[first] = base
+            affine[first + at.DX] = affine[first + at.DY] = 0.0
+            affine[to] = affine[to + at.DX] = affine[to + at.DY] = 0.0
+        else:
+            mean = state[at.MEAN_X + m] if m < 2 else 0.0
+            _load_between(affine, air, grain, tri, ints[at.SNAP_A], ints[at.SNAP_B], m, base, mean)
 
 
 @compiled
@@ -162,45 +209,11 @@ def load(state, ints, affine, air, grain):
     gap, tri = ints[at.GAP], ints[at.TRI]
     if gap >= 0:
         tri = air.covered[gap, at.COVER_TRI]
-    geometry, values = air.geometry, air.values
-    affine[at.ORIGIN_X], affine[at.ORIGIN_Y] = geometry[tri, at.CORNER_X], geometry[tri, at.CORNER_Y]
+    affine[at.ORIGIN_X], affine[at.ORIGIN_Y] = air.geometry[tri, at.CORNER_X], air.geometry[tri, at.CORNER_Y]
     if affine[at.CUBIC] != 0.0:
         _load_smooth(state, ints, affine, air, grain, tri)
-        if gap >= 0:
-            _flatten(state, affine, air, gap)
-        return
-    c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
-    a, b = ints[at.SNAP_A], ints[at.SNAP_B]
-    timed = a != b
-    noisy = grain[at.NOISE] != 0.0
-    for m in range(4):
-        first, to = at.U0 + at.PER_QUANTITY * m, at.U1 + at.PER_QUANTITY * m
-        if m >= 2 and grain[at.PRESSURE] == 0.0:
-            affine[first] = grain[at.GX] if m == 2 else grain[at.GY]
-            affine[first + at.DX] = affine[first + at.DY] = 0.0
-            affine[to] = affine[to + at.DX] = affine[to + at.DY] = 0.0
-            continue
-        factor = grain[at.PRESSURE] if m >= 2 else 1.0
-        base = grain[at.GX] if m == 2 else (grain[at.GY] if m == 3 else 0.0)
-        f0, f1, f2 = factor * values[a, c0, m], factor * values[a, c1, m], factor * values[a, c2, m]
-        if timed:
-            d0 = factor * values[b, c0, m] - f0
-            d1 = factor * values[b, c1, m] - f1
-            d2 = factor * values[b, c2, m] - f2
-            if m < 2 and grain[at.DISPERSION] != 0.0:
-                mean = state[at.MEAN_X + m]
-                d0 += mean * (values[b, c0, at.NODE_RMS] - values[a, c0, at.NODE_RMS])
-                d1 += mean * (values[b, c1, at.NODE_RMS] - values[a, c1, at.NODE_RMS])
-                d2 += mean * (values[b, c2, at.NODE_RMS] - values[a, c2, at.NODE_RMS])
-            _plane(affine, to, d0, d1, d2, geometry, tri)
-        if m < 2 and noisy:
-            base = state[at.KICK_X + m]
-            if grain[at.DISPERSION] != 0.0:
-                mean = state[at.MEAN_X + m]
-                f0 += mean * values[a, c0, at.NODE_RMS]
-                f1 += mean * values[a, c1, at.NODE_RMS]
-                f2 += mean * values[a, c2, at.NODE_RMS]
-        _plane(affine, first, f0 + base, f1 + base, f2 + base, geometry, tri)
+    else:
+        _load_snapshots(state, ints, affine, air, grain, tri)
     if gap >= 0:
         _flatten(state, affine, air, gap)
 

@@ -13,15 +13,18 @@ from . import layout as at
 from .dense_output import along
 from .dispersion import mirror
 from .events import displacement, first_below
+from .forces import free_force
 from .jit import compiled, inlined
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .restitution import restitution_of
-from .step import free_force
 from .walls import constrain, grasp, inside
 
 __all__ = ["ends_of_slide", "friction_turn", "grip", "lets_go", "rescue", "settle", "strike", "takes_hold"]
 
 _collide = compiled(collide)
+AT_REST = 1e-13  # of a body's length per s and of the free acceleration: slower is at rest, to round-off
+ROLLS = 1e-12  # of sliding and turning speed: a slip below it is the round-off of their difference
+SLIVER = 1e-3  # of the skin: how near to the end of a face a granule must be to slide off it at once
 
 
 @compiled
@@ -39,12 +42,34 @@ def settle(state, ints, hold, walls, rolls):
         state[at.SPIN] = (nx * (state[at.VY] - wy) - ny * (state[at.VX] - wx)) / hold[at.ARM]
 
 
+@inlined
+def _collision(state, ints, hold, grain, walls, body, friction, last, one):
+    """Velocity and spin after the impact on the wall in ``hold``; a granule that it throws back for ever at the wall
+    (last, one) stops. Returns the restitution, the normal impulse, the wall's velocity and its acceleration.
+    """
+    nx, ny = hold[at.NX], hold[at.NY]
+    _, _, wx, wy, px, py = displacement(walls.bodies, body, state[at.T])
+    e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
+    mobility, radius = grain[at.MOBILITY], grain[at.RADIUS]
+    vx, vy, spin, normal, _ = _collide(
+        state[at.VX], state[at.VY], state[at.SPIN], nx, ny, wx, wy, e, friction, mobility, radius
+    )
+    if grain[at.NOISE] != 0.0:
+        mirror(state, ints, nx, ny)
+    if normal > 0.0:
+        ints[at.IMPACTS] += 1
+    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[at.STUCK]):
+        vx, vy = wx, wy
+    state[at.VX], state[at.VY], state[at.SPIN] = vx, vy, spin
+    return e, normal, wx, wy, px, py
+
+
 @compiled
 def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     """The granule touches a feature: collision, and sliding from then on where no bounce worth following is left."""
     body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
-    nx, ny = hold[at.NX], hold[at.NY]
     before, other = ints[at.CONTACT], ints[at.FEATURE]
+    nx, ny = hold[at.NX], hold[at.NY]
     mx, my = nx, ny
     if before != at.FREE:  # put right along the wall that it is on, so as not to enter that one
         mx, my = tangent(walls, before, other, nx, ny, state)
@@ -58,21 +83,10 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         return
     f = walls.bodies[body, at.BODY_FRICTION]
     f = grain[at.FRICTION] if f < 0.0 else f
-    _, _, wx, wy, px, py = displacement(walls.bodies, body, state[at.T])
-    e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
-    vx, vy, spin, normal, _ = _collide(
-        state[at.VX], state[at.VY], state[at.SPIN], nx, ny, wx, wy, e, f, grain[at.MOBILITY], grain[at.RADIUS]
-    )
-    if grain[at.NOISE] != 0.0:
-        mirror(state, ints, nx, ny)
-    if normal > 0.0:
-        ints[at.IMPACTS] += 1
-    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[at.STUCK]):
-        vx, vy = wx, wy
-    state[at.VX], state[at.VY], state[at.SPIN] = vx, vy, spin
-    fx, fy, _, _, _ = free_force(affine, grain, table, state[at.X], state[at.Y], vx, vy, state[at.T], spin)
-    rebound = (vx - wx) * nx + (vy - wy) * ny
-    slide = -ny * (vx - wx) + nx * (vy - wy)
+    e, normal, wx, wy, px, py = _collision(state, ints, hold, grain, walls, body, f, last, one)
+    vx, vy = state[at.VX], state[at.VY]
+    fx, fy, _, _, _ = free_force(affine, grain, table, state[at.X], state[at.Y], vx, vy, state[at.T], state[at.SPIN])
+    rebound, slide = (vx - wx) * nx + (vy - wy) * ny, -ny * (vx - wx) + nx * (vy - wy)
     lift = (fx - px) * nx + (fy - py) * ny
     if kind == at.ON_VERTEX:
         lift += slide * slide / grain[at.RADIUS]
@@ -114,13 +128,13 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
         return False
     mobility, around = grain[at.MOBILITY], grain[at.RADIUS] * state[at.SPIN]
     slip = slide - around if mobility > 0.0 else slide
-    still = 1e-13 * (rules.length + abs(free))
+    still = AT_REST * (rules.length + abs(free))
     if abs(slide) <= still and abs(slip) <= still and held(hold, grain, press, free):
         state[at.SPIN] = 0.0 if mobility > 0.0 else state[at.SPIN]
         hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
         return True
     state[at.HELD] = 0.0
-    if abs(slip) <= still + (1e-12 * (abs(slide) + abs(around)) if mobility > 0.0 else 0.0):
+    if abs(slip) <= still + (ROLLS * (abs(slide) + abs(around)) if mobility > 0.0 else 0.0):
         part = 1.0 / (1.0 + mobility)
         if mobility > 0.0 and abs(free) * part <= hold[at.MU] * press:
             hold[at.ROLL] = part
@@ -186,49 +200,50 @@ def _beside(path, s, t0, hold, bodies, body):
     return x - dx - hold[at.OX], y - dy - hold[at.OY], vx - wx, vy - wy
 
 
-@compiled
-def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
-    """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
-    feature). What can turn does not stop when it stops sliding.
-    """
-    stops = grain[at.MOBILITY] == 0.0
-    bodies, body, skin = walls.bodies, ints[at.BODY], 1e-3 * rules.skin
+@inlined
+def _end_of_face(path, ints, hold, walls, rules, s, t0, stops):
+    """``ends_of_slide`` on a face: where it stops, and the corners at its start and end."""
+    bodies, body, feature = walls.bodies, ints[at.BODY], ints[at.FEATURE]
+    event, kind, which = events.NOTHING, at.FREE, at.NOBODY
+    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
+    _, _, ux, uy = _beside(path, s, t0, hold, bodies, body)
+    ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
+    tx, ty, size = -hold[at.NY], hold[at.NX], walls.edges[feature, at.LENGTH]
+    wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
+    if stops and wa > 0.0 and wb < 0.0:
+        dx, dy = sign * tx, sign * ty
+        s = first_below(path, t0, bodies, body, events.SPEED, 0.0, 0.0, 0.0, dx, dy, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
+        event = events.HALTED
+    for end in range(2):
+        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
+        q0 = 0.0 if end == 0 else size
+        dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
+        fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
+        ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
+        if fa < -rules.skin and ra >= 0.0:
+            continue
+        found = first_below(path, t0, bodies, body, events.PLANE, ox, oy, q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
+        if 0.0 <= found <= s and (fb < 0.0 or found < s):
+            s, event = found, events.SLID_OFF
+            which = walls.edge_links[feature, at.BEFORE + end]
+            kind = at.ON_VERTEX if which >= 0 else at.FREE
+    return s, event, kind, which
+
+
+@inlined
+def _end_of_corner(path, ints, hold, walls, rules, s, t0, stops):
+    """``ends_of_slide`` round a corner: where it stops, and the faces before and after."""
+    bodies, body = walls.bodies, ints[at.BODY]
     event, kind, which = events.NOTHING, at.FREE, at.NOBODY
     qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
     ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
-    sign, feature = hold[at.SIGN], ints[at.FEATURE]
-    if hold[at.KIND] == at.ON_EDGE:
-        tx, ty, size = -hold[at.NY], hold[at.NX], walls.edges[feature, at.LENGTH]
-        wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
-        if stops and wa > 0.0 and wb < 0.0:
-            s = first_below(
-                path, t0, bodies, body, events.SPEED, 0.0, 0.0, 0.0, sign * tx, sign * ty, 0.0, wa, 0.0, s, wb, 0.0, 0.0
-            )
-            event = events.HALTED
-        for end in range(2):
-            ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
-            q0 = 0.0 if end == 0 else size
-            dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
-            fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
-            ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
-            if fa < -rules.skin and ra >= 0.0:
-                continue
-            found = first_below(
-                path, t0, bodies, body, events.PLANE, hold[at.OX], hold[at.OY], q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
-            )
-            if 0.0 <= found <= s and (fb < 0.0 or found < s):
-                s, event = found, events.SLID_OFF
-                which = walls.edge_links[feature, at.BEFORE + end]
-                kind = at.ON_VERTEX if which >= 0 else at.FREE
-        return s, event, kind, which
+    ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
     wa, wb = sign * (qx * ry - qy * rx), sign * (ex * uy - ey * ux)
     if stops and wa > 0.0 and wb < 0.0:
-        s = first_below(
-            path, t0, bodies, body, events.SPIN, hold[at.OX], hold[at.OY], sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0
-        )
+        s = first_below(path, t0, bodies, body, events.SPIN, ox, oy, sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
         event = events.HALTED
     for end in range(2):  # beyond the direction of the edge that ends here, before that of the edge that starts here
-        e = walls.vertex_links[feature, at.BEFORE + end]
+        e = walls.vertex_links[ints[at.FEATURE], at.BEFORE + end]
         if e < 0:
             continue
         ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
@@ -236,12 +251,21 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
         dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
         fa, fb = dx * qx + dy * qy, dx * ex + dy * ey
         ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
-        found = first_below(
-            path, t0, bodies, body, events.PLANE, hold[at.OX], hold[at.OY], 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin
-        )
+        found = first_below(path, t0, bodies, body, events.PLANE, ox, oy, 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
         if 0.0 <= found <= s and (fb < 0.0 or found < s):
             s, event, kind, which = found, events.SLID_OFF, at.ON_EDGE, e
     return s, event, kind, which
+
+
+@compiled
+def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
+    """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
+    feature). What can turn does not stop when it stops sliding.
+    """
+    stops = grain[at.MOBILITY] == 0.0
+    if hold[at.KIND] == at.ON_EDGE:
+        return _end_of_face(path, ints, hold, walls, rules, s, t0, stops)
+    return _end_of_corner(path, ints, hold, walls, rules, s, t0, stops)
 
 
 @compiled

@@ -19,7 +19,7 @@ import math
 from . import layout as at
 from .jit import compiled
 
-__all__ = ["along", "phis", "sway"]
+__all__ = ["along", "parabola", "phis", "sway"]
 
 # Taylor coefficients of phi_4: divisions would take most of the time of a step
 C0, C1, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11, C12, C13, C14, C15 = (1.0 / math.factorial(k + 4) for k in range(16))
@@ -76,6 +76,15 @@ def along(path, s):
 
 
 @compiled
+def parabola(path, h, nx, ny, mx, my):
+    """Let N of the path be the parabola through its value at the start, n in the middle of a step h, m at its end."""
+    n0x, n0y = path[at.N0X], path[at.N0Y]
+    path[at.N1X], path[at.N1Y] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
+    path[at.N2X] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h)
+    path[at.N2Y] = 2.0 * (n0y - 2.0 * ny + my) / (h * h)
+
+
+@compiled
 def sway(path, swing, first, t):
     """Note the swing ``swing[first:]`` of the mesh at the step's start ``t``; returns its velocity and acceleration
     there.
@@ -86,16 +95,7 @@ def sway(path, swing, first, t):
         return 0.0, 0.0, 0.0, 0.0
     angle = omega * t + swing[first + at.SWING_PHASE]
     out, rate = math.sin(angle), omega * math.cos(angle)
-    path[at.MESH_ANGLE], path[at.MESH_OUT_X], path[at.MESH_OUT_Y], path[at.MESH_VX], path[at.MESH_VY] = (
-        angle,
-        ax * out,
-        ay * out,
-        ax * rate,
-        ay * rate,
-    )
-    return (
-        path[at.MESH_VX],
-        path[at.MESH_VY],
-        -omega * omega * path[at.MESH_OUT_X],
-        -omega * omega * path[at.MESH_OUT_Y],
-    )
+    path[at.MESH_ANGLE], path[at.MESH_OUT_X], path[at.MESH_OUT_Y] = angle, ax * out, ay * out
+    path[at.MESH_VX], path[at.MESH_VY] = ax * rate, ay * rate
+    ax, ay = -omega * omega * path[at.MESH_OUT_X], -omega * omega * path[at.MESH_OUT_Y]
+    return path[at.MESH_VX], path[at.MESH_VY], ax, ay

@@ -15,9 +15,9 @@ import numpy as np
 from ...laws import turbulence
 from . import layout as at
 from .air import nodal, swinging
-from .jit import compiled
+from .forces import drag_rate
+from .jit import compiled, inlined
 from .locate import barycentric
-from .step import drag_rate
 
 __all__ = ["mirror", "renew"]
 
@@ -51,9 +51,36 @@ def _normals(seed, stream, draw):
 
 
 @compiled
-def _drawn(state, ints, rules):
+def _drawn(ints, rules):
+    """The next two random numbers of the granule's stream."""
     ints[at.DRAWS] += 1
     return _normals(rules.seed, ints[at.STREAM], ints[at.DRAWS])
+
+
+@inlined
+def _stirred_air(state, ints, affine, air):
+    """At the granule: the air's mean velocity (m/s, seen from the mesh), the eddies' lifetime (s) and deviation (m/s),
+    and the deviation's gradient (1/s).
+    """
+    g, tri = air.geometry, ints[at.TRI]
+    if ints[at.GAP] >= 0:
+        tri = air.covered[ints[at.GAP], at.COVER_TRI]
+    w = (state[at.T] - affine[at.T_BEGIN]) * affine[at.PER_DT] if ints[at.SNAP_A] != ints[at.SNAP_B] else 0.0
+    ux = uy = rms = life = sx = sy = 0.0
+    for k in range(3):
+        c = air.corners[tri, k]
+        q = min(1.0, max(0.0, barycentric(g, tri, k, state[at.X], state[at.Y])))
+        deviation = nodal(air, ints, w, c, at.NODE_RMS)
+        ux += q * nodal(air, ints, w, c, at.NODE_U)
+        uy += q * nodal(air, ints, w, c, at.NODE_V)
+        life += q * nodal(air, ints, w, c, at.NODE_LIFE)
+        rms += q * deviation
+        sx += deviation * g[tri, at.B0X + 2 * k]
+        sy += deviation * g[tri, at.B0Y + 2 * k]
+    if air.swing[at.SWING_OMEGA] != 0.0:
+        wx, wy, _, _ = swinging(air.swing, at.SWING_X, state[at.T])
+        ux, uy = ux - wx, uy - wy
+    return ux, uy, life, rms, sx, sy
 
 
 @compiled
@@ -64,25 +91,8 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
     dW, T_i along and across the slip: what keeps tracers well mixed (Thomson 1987, J. Fluid Mech. 180, 529; for
     granules with inertia Bocksell & Loth 2006, Int. J. Multiphase Flow 32, 1234).
     """
-    g, tri = air.geometry, ints[at.TRI]
-    if ints[at.GAP] >= 0:
-        tri = air.covered[ints[at.GAP], at.COVER_TRI]
-    w = (state[at.T] - affine[at.T_BEGIN]) * affine[at.PER_DT] if ints[at.SNAP_A] != ints[at.SNAP_B] else 0.0
-    ux = uy = rms = life = sx = sy = 0.0
-    for k in range(3):
-        c = air.corners[tri, k]
-        q = min(1.0, max(0.0, barycentric(g, tri, k, state[at.X], state[at.Y])))
-        deviation = nodal(air, ints, w, c, 4)
-        ux += q * nodal(air, ints, w, c, 0)
-        uy += q * nodal(air, ints, w, c, 1)
-        life += q * nodal(air, ints, w, c, 5)
-        rms += q * deviation
-        sx += deviation * g[tri, at.B0X + 2 * k]
-        sy += deviation * g[tri, at.B0Y + 2 * k]
-    if air.swing[at.SWING_OMEGA] != 0.0:
-        wx, wy, _, _ = swinging(air.swing, at.SWING_X, state[at.T])
-        ux, uy = ux - wx, uy - wy
-    # a tracer, which moves with what it has just seen, slips through no eddies
+    ux, uy, life, rms, sx, sy = _stirred_air(state, ints, affine, air)
+    # a tracer moves with the fluctuation that it has just seen: that is no slip
     ex, ey = ux + rms * state[at.MEAN_X] - state[at.VX], uy + rms * state[at.MEAN_Y] - state[at.VY]
     slip = math.sqrt(ex * ex + ey * ey)
     ex, ey = (ex / slip, ey / slip) if slip > 0.0 else (1.0, 0.0)
@@ -94,7 +104,7 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
         dx, dy = (ex, ey) if side == 0 else (-ey, ex)
         time = along if side == 0 else across
         decay, end, mean, shared, own = _langevin(span / max(time, 1e-300))
-        xi, eta = _drawn(state, ints, rules)
+        xi, eta = _drawn(ints, rules)
         start = dx * state[at.SEEN_X] + dy * state[at.SEEN_Y]
         lean = drift * time * (dx * sx + dy * sy)
         last = lean + decay * (start - lean) + end * xi
@@ -118,11 +128,11 @@ def renew(state, ints, affine, air, grain, table, rules):
         span = min(span, PASSAGE * rules.length / speed)
     if grain[at.DISPERSION] != 0.0:
         if ints[at.DRAWS] == 0:  # the process is stationary at birth
-            state[at.SEEN_X], state[at.SEEN_Y] = _drawn(state, ints, rules)
+            state[at.SEEN_X], state[at.SEEN_Y] = _drawn(ints, rules)
         span = _eddies(state, ints, affine, air, grain, table, rules, 0.05 * span)
     if grain[at.DIFFUSIVITY] != 0.0:
         size = math.sqrt(2.0 * grain[at.DIFFUSIVITY] / span)
-        xi, eta = _drawn(state, ints, rules)
+        xi, eta = _drawn(ints, rules)
         state[at.KICK_X], state[at.KICK_Y] = size * xi, size * eta
     state[at.T_NOISE] = state[at.T] + span
     ints[at.FRESH] = 0

@@ -12,18 +12,21 @@ from . import events
 from . import layout as at
 from .air import bracket, load
 from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
+from .crossings import first_line, first_wall
 from .dense_output import along, sway
 from .dispersion import renew
 from .events import displacement
+from .forces import free_force, spin_at
 from .jit import compiled, entry, inlined, merged
 from .locate import barycentric, reproject, walk
-from .step import free_force, spin_at
-from .step_control import EDGE, HOP_LIMIT, confined_step, leap, leaves, longest_step
-from .walls import constrain, crossing, first_contact, grasp, inside, overlap
+from .multi_cell import multi_cell_step
+from .step_control import EDGE, HOP_LIMIT, confined_step, leaves, longest_step
+from .walls import constrain, grasp, inside, overlap
 
 __all__ = ["fly_block"]
 
 PROGRESS = 1e-8  # of the step tried: less is none
+PRESSED = 1e-8  # of the square of the speed that a body's length of the pull gives: slower is at rest in a corner
 
 
 @compiled
@@ -112,14 +115,30 @@ def _hop(state, ints, air, walls, rules):
 
 
 @compiled
-def _begin(state, ints, hold, air, grain, walls, rules):
-    """The start of a track: inside a body it stops, reaching into one it is pushed out, outside the mesh it ends."""
+def _find(state, ints, air):
+    """The triangle of a granule that has moved without a look at the faces it crossed."""
+    found, code = walk(air.geometry, air.neighbours, ints[at.TRI], state[at.X], state[at.Y])
+    ints[at.TRI] = found
+    if code <= -2:
+        ints[at.GAP] = -2 - code
+    elif code == -1:
+        ints[at.FATE] = at.ESCAPED
+
+
+@inlined
+def _born_inside(state, walls):
+    """Whether the granule's centre lies in a body."""
     for body in range(walls.bodies.shape[0]):
         dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
         within, _ = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
         if within:
-            ints[at.FATE] = at.STOPPED
-            return
+            return True
+    return False
+
+
+@inlined
+def _pushed_out(state, hold, grain, walls):
+    """Put a granule that reaches into a body onto its surface; whether it did."""
     moved = False
     for body in range(walls.bodies.shape[0]):
         dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
@@ -130,17 +149,22 @@ def _begin(state, ints, hold, air, grain, walls, rules):
             state[at.Y] -= off * hold[at.NY]
             hold[at.KIND] = at.FREE
             moved = True
+    return moved
+
+
+@compiled
+def _begin(state, ints, hold, air, grain, walls):
+    """The start of a track: inside a body it stops, reaching into one it is pushed out, outside the mesh it ends."""
+    if _born_inside(state, walls):
+        ints[at.FATE] = at.STOPPED
+        return
+    moved = _pushed_out(state, hold, grain, walls)
     if air.corners.shape[0] == 0:
         return
     if ints[at.TRI] < 0 and ints[at.GAP] < 0:
         ints[at.FATE] = at.ESCAPED
     elif moved and ints[at.TRI] >= 0:
-        found, code = walk(air.geometry, air.neighbours, ints[at.TRI], state[at.X], state[at.Y])
-        ints[at.TRI] = found
-        if code <= -2:
-            ints[at.GAP] = -2 - code
-        elif code == -1:
-            ints[at.FATE] = at.ESCAPED
+        _find(state, ints, air)
 
 
 @inlined
@@ -177,9 +201,12 @@ def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
     return edge
 
 
-@merged
-def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):
-    """One step and what ends it."""
+@inlined
+def _start(state, ints, path, affine, hold, grain, table, walls, rules, timed):
+    """Begin a step: the force where the granule is, in contact what the wall leaves of it, and the path from there.
+
+    Returns the scales of its speed (m/s) and acceleration (m/s2), and whether it moves; else it was dealt with.
+    """
     x, y, vx, vy, t0 = state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T]
     fx, fy, rate, ux, uy = free_force(affine, grain, table, x, y, vx, vy, t0, state[at.SPIN])
     ints[at.EVALUATIONS] += 1
@@ -188,111 +215,160 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     speed = math.sqrt(max(vx * vx + vy * vy, wind2 if rate > 0.0 else 0.0))
     if hold[at.KIND] != at.FREE:
         if grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
-            ints[at.STEPS] += 1
-            _store(state, ints, record, 0)
-            return
+            return speed, pull, False
         if hold[at.KIND] != at.FREE:
             fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
     path[at.START_X], path[at.START_Y], path[at.START_VX], path[at.START_VY], path[at.RATE] = x, y, vx, vy, rate
     path[at.N0X], path[at.N0Y], path[at.AIR_X], path[at.AIR_Y] = fx + rate * vx, fy + rate * vy, ux, uy
-    meshed = air.corners.shape[0] > 0 and ints[at.GAP] < 0
-    blind = ints[at.HOPS] >= HOP_LIMIT
-    longest, inside_cell = longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge)
-    h = min(longest, inside_cell)
+    return speed, pull, True
+
+
+@inlined
+def _to_lab(state, path, affine, hold):
+    """Let N and the air's velocity of the path be the lab's, for free flight seen from a mesh that swings."""
     wx = wy = px = py = 0.0
     if hold[at.KIND] == at.FREE:
-        wx, wy, px, py = sway(path, affine, at.SWING, t0)
+        wx, wy, px, py = sway(path, affine, at.SWING, state[at.T])
     else:
         path[at.MESH_OMEGA] = 0.0
-    path[at.N0X], path[at.N0Y], path[at.AIR_X], path[at.AIR_Y] = (
-        path[at.N0X] + px + rate * wx,
-        path[at.N0Y] + py + rate * wy,
-        ux + wx,
-        uy + wy,
-    )
-    h = confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed, pull)
-    if not h > 0.0:
-        ints[at.FATE] = at.STOPPED
-        return
-    s, event, kind, which, line = h, events.NOTHING, at.FREE, at.NOBODY, at.NOBODY
-    if meshed and not blind:
+    rate = path[at.RATE]
+    path[at.N0X], path[at.N0Y] = path[at.N0X] + px + rate * wx, path[at.N0Y] + py + rate * wy
+    path[at.AIR_X], path[at.AIR_Y] = path[at.AIR_X] + wx, path[at.AIR_Y] + wy
+
+
+@inlined
+def _end_of_contact(path, h, s, event, which, state, ints, affine, grain, table, hold, walls, rules):
+    """What ends the sliding or rolling of a granule before time s of the step, if anything does; and how it turns."""
+    kind = at.FREE
+    turn = friction_turn(path, h, state, affine, grain, table, hold)
+    s, let_go = lets_go(path, s, state, affine, grain, table, hold)
+    event = let_go if let_go != events.NOTHING else event
+    if let_go != events.LIFTED or s > PROGRESS * h:  # what lifts off at once does not grip first
+        s, gripped = takes_hold(path, s, state, ints, hold, grain, walls, turn)
+        event = events.GRIPS if gripped else event
+    s, slid, next_kind, next_which = ends_of_slide(path, ints, hold, grain, walls, rules, s, state[at.T])
+    if slid != events.NOTHING:
+        event, kind, which = slid, next_kind, next_which
+    return s, event, kind, which, turn
+
+
+@inlined
+def _first_event(path, h, in_cell, state, ints, affine, air, grain, table, hold, walls, rules):
+    """The first of: leaving the triangle, the end of a contact, a wall, a line. Returns place and velocity there, its
+    time in the step, what it is, with which feature or edge or line, and the coefficients of friction's turning.
+    """
+    s, event, kind, which, line, t0 = h, events.NOTHING, at.FREE, at.NOBODY, at.NOBODY, state[at.T]
+    turn = (0.0, 0.0, 0.0)
+    if in_cell:
         s, which = leaves(path, h, ints, air)
         event = events.EXIT if which >= 0 else events.NOTHING
-    turn = (0.0, 0.0, 0.0)
     if hold[at.KIND] != at.FREE:
-        turn = friction_turn(path, h, state, affine, grain, table, hold)
-        s, let_go = lets_go(path, s, state, affine, grain, table, hold)
-        event = let_go if let_go != events.NOTHING else event
-        if let_go != events.LIFTED or s > PROGRESS * h:  # what lifts off at once does not grip first
-            s, gripped = takes_hold(path, s, state, ints, hold, grain, walls, turn)
-            event = events.GRIPS if gripped else event
-        s, slid, next_kind, next_which = ends_of_slide(path, ints, hold, grain, walls, rules, s, t0)
-        if slid != events.NOTHING:
-            event, kind, which = slid, next_kind, next_which
+        s, event, kind, which, turn = _end_of_contact(
+            path, h, s, event, which, state, ints, affine, grain, table, hold, walls, rules
+        )
     end = along(path, s)
     if walls.bodies.shape[0] > 0 and ints[at.STUCK] < HOP_LIMIT:
-        found, hit_kind, hit = first_contact(path, s, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
+        found, hit_kind, hit = first_wall(path, s, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
         if found >= 0.0:
             s, event, kind, which = found, events.WALL, hit_kind, hit
             end = along(path, s)
-    found, line = crossing(path, s, end, t0, walls, rules.skin)
+    found, line = first_line(path, s, end, t0, walls, rules.skin)
     if found >= 0.0:
         s, event = found, events.CROSSED
         end = along(path, s)
-    ints[at.STEPS] += 1
+    return end, s, event, kind, which, line, turn
+
+
+@inlined
+def _move(end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules):
+    """Move to time s of the step, with the spin that the air or friction gives."""
     if hold[at.KIND] == at.FREE:
         if grain[at.MAGNUS] != 0.0:
-            state[at.SPIN] = spin_at(affine, grain, state[at.SPIN], t0, s)
+            state[at.SPIN] = spin_at(affine, grain, state[at.SPIN], state[at.T], s)
     elif hold[at.ROLL] == 0.0:
         state[at.SPIN] += s * (turn[0] + s * (turn[1] + s * turn[2]))
     _advance(end, s, h, state, ints, rules)
     if hold[at.KIND] != at.FREE:
         settle(state, ints, hold, walls, hold[at.ROLL] != 0.0 or event == events.GRIPS)
-    if event == events.CROSSED:
-        ints[at.FATE], ints[at.LINE] = at.BINNED, line
-        return
+
+
+@inlined
+def _hit(state, ints, hold, affine, grain, table, walls, rules, kind, which, pull):
+    """Strike a wall; a slow granule that strikes walls again and again is pressed into a corner and rests."""
+    ints[at.STUCK] += 1
+    strike(state, ints, hold, affine, grain, table, walls, rules, kind, which)
+    slow = state[at.VX] ** 2 + state[at.VY] ** 2 <= PRESSED * rules.length * pull
+    still = walls.bodies[ints[at.BODY], at.OMEGA] == 0.0 and ints[at.CONTACT] != at.FREE
+    if ints[at.STUCK] == HOP_LIMIT and slow and still:
+        ints[at.FATE] = at.RESTING
+
+
+@inlined
+def _slide_off(state, ints, hold, grain, walls, kind, which):
+    """Pass from one feature of a body to the next, or into the air where there is none."""
+    ints[at.CONTACT], ints[at.FEATURE] = kind, which
+    ints[at.STUCK] += 1
+    if kind == at.FREE:
+        hold[at.KIND] = at.FREE
+    else:
+        grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
+
+
+@inlined
+def _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air, grain, table, walls, rules):
+    """What an event makes of the granule."""
     if event == events.EXIT:
-        if s <= PROGRESS * h:
+        if no_progress:
             ints[at.HOPS] += 1
         _cross(state, ints, air, walls, rules, which)
     elif event == events.WALL:
-        ints[at.STUCK] += 1
-        strike(state, ints, hold, affine, grain, table, walls, rules, kind, which)
-        slow = state[at.VX] ** 2 + state[at.VY] ** 2 <= 1e-8 * rules.length * pull
-        if (
-            ints[at.STUCK] == HOP_LIMIT
-            and slow
-            and walls.bodies[ints[at.BODY], at.OMEGA] == 0.0
-            and ints[at.CONTACT] != at.FREE
-        ):
-            ints[at.FATE] = at.RESTING  # pressed into a corner
+        _hit(state, ints, hold, affine, grain, table, walls, rules, kind, which, pull)
     elif event == events.HALTED:
         _, _, wx, wy, _, _ = displacement(walls.bodies, ints[at.BODY], state[at.T])
         state[at.VX], state[at.VY] = wx, wy
     elif event == events.LIFTED:
         ints[at.CONTACT] = hold[at.KIND] = at.FREE
     elif event == events.SLID_OFF:
-        ints[at.CONTACT] = kind
-        ints[at.FEATURE] = which
-        ints[at.STUCK] += 1
-        if kind == at.FREE:
-            hold[at.KIND] = at.FREE
-        else:
-            grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
+        _slide_off(state, ints, hold, grain, walls, kind, which)
     if ints[at.FATE] == at.FLYING and walls.bodies.shape[0] > 0 and event != events.WALL and hold[at.KIND] == at.FREE:
         rescue(state, ints, hold, affine, grain, table, walls, rules)
+
+
+@merged
+def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):
+    """One step and what ends it."""
+    speed, pull, moves = _start(state, ints, path, affine, hold, grain, table, walls, rules, timed)
+    if not moves:
+        ints[at.STEPS] += 1
+        _store(state, ints, record, 0)
+        return
+    meshed = air.corners.shape[0] > 0 and ints[at.GAP] < 0
+    blind = ints[at.HOPS] >= HOP_LIMIT
+    longest, inside_cell = longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge)
+    _to_lab(state, path, affine, hold)
+    h = min(longest, inside_cell)
+    h = confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed, pull)
+    if not h > 0.0:
+        ints[at.FATE] = at.STOPPED
+        return
+    end, s, event, kind, which, line, turn = _first_event(
+        path, h, meshed and not blind, state, ints, affine, air, grain, table, hold, walls, rules
+    )
+    ints[at.STEPS] += 1
+    _move(end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules)
+    if event == events.CROSSED:
+        ints[at.FATE], ints[at.LINE] = at.BINNED, line
+        return
+    no_progress = s <= PROGRESS * h
+    _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air, grain, table, walls, rules)
     if meshed and blind and ints[at.FATE] == at.FLYING:
-        found_tri, code = walk(air.geometry, air.neighbours, ints[at.TRI], state[at.X], state[at.Y])
-        ints[at.TRI], ints[at.FRESH] = found_tri, 0
-        if code <= -2:
-            ints[at.GAP] = -2 - code
-        elif code == -1:
-            ints[at.FATE] = at.ESCAPED
+        ints[at.FRESH] = 0
+        _find(state, ints, air)
     _store(state, ints, record, 0)
 
 
 @inlined
-def _born(state, ints, affine, hold, air, grain, walls, rules, timed):
+def _born(state, ints, affine, hold, air, grain, walls, timed):
     """Scratch and state of a new granule."""
     affine[:] = 0.0
     hold[:] = 0.0
@@ -303,7 +379,7 @@ def _born(state, ints, affine, hold, air, grain, walls, rules, timed):
     if air.corners.shape[0] == 0:
         affine[at.AX0], affine[at.AY0] = grain[at.GX], grain[at.GY]
         ints[at.FRESH] = 1
-    _begin(state, ints, hold, air, grain, walls, rules)
+    _begin(state, ints, hold, air, grain, walls)
 
 
 @entry
@@ -312,7 +388,7 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
     timed = (air.times.shape[0] > 1 or air.smooth[at.KNOT_RATE] != 0.0) and air.corners.shape[0] > 0
     for i in range(states.shape[0]):
         state, ints, grain, table, record = states[i], counts[i], grains[i], tables[table_of[i]], records[i]
-        _born(state, ints, affine, hold, air, grain, walls, rules, timed)
+        _born(state, ints, affine, hold, air, grain, walls, timed)
         _store(state, ints, record, 0)
         while ints[at.FATE] == at.FLYING:
             if state[at.T] >= rules.until:
@@ -325,7 +401,10 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
                 if meshed and _hop(state, ints, air, walls, rules):
                     continue
                 drawn = record.shape[0] > 0
-                if meshed and leap(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0:
+                if (
+                    meshed
+                    and multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0
+                ):
                     _store(state, ints, record, 0)
                     continue
                 if ints[at.FRESH] == 0:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from . import layout as at
 from .events import displacement, next_turn
+from .forces import free_force
 from .jit import compiled
-from .step import free_force
 from .walls import STILL, carry, constrain, facing, grasp, ride
 
 __all__ = ["STATIC", "caught", "held", "hold_still", "tangent", "unwedge", "wedge"]
@@ -20,6 +20,10 @@ __all__ = ["STATIC", "caught", "held", "hold_still", "tangent", "unwedge", "wedg
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 STEEP = 0.05  # the same, of two walls along one of which a granule is put onto the other
 FOR_EVER = 40  # strikes in no time; an elastic granule leaves a corner of 4.5 degrees within as many
+LOOKS = 0.1  # of the time in which a field changes: between looks at a granule that friction holds
+SWAY = 0.05  # rad of a vibration between looks at what it holds: its pull changes by 5 % at most
+SAMPLED_SWAY = 0.4  # the same of samples, whose acceleration is linear between them and changes no faster than this
+SHARE = 0.25  # of an interval between snapshots, between looks
 PARALLEL = 1e-6  # sine of the angle between two walls that make no wedge
 
 
@@ -144,12 +148,12 @@ def hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
     if not moving and not timed and grain[at.NOISE] == 0.0:
         ints[at.FATE] = at.RESTING
         return
-    dt = min(rules.until - state[at.T], 0.1 * rules.coarse)
+    dt = min(rules.until - state[at.T], LOOKS * rules.coarse)
     if moving:  # what presses is largest and least where the wall's acceleration turns
-        dt = min(dt, (0.05 if hold[at.SAMPLED] == 0.0 else 0.4) / hold[at.WW])
+        dt = min(dt, (SWAY if hold[at.SAMPLED] == 0.0 else SAMPLED_SWAY) / hold[at.WW])
         dt = min(dt, next_turn(walls.bodies, ints[at.BODY], state[at.T]))
     if timed:
-        dt = min(dt, 0.25 / affine[at.PER_DT] if affine[at.PER_DT] != 0.0 else dt, state[at.T_END] - state[at.T])
+        dt = min(dt, SHARE / affine[at.PER_DT] if affine[at.PER_DT] != 0.0 else dt, state[at.T_END] - state[at.T])
     if grain[at.NOISE] != 0.0:
         dt = min(dt, state[at.T_NOISE] - state[at.T])
     end = state[at.T] + dt

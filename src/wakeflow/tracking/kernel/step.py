@@ -1,7 +1,7 @@
 """One exponential step of third order, its error, and how long it may be.
 
 x' = v, v' = F(t, x, v) with the drag rate B at the step's start as linear part and N = F + B v as polynomial in time,
-which integrates exactly (see ``exponential``). N is built up by Picard iteration: constant, linear through h/2,
+which integrates exactly (see ``dense_output``). N is built up by Picard iteration: constant, linear through h/2,
 quadratic through h/2 and h; each makes the path one order better, everywhere in the step, so that a step may be cut
 at any event. The exponential quadrature is that of Cox & Matthews (2002, J. Comput. Phys. 176, 430). The defect of
 the last path, between its nodes, gives the error: it sees the error of the quadrature and that of the stages. Exact
@@ -13,91 +13,19 @@ from __future__ import annotations
 
 import math
 
-from ...laws import lift, rotation
-from ...laws.drag import TABLE_CELLS, TABLE_DECADES
 from . import layout as at
-from .air import air_at, gradient_at, rise_at, swinging
-from .dense_output import along, phis
+from .air import air_at, swinging
+from .dense_output import along, parabola, phis
+from .forces import drag_rate, gradient_forces, spin_at
 from .jit import compiled
 from .locate import barycentric
 from .walls import constrain
 
-__all__ = ["attempt", "drag_rate", "exit_time", "free_force", "spin_at"]
+__all__ = ["TRANSIENT", "attempt", "exit_time"]
 
-lift_coefficient = compiled(lift.lift_coefficient)
-magnus_factor = compiled(rotation.magnus_factor)
-spin_decay = compiled(rotation.spin_decay)
-
-# Where a Reynolds number stands in the table of drag factors, and the inverse of the table's last
-FIRST_CELL = float(TABLE_DECADES[0] * TABLE_CELLS)
-PER_HALF_NATURAL_LOG = 0.5 / math.log(10.0) * TABLE_CELLS
-BEYOND = 10.0 ** -TABLE_DECADES[1]
+TRANSIENT = 4.0  # drag times; (z / (z + 4))^3 of a transient counts in z of them: third order if short, all if long
+STRAIGHT = 1e-3  # of the drag time: up to there a path is taken for a parabola
 OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step
-
-
-@compiled
-def drag_rate(grain, table, slip2):
-    """B = f(Re) / tau (1/s) at a squared slip velocity, from the table of the drag law."""
-    if grain[at.STOKES] == 0.0:
-        return 0.0
-    re2 = grain[at.REYNOLDS2] * slip2
-    if re2 <= 1e-16:
-        return grain[at.STOKES] * table[0, 0]
-    place = PER_HALF_NATURAL_LOG * math.log(re2) - FIRST_CELL
-    cells = table.shape[0]
-    extra = 1.0
-    if place >= cells:
-        extra = math.sqrt(re2) * BEYOND
-        place = cells - 1e-9
-    i = int(place)
-    w = place - i
-    return grain[at.STOKES] * extra * (table[i, 0] + w * (table[i, 1] + w * (table[i, 2] + w * table[i, 3])))
-
-
-@compiled
-def spin_at(affine, grain, spin, t, s):
-    """Spin at time s after t: the air of the loaded triangle turns it exactly, with its vorticity half way."""
-    _, xy, yx, _ = gradient_at(affine, t + 0.5 * s)
-    half = 0.5 * (yx - xy)
-    return half - spin_decay(half - spin, s, grain[at.SPIN_RATE], grain[at.VORTICITY])
-
-
-@compiled
-def _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin):
-    """Acceleration by the air's own (added mass), shear lift and spin lift."""
-    xx, xy, yx, yy = gradient_at(affine, t)
-    fx = fy = 0.0
-    if grain[at.INERTIAL] != 0.0:
-        tx, ty = rise_at(affine, x, y, t)
-        fx += grain[at.INERTIAL] * (tx + xx * ux + xy * uy)
-        fy += grain[at.INERTIAL] * (ty + yx * ux + yy * uy)
-    curl = yx - xy
-    reynolds = math.sqrt(grain[at.REYNOLDS2] * (sx * sx + sy * sy))
-    if grain[at.LIFT] != 0.0:
-        lift = grain[at.LIFT] * lift_coefficient(reynolds, grain[at.VORTICITY] * abs(curl)) * curl
-        fx += lift * sy
-        fy -= lift * sx
-    if grain[at.MAGNUS] != 0.0:
-        turn = 0.5 * curl - spin
-        lift = grain[at.MAGNUS] * magnus_factor(reynolds, grain[at.VORTICITY] * abs(turn)) * turn
-        fx -= lift * sy
-        fy += lift * sx
-    return fx, fy
-
-
-@compiled
-def free_force(affine, grain, table, x, y, vx, vy, t, spin):
-    """Acceleration of a granule in free flight, the drag rate, and the air's velocity."""
-    ux, uy, fx, fy = air_at(affine, x, y, t)
-    sx, sy = ux - vx, uy - vy
-    rate = drag_rate(grain, table, sx * sx + sy * sy)
-    fx += rate * sx
-    fy += rate * sy
-    if grain[at.EXTRA] != 0.0:
-        ex, ey = _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin)
-        fx += ex
-        fy += ey
-    return fx, fy, rate, ux, uy
 
 
 @compiled
@@ -124,7 +52,7 @@ def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag
         spin = state[at.SPIN]
         if grain[at.MAGNUS] != 0.0 and hold[at.KIND] == 0.0:
             spin = spin_at(affine, grain, spin, state[at.T], s)
-        ex, ey = _extra(affine, grain, x, y, t, ux, uy, sx, sy, spin)
+        ex, ey = gradient_forces(affine, grain, x, y, t, ux, uy, sx, sy, spin)
         fx += ex
         fy += ey
     if hold[at.KIND] != 0.0:
@@ -158,8 +86,7 @@ def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     wx, wy = 2.0 * wx - ux, 2.0 * wy - uy
     lag = stiff * 2.0 * h * q3
     mx, my, rate1, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, h, lag, wx, wy)
-    path[at.N1X], path[at.N1Y] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
-    path[at.N2X], path[at.N2Y] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h), 2.0 * (n0y - 2.0 * ny + my) / (h * h)
+    parabola(path, h, nx, ny, mx, my)
     s = 0.75 * h
     x, y, wx, wy = along(path, s)
     nx, ny, _, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, wx, wy, s, 0.0, ux, uy)
@@ -169,7 +96,7 @@ def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     error = h * (h * q2 + q1 * carried) * math.sqrt(nx * nx + ny * ny)
     if rate0 > 0.0 and rate1 > 0.0 and rate0 != rate1:
         z = rate0 * h
-        passed = z / (z + 4.0) if z < 1e100 else 1.0
+        passed = z / (z + TRANSIENT) if z < 1e100 else 1.0
         change = math.sqrt((wx - path[at.START_VX]) ** 2 + (wy - path[at.START_VY]) ** 2)
         error += change * abs(1.0 / rate0 - 1.0 / rate1) * passed * passed * passed
     return error, wx * wx + wy * wy
@@ -205,7 +132,7 @@ def exit_time(geometry, tri, path, least):
     if not math.isfinite(h):
         return h
     for _ in range(2):
-        if rate * h < 1e-3:
+        if rate * h < STRAIGHT:
             wx, wy = vx + 0.5 * h * fx, vy + 0.5 * h * fy
         else:
             _, p1, p2, _, _ = phis(-rate * h)

@@ -1,8 +1,8 @@
-"""How long the next step is: confined to its triangle, of which it sees every event, or a march over several.
+"""How long the next confined step is. It stays in its triangle, of which it sees every event.
 
 A triangle is often much smaller than the step that the tolerance asks for, and the air seldom far from linear in time
-along a track through it: away from walls a march (see ``march``) does for many triangles what confined steps would do
-one by one.
+along a track through it: away from walls multi-cell steps (``multi_cell``) do for many triangles what confined steps
+would do one by one.
 """
 
 from __future__ import annotations
@@ -15,16 +15,48 @@ from .dense_output import along
 from .events import first_below
 from .jit import compiled, inlined
 from .locate import barycentric
-from .multi_cell import march, way_out
 from .step import attempt, exit_time
-from .stride import stride
 
-__all__ = ["EDGE", "HOP_LIMIT", "confined_step", "leap", "leaves", "longest_step"]
+__all__ = ["EDGE", "HOP_LIMIT", "confined_step", "leaves", "longest_step"]
 
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
-LOOKS = 2.0  # at the air in a confined step
+LOOKS = 2.0  # at the air in a confined step: it may be as long as twice what changes in time ask for
 HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
-MOST_PATIENCE = 4  # steps after a march that did not get far are confined, 2, 4 ... 2^this in a row
+TURN = 0.2  # rad of a wall's vibration, or of a corner, gone round in a step in contact: nearly straight
+CRAWL = 1e-3  # of a body's length (1/s^2): with no pull at all a step in a corner is sqrt(1e-8) s long
+INWARDS = 1e-3  # barycentric distance from which on a time to leave the triangle is counted
+ROUND_OFF = 1e-13  # of the time that a flight takes: a step as short as this is taken, whatever its error
+AIR_OF = 1e-15  # of the extent: round-off of a place, which no error can be asked to be below
+MOST_TRIES = 60  # lengths of a step: those after the fourth are a tenth of the one before each
+# The next step is 0.9 of what the error asks for, and at most 5 times as long, the usual numbers (Hairer, Norsett &
+# Wanner 1993, Solving Ordinary Differential Equations I, II.4); one that was refused becomes no shorter than a tenth
+SAFETY, MOST_GROWTH, LEAST_SHRINK = 0.9, 5.0, 0.1
+ORDER = 3.0  # of the step
+
+
+@inlined
+def _longest_contact(state, hold, speed, pull):
+    """The longest step (s) in contact: a part of the wall's vibration, to its next sample, and a part of a corner."""
+    h = math.inf
+    if hold[at.WW] != 0.0:
+        h = min(h, TURN / hold[at.WW])
+    if hold[at.SAMPLED] != 0.0:  # the wall's acceleration has a kink there
+        h = min(h, hold[at.W_END] - state[at.T])
+    if hold[at.KIND] == at.ON_VERTEX:
+        h = min(h, TURN * hold[at.ARM] / (speed + math.sqrt(hold[at.ARM] * pull)))
+    return h
+
+
+@inlined
+def _nearly_straight(state, grain, rules, speed, pull):
+    """The longest step (s) that is nearly straight where bodies may be met: over half of their size, and farther by as
+    much as they are away.
+    """
+    x, y = state[at.X], state[at.Y]
+    away = max(rules.left - x, x - rules.right, rules.bottom - y, y - rules.top, 0.0) - grain[at.RADIUS]
+    half = 0.5 * rules.length + max(away, 0.0)
+    slow = speed + math.sqrt(half * pull)
+    return half / slow if slow > 0.0 else math.inf
 
 
 @inlined
@@ -43,31 +75,19 @@ def longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed
         if ints[at.GAP] >= 0:
             within = 0.5 * edge / speed if speed > 0.0 else math.inf
         else:
-            within = exit_time(air.geometry, ints[at.TRI], path, 1e-3)
-    if walls.bodies.shape[0] > 0:  # nearly straight where bodies may be met
-        x, y = state[at.X], state[at.Y]
-        away = max(rules.left - x, x - rules.right, rules.bottom - y, y - rules.top, 0.0) - grain[at.RADIUS]
-        half = 0.5 * rules.length + max(away, 0.0)
-        slow = speed + math.sqrt(half * pull)
-        if slow > 0.0:
-            h = min(h, half / slow)
-    if (
-        ints[at.STUCK] >= HOP_LIMIT
-    ):  # too many contacts in no time: a step too short to reach into a wall, without looking
-        h = min(h, math.sqrt(rules.skin / (pull + 1e-3 * rules.length)))
+            within = exit_time(air.geometry, ints[at.TRI], path, INWARDS)
+    if walls.bodies.shape[0] > 0:
+        h = min(h, _nearly_straight(state, grain, rules, speed, pull))
+    if ints[at.STUCK] >= HOP_LIMIT:  # contacts in no time: a step too short to reach into a wall, without looking
+        h = min(h, math.sqrt(rules.skin / (pull + CRAWL * rules.length)))
     if hold[at.KIND] != at.FREE:
-        if hold[at.WW] != 0.0:
-            h = min(h, 0.2 / hold[at.WW])
-        if hold[at.SAMPLED] != 0.0:  # the wall's acceleration has a kink there
-            h = min(h, hold[at.W_END] - state[at.T])
-        if hold[at.KIND] == at.ON_VERTEX:
-            h = min(h, 0.2 * hold[at.ARM] / (speed + math.sqrt(hold[at.ARM] * pull)))
+        h = min(h, _longest_contact(state, hold, speed, pull))
     return h, within
 
 
 @compiled
 def _allowed(rules, h, speed, fast):
-    return rules.allowance * h * max(speed, math.sqrt(fast)) + 1e-15 * rules.extent
+    return rules.allowance * h * max(speed, math.sqrt(fast)) + AIR_OF * rules.extent
 
 
 @compiled
@@ -79,57 +99,27 @@ def _horizon(state, rules, speed, pull):
 @inlined
 def confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed, pull):
     """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
-    shortest = 1e-13 * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
+    shortest = ROUND_OFF * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
     horizon = _horizon(state, rules, speed, pull)
-    for rejected in range(60):
+    for rejected in range(MOST_TRIES):
         error, fast = attempt(path, h, state, ints, affine, grain, table, hold, horizon)
         allowed = _allowed(rules, h, speed, fast)
         if error <= allowed or (h <= shortest and math.isfinite(error)):
-            state[at.H_ERROR] = h * min(5.0, 0.9 * (allowed / error) ** (1.0 / 3.0)) if error > 0.0 else math.inf
+            longer = min(MOST_GROWTH, SAFETY * (allowed / error) ** (1.0 / ORDER))
+            state[at.H_ERROR] = h * longer if error > 0.0 else math.inf
             return h
         # a velocity transient shorter than the step shrinks the error no faster than the step: then go down quickly
-        most = 0.9 if rejected == 0 else (0.5 if rejected < 4 else 0.1)
-        h *= max(0.1, most * min(1.0, (allowed / error) ** (1.0 / 3.0))) if math.isfinite(error) else 0.1
+        most = SAFETY if rejected == 0 else (0.5 if rejected < 4 else LEAST_SHRINK)
+        shorter = max(LEAST_SHRINK, most * min(1.0, (allowed / error) ** (1.0 / ORDER)))
+        h *= shorter if math.isfinite(error) else LEAST_SHRINK
     return 0.0
-
-
-@inlined
-def leap(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn):
-    """A stride or a march over several triangles where that is worth it. Returns the steps taken, 0 for none.
-
-    Not in contact, nor with forces made of the air's gradients (they jump at faces). After a stride that was refused
-    4, 8 ... 64 triangles are marched, after a march that was cut short the next 1, 2, 4 ... steps are confined.
-    """
-    if rules.march == 0 or hold[at.KIND] != at.FREE or grain[at.EXTRA] != 0.0 or grain[at.STOKES] == 0.0:
-        return 0
-    if ints[at.PATIENCE] > 0:
-        ints[at.PATIENCE] -= 1
-        return 0
-    cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
-    if not drawn and stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
-        ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0
-        ints[at.STEPS] += 1
-        return 1
-    if air.swing[at.SWING_OMEGA] != 0.0:  # faces that move: confined steps
-        return 0
-    most = 4 if drawn else 4 * 2 ** ints[at.STRIDES_REFUSED]  # triangles till the next stride is tried
-    ints[at.STRIDES_REFUSED] = min(ints[at.STRIDES_REFUSED] + 1, 4)
-    left = march(state, ints, affine, air, grain, table, walls, rules, most)
-    if left > 2:
-        ints[at.MARCHES_CUT] = 0
-    else:
-        ints[at.PATIENCE] = 2 ** ints[at.MARCHES_CUT]
-        ints[at.MARCHES_CUT] = min(ints[at.MARCHES_CUT] + 1, MOST_PATIENCE)
-    if left > 0:
-        ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = 0
-        ints[at.STEPS] += left
-    return left
 
 
 @inlined
 def leaves(path, h, ints, air):
     """When and across which edge the step leaves the triangle: (time, edge), edge -1 when it does not."""
     g, tri = air.geometry, ints[at.TRI]
+    cx, cy = g[tri, at.CORNER_X], g[tri, at.CORNER_Y]
     x, y, vx, vy = along(path, h)
     s, edge = h, at.NOBODY
     for k in range(3):
@@ -140,25 +130,7 @@ def leaves(path, h, ints, air):
             continue
         fa = barycentric(g, tri, k, path[at.START_X], path[at.START_Y])
         q0 = 1.0 if k == 0 else 0.0
-        found = first_below(
-            path,
-            0.0,
-            g,
-            at.NOBODY,
-            events.PLANE,
-            g[tri, at.CORNER_X],
-            g[tri, at.CORNER_Y],
-            q0,
-            bx,
-            by,
-            0.0,
-            fa,
-            ra,
-            h,
-            fb,
-            rb,
-            EDGE,
-        )
+        found = first_below(path, 0.0, g, at.NOBODY, events.PLANE, cx, cy, q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
         if found >= 0.0 and (found < s or (found == s and fb <= 0.0)):
             s, edge = found, k
     return s, edge

@@ -21,8 +21,7 @@ from ...field import FlowField
 from ...laws.collision import bounce
 from ...laws.constants import GRAVITY
 from ...laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
-from ...laws.lift import lift_coefficient
-from ...laws.rotation import magnus_factor
+from ...laws.forces import Granule, Instant, forces
 from .exact import Setting
 
 __all__ = ["Plane", "reference_end_states"]
@@ -92,49 +91,50 @@ def _affine(corners: Array, gradient: Array) -> list[tuple[float, float, float]]
 
 
 class _Motion:
-    """The equation of motion of one granule: the right-hand side (x', y', vx', vy', spin')."""
+    """The equation of motion of one granule: the right-hand side (x', y', vx', vy', spin').
+
+    The forces bring their own formulas, written in plain Python beside their records.
+    """
 
     def __init__(self, setting: Setting, i: int, field: FlowField) -> None:
         grains, arguments = setting.grains, setting.arguments
-        self.forces = arguments.get("forces", ("drag", "gravity"))
-        self.gravity = arguments.get("gravity", (0.0, -GRAVITY))
-        self.diameter, self.density = float(grains.diameter[i]), float(grains.density[i])
-        self.factor = scalar_drag(arguments.get("drag", "brown-lawler"), float(grains.sphericity[i]))
-        self.nu = field.viscosity / field.density
-        self.ratio = field.density / self.density
-        self.rate = float(grains.drag_scale[i]) * 18 * field.viscosity / (self.density * self.diameter**2)
-        self.slowing = 24 * field.viscosity / (float(grains.inertia[i]) * self.density * self.diameter**2)
+        acting = [forces[name] for name in forces if name in arguments.get("forces", ("drag", "gravity"))]
+        self.accelerations = [force.reference for force in acting if force.reference is not None]
+        self.inertias = [force.reference_inertia for force in acting if force.reference_inertia is not None]
+        self.torques = [force.torque for force in acting if force.torque is not None]
+        gravity = arguments.get("gravity", (0.0, -GRAVITY))
+        self.granule = Granule(
+            diameter=float(grains.diameter[i]),
+            density=float(grains.density[i]),
+            drag_scale=float(grains.drag_scale[i]),
+            inertia=float(grains.inertia[i]),
+            drag_factor=scalar_drag(arguments.get("drag", "brown-lawler"), float(grains.sphericity[i])),
+            air_density=field.density,
+            viscosity=field.viscosity,
+            gravity=(float(gravity[0]), float(gravity[1])),
+        )
         self.air: _Air
 
     def __call__(self, t: float, z: Any) -> list[float]:
         x, y, vx, vy, spin = z
         air = self.air.at(x, y, t)
         (u, ux, uy, ut), (w, wx, wy, wt) = air[:2]
-        sx, sy, turn = u - vx, w - vy, wx - uy
-        reynolds, per_turn = math.hypot(sx, sy) * self.diameter / self.nu, self.diameter**2 / self.nu
+        now = Instant(
+            granule=self.granule,
+            slip=(u - vx, w - vy),
+            curl=wx - uy,
+            spin=spin,
+            air_acceleration=(ut + u * ux + w * uy, wt + u * wx + w * wy),
+            pressure_gradient=(air[2][0], air[3][0]) if len(air) > 2 else None,
+        )
         ax = ay = slowed = 0.0
-        if "drag" in self.forces:
-            rate = self.rate * self.factor(reynolds)
-            ax, ay = rate * sx, rate * sy
-        weight = float("gravity" in self.forces) - self.ratio * float("buoyancy" in self.forces)
-        ax, ay = ax + weight * self.gravity[0], ay + weight * self.gravity[1]
-        if "pressure-gradient" in self.forces:
-            ax, ay = ax - air[2][0] / self.density, ay - air[3][0] / self.density
-        if "lift" in self.forces:
-            c = self.ratio * lift_coefficient(reynolds, abs(turn) * per_turn)
-            ax, ay = ax + c * sy * turn, ay - c * sx * turn
-        if "magnus" in self.forces:
-            relative = 0.5 * turn - spin
-            fast = abs(relative) * per_turn
-            c = 0.75 * self.ratio * magnus_factor(reynolds, fast) * relative
-            ax, ay = ax - c * sy, ay + c * sx
-            # torque of Dennis, Singh & Ingham 1980 over the creeping one
-            slowed = self.slowing * relative * max(1.0, (12.9 * math.sqrt(fast) + 128.4) / (64 * math.pi))
-        if "added-mass" in self.forces:
-            chi = 0.5 * self.ratio
-            ax = (ax + chi * (ut + u * ux + w * uy)) / (1 + chi)
-            ay = (ay + chi * (wt + u * wx + w * wy)) / (1 + chi)
-        return [vx, vy, ax, ay, slowed]
+        for acceleration in self.accelerations:
+            along, across = acceleration(now)
+            ax, ay = ax + along, ay + across
+        for torque in self.torques:
+            slowed += torque(now)
+        inertia = 1.0 + sum(share(self.granule) for share in self.inertias)
+        return [vx, vy, ax / inertia, ay / inertia, slowed]
 
 
 def reference_end_states(

@@ -18,8 +18,8 @@ from ...core.errors import FoamError
 from ...field import FlowField
 from ...foam.case import FlowSpec
 from ...foam.polymesh import FoamMesh, read_polymesh
+from ...foam.prepare import prepare_case
 from ...foam.reconstruction import PlaneMesh
-from ...foam.solve import prepare
 from ...meshing import MeshSpec, build_mesh
 
 __all__ = ["FoamInterpolant", "make_foam_interpolant", "vectors", "write_file"]
@@ -49,7 +49,7 @@ def make_foam_interpolant(field: FlowField, spec: MeshSpec, top: float, bottom: 
     mesh_folder, case = folder / "mesh", folder / "case"
     build_mesh(whole, mesh_folder)
     flow = FlowSpec(whole, speed=1.0, density=field.density, viscosity=field.viscosity, turbulence="laminar")
-    prepare(flow, mesh_folder / "mesh.msh", case)
+    prepare_case(flow, mesh_folder / "mesh.msh", case)
     mesh = read_polymesh(case)
     plane = mesh.plane
     cells, faces = _sampled(field, plane)

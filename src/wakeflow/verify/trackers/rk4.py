@@ -9,7 +9,6 @@ unstable for dust, and it does not know its error.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,17 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import SceneError
+from ...core.process import cores
 from ...field import FlowField
 from ...laws.collision import collide
 from ...laws.constants import GRAVITY
-from ...tracking.granules import Body, Granules
+from ...tracking.bodies import Body
+from ...tracking.granules import Granules
 from ...tracking.kernel import layout as at
+from ...tracking.kernel.forces import drag_rate
 from ...tracking.kernel.jit import compiled, entry
 from ...tracking.kernel.locate import anywhere, barycentric, walk
 from ...tracking.kernel.restitution import restitution_of
-from ...tracking.kernel.step import drag_rate
 from ...tracking.kernel.walls import grasp, inside, overlap
-from ...tracking.pack import pack_air, pack_granules, pack_lines, pack_tables, pack_walls
+from ...tracking.pack import pack_granules, pack_tables
+from ...tracking.pack_air import pack_air
+from ...tracking.pack_walls import pack_lines, pack_walls
 
 __all__ = ["ExplicitTracks", "fly_explicit"]
 
@@ -290,7 +293,7 @@ def fly_explicit(
         block = (states[part], clocks[part], ints[part], constants[part], tables, table_of[part])
         return fly_explicit_block(*block, air, walls, float(step), float(until), np.zeros(at.CONSTRAINT))
 
-    with ThreadPoolExecutor(max_workers=workers or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(max_workers=workers or cores()) as pool:
         list(pool.map(fly, range(0, count, BLOCK)))
     return ExplicitTracks(
         states[:, at.X : at.Y + 1].copy(), clocks, ints[:, END] == LANDED, ints[:, TAKEN], ints[:, STRUCK]

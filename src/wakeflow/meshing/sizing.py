@@ -1,4 +1,4 @@
-"""From a scene's outlines and a rung to a mesh spec."""
+"""How fine the mesh is where, and how far it reaches: from a scene's outlines and a rung to a mesh spec."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["plan_mesh"]
 
 # Cell edge over projected body width at the body, its corners, in the near wake and far away. "draft" is meant for
 # the half domain and a steady solution; "standard" for a time-resolved one, whose time step the smallest cells dictate;
-# "reference" of a scene is that table on three scales (rungs.GRIDS).
+# "reference" of a scene is that table on three scales (planning.airflow.GRIDS).
 RESOLUTION = {
     "draft": {"body": 1 / 60, "corner": 1 / 160, "wake": 1 / 28, "far": 1 / 6, "growth": 0.12},
     "standard": {"body": 1 / 40, "corner": 1 / 80, "wake": 1 / 26, "far": 1 / 5, "growth": 0.13},
@@ -22,7 +22,8 @@ RESOLUTION = {
 # over an edge's length, a gap, the channel's width: on short edges, at narrow gaps, far away in a wide channel, and on
 # no-slip side walls
 SHARES = {"edge": 1 / 6, "gap": 1 / 8, "across": 1 / 40, "wall": 1 / 40}
-UPSTREAM, DOWNSTREAM = 3.0, 8.0  # shortest distance from bodies to inlet and outlet, in projected widths
+UPSTREAM, DOWNSTREAM = 3.0, 8.0  # shortest distance from bodies to inlet and outlet, in projected widths. Chosen
+WAKE = 2.5  # length of the wake's fine cells in widths of the widest body. Chosen: the vortices have formed by then
 
 
 def plan_mesh(
@@ -41,16 +42,13 @@ def plan_mesh(
     half: bool | None = None,
     strategy: Strategy | None = None,
 ) -> MeshSpec:
-    """Choose cell sizes for a rung; ``scale`` multiplies all of them.
+    """Choose cell sizes for a rung, ``scale`` times its table, from the narrowest body's projected width.
 
-    Sizes follow each rung's table from the narrowest body's projected width. With ``extend`` a channel that ends too
-    near to the bodies (3 widths upstream, 8 downstream) is meshed longer than it is: the inlet's uniform air and the
-    outlet's uniform pressure must not touch the wake; without, exactly the channel given is meshed. ``inlets`` are
-    openings in the side walls. ``half`` None: a draft takes the half domain when all bodies are symmetric about x = 0
-    and the openings mirror each other; False: the whole channel (for openings whose streams differ). ``strategy`` None:
-    the rung's.
-    Raises SceneError for bodies that touch each other or a wall, openings outside of the channel or on each other, and
-    ``half`` True where there is no symmetry.
+    With ``extend`` a channel that ends too near to the bodies (3 widths upstream, 8 downstream) is meshed longer: the
+    inlet's uniform air and the outlet's uniform pressure must not touch the wake. ``inlets``: openings in the side
+    walls. ``half`` None: a draft takes the half domain where all is symmetric about x = 0; False: never. Raises
+    SceneError for bodies that touch each other or a wall, openings off the channel or on each other, and ``half`` True
+    without symmetry.
     """
     if rung not in RESOLUTION:
         raise SceneError(f"no mesh is planned for rung {rung!r} (known: {', '.join(RESOLUTION)})")
@@ -60,35 +58,43 @@ def plan_mesh(
     symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
+    top, bottom = _extended(outlines, top, bottom, direction) if extend else (top, bottom)
+    return MeshSpec(
+        bodies=tuple(tuple((float(x), float(y)) for x, y in outline) for outline in outlines),
+        names=tuple(names or map(str, range(len(outlines)))),
+        width=width, top=top, bottom=bottom, walls="slip" if walls == "slip" else "no-slip", direction=direction,
+        half=(rung == "draft" and symmetric) if half is None else half, inlets=tuple(inlets),
+        strategy=strategy or "quads", **_sizes(rung, scale, outlines, width, walls),
+    )  # fmt: skip
+
+
+def _extended(outlines: list[Array], top: float, bottom: float, direction: Direction) -> tuple[float, float]:
+    """Top and bottom (m) of the mesh, at least UPSTREAM and DOWNSTREAM of the widest body's widths from all bodies."""
+    low = min(float(o[:, 1].min()) for o in outlines)
+    high = max(float(o[:, 1].max()) for o in outlines)
+    largest = max(float(np.ptp(outline[:, 0])) for outline in outlines)
+    before, behind = UPSTREAM * largest, DOWNSTREAM * largest
+    above, below = (before, behind) if direction == "down" else (behind, before)
+    return max(top, high + above), min(bottom, low - below)
+
+
+def _sizes(rung: str, scale: float, outlines: list[Array], width: float, walls: str) -> dict[str, float]:
+    """The cell sizes of a MeshSpec by name: edges of cells in m, the rest over other lengths."""
     table = RESOLUTION[rung] | SHARES
     across = [float(np.ptp(outline[:, 0])) for outline in outlines]
     size, largest = min(across), max(across)
-    low = min(float(o[:, 1].min()) for o in outlines)
-    high = max(float(o[:, 1].max()) for o in outlines)
-    before, behind = UPSTREAM * largest, DOWNSTREAM * largest
-    above, below = (before, behind) if direction == "down" else (behind, before)
     h_far = scale * max(table["far"] * largest, table["across"] * width)
-    return MeshSpec(
-        bodies=tuple(tuple((float(x), float(y)) for x, y in outline) for outline in outlines),
-        names=tuple(names) if names is not None else tuple(str(i) for i in range(len(outlines))),
-        width=width,
-        top=max(top, high + above) if extend else top,
-        bottom=min(bottom, low - below) if extend else bottom,
-        walls="slip" if walls == "slip" else "no-slip",
-        direction=direction,
-        half=(rung == "draft" and symmetric) if half is None else half,
-        h_body=scale * table["body"] * size,
-        h_corner=scale * table["corner"] * size,
-        h_wake=scale * table["wake"] * size,
-        h_far=h_far,
-        growth=scale * table["growth"],
-        wake_length=2.5 * largest,
-        h_wall=min(scale * table["wall"] * width, h_far) if walls == "no-slip" else h_far,
-        of_edge=scale * table["edge"],
-        of_gap=scale * table["gap"],
-        inlets=tuple(inlets),
-        strategy=strategy or "quads",
-    )
+    return {
+        "h_body": scale * table["body"] * size,
+        "h_corner": scale * table["corner"] * size,
+        "h_wake": scale * table["wake"] * size,
+        "h_far": h_far,
+        "growth": scale * table["growth"],
+        "wake_length": WAKE * largest,
+        "h_wall": min(scale * table["wall"] * width, h_far) if walls == "no-slip" else h_far,
+        "of_edge": scale * table["edge"],
+        "of_gap": scale * table["gap"],
+    }
 
 
 def _check_places(outlines: list[Array], width: float, top: float, bottom: float) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Vibration", "repeats"]
+__all__ = ["MeshMotion", "repeats"]
 
 Array = NDArray[np.float64]
 SNAPSHOTS = 12  # a vibration, at least: the field between them is interpolated
@@ -18,7 +18,7 @@ STEPS = 48  # time steps a vibration period, at least: a second-order step follo
 
 
 @dataclass(frozen=True)
-class Vibration:
+class MeshMotion:
     """Harmonic motion of bodies and mesh along the channel: d(t) = (0, ``amplitude`` sin(``omega`` t)).
 
     ``amplitude`` m, ``omega`` rad/s, t the case's own clock (s). The ends of the channel move with the mesh: where air

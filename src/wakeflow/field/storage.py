@@ -1,0 +1,35 @@
+"""A flow field's arrays in one .npz file."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import SceneError
+from ..core.files import atomic_write
+
+__all__ = ["read_arrays", "write_arrays"]
+
+
+def write_arrays(path: Path | str, arrays: Mapping[str, Any], short: Collection[str]) -> None:
+    """Write ``arrays`` by name to ``path``, whole or not at all; those in ``short`` in single precision."""
+    with atomic_write(path, "wb") as stream:
+        made = {name: np.asarray(a, dtype=np.float32 if name in short else None) for name, a in arrays.items()}
+        np.savez(stream, **made)  # type: ignore[arg-type]
+
+
+def read_arrays(path: Path | str, needed: Collection[str], known: Collection[str]) -> dict[str, Any]:
+    """Every array of the file by name. Raises SceneError when it cannot be read, lacks one that is ``needed``, or holds
+    one that is not ``known``.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            content = {name: data[name] for name in data.files}
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{path}: cannot be read as a flow field ({error})") from None
+    if not set(needed) <= set(content) <= set(known):
+        raise SceneError(f"{path}: is not a flow field written by wakeflow")
+    return content

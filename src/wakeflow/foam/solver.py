@@ -1,0 +1,84 @@
+"""Run a solver from the latest time that a case holds whole: an interrupted run is picked up again."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+from ..laws.turbulence_models import USUAL, turbulence_models
+from .case import read_parameters
+from .failure import AirflowFailure, Cause, disk_is_full
+from .parallel import gather, scatter
+from .programs import call
+from .watch import STOP, Watch
+
+__all__ = ["PHASE", "SAVE_EVERY", "drop_broken_times", "run_solver"]
+
+PHASE = "phase.json"  # in the case: which part of its run is done
+SAVE_EVERY = 5  # s of wall time between savings: what an interruption may cost
+DIGITS = 15  # timePrecision in the template
+
+
+def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> None:
+    """Run a solver from the latest whole time folder on as many ranks as system/parameters says; ``watch`` follows it
+    and may end it.
+
+    Raises AirflowFailure, also when it ended well but left a time cut short: then the disk was full.
+    """
+    (folder / STOP).unlink(missing_ok=True)
+    gather(folder, is_whole=lambda path: _is_whole(folder, path))  # what an interrupted parallel run left
+    drop_broken_times(folder)
+    _name_plainly(folder)
+    launcher, options = scatter(folder)
+    try:
+        call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
+        gather(folder, is_whole=lambda path: _is_whole(folder, path))
+    finally:
+        (folder / STOP).unlink(missing_ok=True)
+    for path in _times(folder):
+        if not _is_whole(folder, path):
+            why = "the disk is full or its quota used up" if disk_is_full(folder) else "the disk was full for a while"
+            raise AirflowFailure(
+                Cause.DISK_FULL, f"{program} left {path} cut short: {why}; {Cause.DISK_FULL.advice}", command=program
+            )
+
+
+def _times(folder: Path) -> list[Path]:
+    """Time folders, whole or not; 0 is left out."""
+    return [p for p in folder.iterdir() if re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", p.name) and p.is_dir()]
+
+
+def drop_broken_times(folder: Path) -> None:
+    """Remove time folders that a killed solver left half-written: the solver would start from the last one."""
+    for path in _times(folder):
+        if not _is_whole(folder, path):
+            shutil.rmtree(path)
+
+
+def _name_plainly(folder: Path) -> None:
+    """Give time folders the names that a restart looks for: OpenFOAM adds digits where two times nearly coincide."""
+    for path in _times(folder):
+        plain = path.with_name(f"{float(path.name):.{DIGITS}g}")
+        if not plain.exists():
+            path.rename(plain)
+
+
+def _is_whole(folder: Path, path: Path) -> bool:
+    """Whether the time folder ``path`` of the case ``folder``, or of one of its ranks, holds all that a run needs."""
+    parameters = read_parameters(folder)
+    name = parameters.get("turbulence", USUAL)
+    model = turbulence_models[name if name in turbulence_models else USUAL]
+    needed = {"U", "p", "phi", *(field.name for field in model.fields)}
+    files = [member for member in path.iterdir() if member.is_file()]
+    if parameters.get("bodyWall") == "movingWallVelocity":  # the mesh goes on from where it stands
+        files.append(path / "polyMesh" / "points")
+    ended = all(member.is_file() and _ends_well(member) for member in files)
+    return ended and needed <= {member.name for member in files} and (path / "uniform" / "time").exists()
+
+
+def _ends_well(file: Path) -> bool:
+    """Whether OpenFOAM came to the closing comment of a file."""
+    with file.open("rb") as stream:
+        stream.seek(max(0, file.stat().st_size - 100))
+        return stream.read().rstrip().endswith(b"* //")

@@ -1,0 +1,126 @@
+"""The suction zone behind a body: how far, how wide, how deep, and how far the air runs backwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .case import FlowSpec, axis_points
+
+__all__ = ["Suction", "suction_zone"]
+
+Array = NDArray[np.float64]
+THRESHOLD = -0.5  # pressure coefficient below which the air counts as the suction zone
+
+
+@dataclass(frozen=True)
+class Suction:
+    """The suction zone: Cp < threshold, downstream of the body's widest place, connected to the body.
+
+    ``length`` (m) along the air from the body's rear-most point, ``width`` (m) its extent across the air, ``area``
+    (m2), both sides counted. ``cp_min`` is its lowest Cp. ``reversal_length`` (m): from the rear, how far the mean
+    air on the body's axis runs backwards.
+    """
+
+    threshold: float
+    cp_min: float
+    length: float
+    width: float
+    area: float
+    reversal_length: float
+
+
+def suction_zone(
+    spec: FlowSpec, points: Array, triangles: NDArray[np.intp], cp: Array, velocity: Array, body: NDArray[np.intp]
+) -> Suction:
+    """Extent of the suction zone from node values; triangles are cut along Cp = threshold and at the body's widest
+    place.
+    """
+    outline = np.array(spec.mesh.bodies[0])
+    along = spec.along * outline[:, 1]
+    left, right = outline[:, 0].min(), outline[:, 0].max()
+    size = right - left
+    widest = float(max(s for (x, _), s in zip(outline, along, strict=True) if min(x - left, right - x) < 1e-6 * size))
+    rear = float(along.max())
+    x, s = points[:, 0], spec.along * points[:, 1]
+    inside = _connected((cp < THRESHOLD) & (s >= widest - 1e-6 * size), triangles, body)
+    chosen = triangles[inside[triangles].any(axis=1)]
+    pieces = [_cut(np.column_stack([x[t], s[t], cp[t]]), widest) for t in chosen]
+    pieces = [piece for piece in pieces if len(piece) >= 3]
+    reversal = _reversal(spec, points, triangles, spec.along * velocity[:, 1], rear)
+    if not pieces:
+        return Suction(THRESHOLD, float(cp[s >= widest].min()), 0.0, 0.0, 0.0, reversal)
+    corners = np.vstack(pieces)
+    twice = 2.0 if spec.mesh.half else 1.0
+    across = 2 * corners[:, 0].max() if spec.mesh.half else np.ptp(corners[:, 0])
+    return Suction(
+        threshold=THRESHOLD,
+        cp_min=float(cp[inside].min()),
+        length=max(float(corners[:, 1].max()) - rear, 0.0),
+        width=float(across),
+        area=twice * sum(_area(piece) for piece in pieces),
+        reversal_length=reversal,
+    )
+
+
+def _connected(low: NDArray[np.bool_], triangles: NDArray[np.intp], body: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """The nodes of ``low`` that a chain of mesh edges within ``low`` joins to the body."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    pairs = pairs[low[pairs].all(axis=1)]
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(low), len(low)))
+    _, label = connected_components(graph, directed=False)
+    return low & np.isin(label, label[body[low[body]]])
+
+
+def _cut(corners: Array, widest: float) -> Array:
+    """The part of a triangle, rows (x, s, Cp), with Cp below the threshold and s beyond ``widest``."""
+    for column, sign, level in ((2, 1.0, THRESHOLD), (1, -1.0, widest)):
+        if len(corners) == 0:
+            break
+        level_distance = sign * (corners[:, column] - level)
+        kept = []
+        for i, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
+            da, db = level_distance[i], level_distance[(i + 1) % len(corners)]
+            if da <= 0:
+                kept.append(a)
+            if da * db < 0:
+                kept.append(a + da / (da - db) * (b - a))
+        corners = np.array(kept).reshape(-1, 3)
+    return corners
+
+
+def _area(corners: Array) -> float:
+    x, y = corners[:, 0] - corners[0, 0], corners[:, 1] - corners[0, 1]
+    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+
+
+def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forward: Array, rear: float) -> float:
+    """Distance (m) from the rear to where the velocity along the air on the body's axis turns forward; 0 when it
+    never turns back.
+    """
+    middle, _, _ = axis_points(spec)
+    x, s = points[:, 0] - middle - 1e-7 * spec.mesh.projected_width, spec.along * points[:, 1]
+    if spec.mesh.half:
+        x = points[:, 0] - 1e-7 * spec.mesh.projected_width
+    pairs = np.unique(
+        np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1), axis=0
+    )
+    pairs = pairs[(x[pairs[:, 0]] * x[pairs[:, 1]] < 0) & (s[pairs].max(axis=1) > rear)]
+    share = x[pairs[:, 0]] / (x[pairs[:, 0]] - x[pairs[:, 1]])
+    place = s[pairs[:, 0]] + share * (s[pairs[:, 1]] - s[pairs[:, 0]])
+    speed = forward[pairs[:, 0]] + share * (forward[pairs[:, 1]] - forward[pairs[:, 0]])
+    order = np.argsort(place)
+    place, speed = place[order] - rear, speed[order]
+    backwards = np.flatnonzero(speed < -1e-6 * spec.speed)
+    if not len(backwards) or place[backwards[0]] > spec.mesh.projected_width:
+        return 0.0
+    turns = np.flatnonzero((speed[:-1] < 0) & (speed[1:] >= 0) & (place[1:] > place[backwards[0]]))
+    if not len(turns):
+        return float(place[-1])
+    i = turns[0]
+    return float(place[i] - speed[i] * (place[i + 1] - place[i]) / (speed[i + 1] - speed[i]))

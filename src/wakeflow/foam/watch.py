@@ -1,0 +1,137 @@
+"""A running solver followed by its log: where it stands, whether it may end, whether it has gone astray."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.process import tail
+from .case import read_parameters
+from .failure import AirflowFailure, Cause
+from .history import Tail
+
+__all__ = ["STOP", "Progress", "ProgressListener", "Watch"]
+
+Array = NDArray[np.float64]
+STOP = "stop"  # a file of this name in the case ends the run after writing (system/controlDict)
+LOOK_EVERY = 0.2  # s of wall time between two looks at the history; chosen: an eye sees no faster
+ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
+MOST_SWEEPS, UNSOLVED = 1000, 20  # OpenFOAM's own limit on a linear solver; reached so often in a row it is stuck
+CRAWL, CRAWLING = 10.0, 200  # so many time steps in a row below so many of the least ones: time stands still
+IMPULSE = 50  # first steps, in which a flow started from a guess pushes the body without bound as the step shrinks
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a solver stands. ``time`` counts iterations when steady, else seconds of flow; ``left`` is wall seconds,
+    estimated.
+    """
+
+    stage: str
+    time: float
+    cd: float | None = None
+    residuals: dict[str, float] = field(default_factory=dict)
+    left: float | None = None
+
+    def __str__(self) -> str:
+        where = f"iteration {self.time:.0f}" if self.stage == "steady" else f"{self.stage}, t = {self.time:.4g} s"
+        parts = [where]
+        if self.cd is not None:
+            parts.append(f"Cd {self.cd:.3f}")
+        if "p" in self.residuals:
+            parts.append(f"pressure residual {self.residuals['p']:.1e}")
+        if self.left is not None:
+            parts.append(f"about {self.left:.0f} s left")
+        return ", ".join(parts)
+
+
+ProgressListener = Callable[[Progress], None]
+
+
+class Watch:
+    """Reads a solver's log line by line: residuals, time, drag; ends the run when ``finished`` says so."""
+
+    def __init__(
+        self,
+        folder: Path,
+        stage: str,
+        listener: ProgressListener,
+        finished: Callable[[Array], bool],
+        *,
+        expected: float,
+        least_step: float = 0.0,
+    ) -> None:
+        self.folder, self.stage, self.listener, self.finished = folder, stage, listener, finished
+        self.expected, self.least_step = expected, least_step
+        self.history = Tail(folder)
+        self.residuals: dict[str, float] = {}
+        self.started = time.monotonic()
+        self.begin: float | None = None
+        self.looked = 0.0
+        self.stopping = False
+        self.crawling = self.unsolved = 0
+        self.absurd = ABSURD * max(1.0, 1.0 / _reynolds(folder))
+
+    def __call__(self, line: str) -> None:
+        """Take in one line of the log. Raises AirflowFailure where the run can no longer end well."""
+        if "Initial residual" in line:
+            match = re.search(r"Solving for (\w+), Initial residual = ([^,]+).*No Iterations (\d+)", line)
+            if match:
+                self._equation(match[1], float(match[2]), int(match[3]))
+        elif line.startswith("deltaT = "):
+            self._time_step(float(line.split("=")[1]))
+        elif line.startswith("Time = "):
+            self._step(float(line.split("=")[1]))
+
+    def _equation(self, name: str, residual: float, iterations: int) -> None:
+        """Notice a residual that is not a number, and a pressure that its solver never finishes solving for."""
+        self.residuals[name] = residual
+        if not np.isfinite(residual):
+            self._fail(Cause.DIVERGED, f"diverged: the residual of {name} is not a number")
+        if name == "p":
+            self.unsolved = self.unsolved + 1 if iterations >= MOST_SWEEPS else 0
+            if self.unsolved >= UNSOLVED:
+                self._fail(Cause.STALLED, f"stalled: the pressure took {iterations} sweeps {UNSOLVED} times in a row")
+
+    def _time_step(self, step: float) -> None:
+        """Notice time steps that will never arrive."""
+        if step < self.least_step:
+            self._fail(Cause.COLLAPSED, f"diverged: the time step collapsed to {step:.6g} s")
+        self.crawling = self.crawling + 1 if step < CRAWL * self.least_step else 0
+        if self.crawling >= CRAWLING:
+            self._fail(Cause.STALLED, f"stalled: {CRAWLING} time steps in a row were below {step:.3g} s")
+
+    def _step(self, now: float) -> None:
+        self.begin = now if self.begin is None else self.begin
+        if time.monotonic() - self.looked < LOOK_EVERY:
+            return
+        self.looked = time.monotonic()
+        rows = self.history.update()
+        if not len(rows):
+            return
+        drag = float(rows[-1, 1])
+        if not np.isfinite(drag) or (abs(drag) > self.absurd and len(rows) > IMPULSE):
+            self._fail(Cause.DIVERGED, f"diverged: the drag coefficient reached {drag:.3g}")
+        rate = (time.monotonic() - self.started) / max(now - self.begin, 1e-300)
+        left = (self.expected - now) * rate if self.begin < now < self.expected else None  # past it: no idea
+        self.listener(Progress(self.stage, now, drag, dict(self.residuals), left))
+        if not self.stopping and self.finished(rows):
+            (self.folder / STOP).touch()
+            self.stopping = True
+
+    def _fail(self, cause: Cause, why: str) -> None:
+        log = next(iter(sorted(self.folder.glob("log.*Foam"), key=lambda p: -p.stat().st_mtime)), None)
+        raise AirflowFailure(cause, f"the airflow {why}; log: {log}", log=log, tail=tail(log) if log else "")
+
+
+def _reynolds(folder: Path) -> float:
+    """Of the case, from its parameters; 1 without them."""
+    values = read_parameters(folder)
+    numbers = [abs(float(values[name])) for name in ("inletSpeed", "bodyWidth", "nu") if name in values]
+    return numbers[0] * numbers[1] / numbers[2] if len(numbers) == 3 else 1.0

@@ -1,0 +1,106 @@
+"""What granules meet: bodies and how they move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.errors import SceneError
+from ..laws.vibration import Record, integrated
+
+__all__ = ["Body", "Motion"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Translation that repeats: displacement(t) = amplitude sin(2 pi frequency t + phase); m, Hz, rad. Or, made by
+    :meth:`sampled`, along ``record``; amplitude is then its largest displacement, frequency 1 / its period.
+    """
+
+    amplitude: Sequence[float]
+    frequency: float
+    phase: float = 0.0
+    record: Record | None = None
+
+    @classmethod
+    def sampled(
+        cls, time: ArrayLike, acceleration: ArrayLike, direction: Sequence[float] = (0.0, 1.0), phase: float = 0.0
+    ) -> Motion:
+        """Motion by one period of measured acceleration (k,) m/s2 at times (k,) s along ``direction`` (2,), any length;
+        ``phase`` rad of the period at t = 0. See :func:`wakeflow.laws.vibration.integrated`, also for what it raises.
+        """
+        size = math.hypot(*direction)
+        if not (math.isfinite(size) and size > 0):
+            raise SceneError(f"motion: direction {direction} must be finite and not zero")
+        record = integrated(time, acceleration)
+        return cls([record.reach * part / size for part in direction], 1.0 / record.period, phase, record)
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is any motion."""
+        return self.frequency > 0 and bool(np.any(np.asarray(self.amplitude, dtype=float)))
+
+    @property
+    def pace(self) -> float:
+        """Angular frequency (rad/s); of samples: that of their fastest change, see ``Record.pace``."""
+        return 2 * np.pi * self.frequency if self.record is None else self.record.pace
+
+    def at(self, time: ArrayLike) -> tuple[Array, Array, Array]:
+        """Displacement (..., 2) m, velocity m/s and acceleration m/s2 at times (...) s."""
+        t, along = np.asarray(time, dtype=float)[..., None], np.asarray(self.amplitude, dtype=float)
+        if self.record is not None:
+            moved = self.record.at(t + self.phase * self.record.period / (2 * np.pi))
+            return (along * (moved[0] / self.record.reach), along * (moved[1] / self.record.reach),
+                    along * (moved[2] / self.record.reach))  # fmt: skip
+        omega = 2 * np.pi * self.frequency
+        s, c = np.sin(omega * t + self.phase), np.cos(omega * t + self.phase)
+        return along * s, along * (omega * c), along * (-(omega**2) * s)
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.amplitude, dtype=float)
+        if values.shape != (2,) or not np.all(np.isfinite([*values, self.frequency, self.phase])):
+            raise SceneError(f"motion: amplitude {self.amplitude} must be two finite numbers, as frequency and phase")
+        if self.frequency < 0:
+            raise SceneError(f"motion: frequency = {self.frequency:g} Hz must not be negative")
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A solid: a closed ``outline`` (k, 2) m, either way round, or an ``open`` polyline that is solid on its left side.
+
+    ``capture`` ends a track at first contact; ``restitution`` and ``friction`` replace the granules' own.
+    Raises SceneError for an outline that is no polygon.
+    """
+
+    outline: Array
+    motion: Motion | None = None
+    capture: bool = False
+    restitution: float | None = None
+    friction: float | None = None
+    open: bool = False
+
+    def __post_init__(self) -> None:
+        points = np.array(self.outline, dtype=float)
+        least = 2 if self.open else 3
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or not np.all(np.isfinite(points)):
+            raise SceneError(f"body: outline of shape {points.shape}, expected at least {least} finite points (k, 2)")
+        if not self.open and np.array_equal(points[0], points[-1]):
+            points = points[:-1]
+        following = points[1:] if self.open else np.roll(points, -1, axis=0)
+        if np.any(np.all(points[: len(following)] == following, axis=1)):
+            raise SceneError("body: two points of the outline that follow each other are equal")
+        if not self.open:
+            double = float(np.sum(points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]))
+            if double == 0.0:
+                raise SceneError("body: the outline encloses no area")
+            points = points if double > 0 else points[::-1].copy()
+        for name, value, top in (("restitution", self.restitution, 1.0), ("friction", self.friction, np.inf)):
+            if value is not None and not 0 <= value <= top:
+                raise SceneError(f"body: {name} = {value:g}, allowed 0 to {top:g}")
+        object.__setattr__(self, "outline", points)

@@ -1,0 +1,92 @@
+"""How tracks end: the fates, and the tracks of many granules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import SceneError
+from .kernel import layout as at
+
+__all__ = ["Fate", "Tracks"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Fate(IntEnum):
+    """How a track ended; ``advice`` says what to do about it."""
+
+    BINNED = at.BINNED
+    ESCAPED = at.ESCAPED
+    RESTING = at.RESTING
+    CAPTURED = at.CAPTURED
+    AIRBORNE = at.AIRBORNE
+    STOPPED = at.STOPPED
+
+    @property
+    def advice(self) -> str:
+        return ADVICE[self]
+
+
+ADVICE = {
+    Fate.BINNED: "crossed a line, or left the mesh on one",
+    Fate.ESCAPED: "left the mesh, or was born outside it, where no line and no body is: add a bin there if it matters",
+    Fate.RESTING: "lies still on a wall: a steeper slope or less friction would let it slide",
+    Fate.CAPTURED: "touched a body that captures",
+    Fate.AIRBORNE: "was still moving at the end: give it more time, or look whether a vortex holds it",
+    Fate.STOPPED: "was born inside a body, or took more steps or impacts than allowed: look at its start and its path",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """How n granules ended: ``position`` (n, 2) m, ``velocity`` (n, 2) m/s, ``time`` (n,) s on the clock they were
+    born by.
+
+    ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track
+    or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion.
+    """
+
+    position: Array
+    velocity: Array
+    time: Array
+    fate: Index
+    steps: Index
+    impacts: Index
+    line: Index
+    spin: Array
+    evaluations: Index
+    recorded: list[Array] | None = None
+
+    def __len__(self) -> int:
+        return len(self.fate)
+
+    @classmethod
+    def empty(cls, count: int, *, recorded: bool = False) -> Tracks:
+        """Room for the tracks of ``count`` granules."""
+        numbers = {
+            name: np.zeros(count, dtype=np.int64) for name in ("fate", "steps", "impacts", "line", "evaluations")
+        }
+        return cls(
+            position=np.zeros((count, 2)),
+            velocity=np.zeros((count, 2)),
+            time=np.zeros(count),
+            spin=np.zeros(count),
+            recorded=[np.zeros((0, 5))] * count if recorded else None,
+            **numbers,
+        )
+
+    def path(self, i: int) -> tuple[Array, Array, Array]:
+        """Times (m,), positions (m, 2) and velocities (m, 2) of granule i; needs ``record=True``."""
+        if self.recorded is None:
+            raise SceneError("path: no paths were kept; call track(..., record=True)")
+        table = self.recorded[i]
+        return table[:, 0], table[:, 1:3], table[:, 3:5]
+
+    def counts(self) -> dict[Fate, int]:
+        """How many tracks ended in each fate; adds up to all of them."""
+        return {fate: int(np.sum(self.fate == fate)) for fate in Fate}
