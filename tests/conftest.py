@@ -1,13 +1,29 @@
-"""Shared by all tests: one cache for the whole session, so that parallel workers compute each airflow once."""
+"""Shared by all tests: one cache for the whole session, so that parallel workers compute each airflow once; markers
+that say which outside program a test starts, and skip it where that is missing; shipped scenes.
+"""
 
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
+PROGRAMS = {  # by marker: what a test with it may start
+    "openfoam": (
+        "checkMesh", "decomposePar", "gmshToFoam", "icoUncoupledKinematicParcelFoam", "pimpleFoam", "reconstructPar",
+        "simpleFoam",
+    ),
+    "mpi": ("mpirun",),
+    "liggghts": ("liggghts",),
+}  # fmt: skip
+_HOMES = {shutil.which(name): marker for marker, names in PROGRAMS.items() for name in names}
+_HOMES.pop(None, None)
+_running: dict[str, pytest.Item] = {}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -16,17 +32,55 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     # Before any test module imports the tracker: its compiled kernel lives in the cache too. Kept between sessions.
-    os.environ["WAKEFLOW_CACHE"] = str(ROOT / "runs" / ".test-cache")
+    os.environ["WAKEFLOW_CACHE"] = os.environ.get("WAKEFLOW_TEST_CACHE") or str(ROOT / "runs" / ".test-cache")
+    sys.addaudithook(_only_marked_tests_start_programs)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if not config.getoption("--slow"):
-        skip = pytest.mark.skip(reason="long; add --slow")
-        for item in items:
-            if "slow" in item.keywords:
-                item.add_marker(skip)
+    missing = {marker for marker, names in PROGRAMS.items() if any(shutil.which(name) is None for name in names)}
+    for item in items:
+        if "slow" in item.keywords and not config.getoption("--slow"):
+            item.add_marker(pytest.mark.skip(reason="long; add --slow"))
+        for marker in missing.intersection(item.keywords):
+            item.add_marker(pytest.mark.skip(reason=f"needs {', '.join(PROGRAMS[marker])}"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Any:
+    """Note which test runs, its fixtures of any scope included."""
+    _running["test"] = item
+    try:
+        return (yield)
+    finally:
+        del _running["test"]
+
+
+def _only_marked_tests_start_programs(event: str, arguments: tuple[Any, ...]) -> None:
+    """An audit hook: a test without the marker would fail where the program is missing, and be slow where it is not."""
+    if event != "subprocess.Popen" or "test" not in _running:
+        return
+    for word in map(str, arguments[1] if isinstance(arguments[1], list | tuple) else [arguments[1]]):
+        marker = _HOMES.get(shutil.which(word, path=(arguments[3] or os.environ).get("PATH")))
+        if marker is not None and marker not in _running["test"].keywords and word in PROGRAMS[marker]:
+            raise RuntimeError(f"{_running['test'].nodeid} starts {word} without the marker {marker}")
 
 
 @pytest.fixture
 def cases() -> Path:
     return ROOT / "cases"
+
+
+@pytest.fixture
+def rhombus() -> Any:
+    """The shipped rhombus as it is, a Scene."""
+    from support import shipped  # not above: the program is imported after its cache is named
+
+    return shipped("rhombus")
+
+
+@pytest.fixture
+def draft() -> Any:
+    """The shipped rhombus on the rung draft, a Scene."""
+    from support import shipped
+
+    return shipped("rhombus", {"numerics.rung": "draft"})

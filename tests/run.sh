@@ -8,4 +8,4 @@ bin=$root/.venv/bin
 "$bin/ruff" check src tests cases
 "$bin/ruff" format --check src tests cases
 "$bin/mypy"
-exec "$bin/python" -m pytest -n 2 --durations=15 "$@"
+exec "$bin/python" -m pytest -n 2 --dist worksteal --durations=15 "$@"

@@ -13,9 +13,9 @@ import pytest
 from cyclopts import CycloptsError, MissingArgumentError
 
 import wakeflow
+from support import ROOT
 from wakeflow.cli import app
 
-ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "wakeflow"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path begins with one of these

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from support import ROOT
 from wakeflow import doctor
 from wakeflow.doctor import Finding, exit_code
-
-ROOT = Path(__file__).parents[1]
 
 
 def test_this_machine_is_examined() -> None:

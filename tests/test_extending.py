@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from support import DOCS
 from wakeflow.cli import app, main
 from wakeflow.core.registry import Registry
 from wakeflow.laws.collision import impact_models
@@ -31,14 +32,14 @@ from wakeflow.planning.impaction import front_of
 from wakeflow.report.pictures import draw_all, pictures
 from wakeflow.scene.rungs import rungs
 from wakeflow.verify.airflow.measured import quantities
-from wakeflow.verify.problems.exact import fly, numbers, problems
+from wakeflow.verify.problems.exact import exact_numbers, exact_problems, fly
 
-PAGE = Path(__file__).parents[1] / "docs" / "extending.md"
+PAGE = DOCS / "extending.md"
 Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example
 CHECKS: dict[str, Check] = {}
 REGISTRIES: tuple[Registry[Any], ...] = (
-    drag_laws, forces, fronts, impact_models, materials, numbers, other_terms, pictures, problems, profiles, quantities,
-    restitution_laws, rungs, shapes, sizes,
+    drag_laws, exact_numbers, exact_problems, forces, fronts, impact_models, materials, other_terms, pictures,
+    profiles, quantities, restitution_laws, rungs, shapes, sizes,
 )  # fmt: skip
 
 
@@ -179,13 +180,13 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("An exact problem")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    setting, answer = problems["coasting"].at(6)
+    setting, answer = exact_problems["coasting"].at(6)
     assert np.allclose(fly(setting, 1e-3).position, answer.position, atol=1e-12)
 
 
 @example("An exact number")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    number = numbers["height-of-a-throw"]
+    number = exact_numbers["height-of-a-throw"]
     found = number.measure(1e-5)
     assert np.all((number.low <= found) & (found <= number.high))
 

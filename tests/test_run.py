@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from support import shipped
 from wakeflow.cli import main
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
@@ -24,22 +25,20 @@ COUNT = 2048
 
 
 @pytest.fixture(scope="session")
-def rhombus(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = Scene.load(
-        Path(__file__).parents[1] / "cases" / "rhombus.toml", {"feed.count": COUNT, "numerics.rung": "draft"}
-    )
+def rhombus_run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft"})
     return wf.run(scene, tmp_path_factory.mktemp("rhombus"))
 
 
 @pytest.fixture(scope="session")
-def prism(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = Scene.load(Path(__file__).parents[1] / "cases" / "prism.toml", {"feed.count": COUNT})
+def prism_run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = shipped("prism", {"feed.count": COUNT})
     return wf.run(scene, tmp_path_factory.mktemp("prism"))
 
 
 @pytest.fixture(scope="session")
-def vacuum(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = Scene.load(Path(__file__).parents[1] / "cases" / "vacuum.toml", {"feed.count": COUNT})
+def vacuum_run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = shipped("vacuum", {"feed.count": COUNT})
     return wf.run(scene, tmp_path_factory.mktemp("vacuum"))
 
 
@@ -86,26 +85,26 @@ def check_contract(result: wf.Result) -> None:
 
 
 @pytest.mark.openfoam
-def test_rhombus_gives_a_whole_answer(rhombus: wf.Result) -> None:
-    check_contract(rhombus)
-    airflow = rhombus.table["airflow"]
+def test_rhombus_gives_a_whole_answer(rhombus_run: wf.Result) -> None:
+    check_contract(rhombus_run)
+    airflow = rhombus_run.table["airflow"]
     assert airflow["rung"] == "draft"
     assert 0.8 < airflow["cd"]["value"] < 2.5  # diamonds: 1.2 steady to 2.4 time-resolved in two dimensions
     assert airflow["cp_base"]["value"] < -0.2
     assert airflow["suction"]["cp_min"] < -0.5
     assert airflow["pressure_drop"] > 0
     assert 0 < airflow["divergence"]["rms"] < 0.05
-    assert rhombus.table["mesh"]["min_angle"] > 15
+    assert rhombus_run.table["mesh"]["min_angle"] > 15
     assert airflow["mesh"]["non_orthogonality"] < 70
     assert airflow["flow_rate"] == pytest.approx(5.0 * 0.4, rel=1e-3)
 
 
 @pytest.mark.openfoam
-def test_rhombus_separates_dust_from_wheat(rhombus: wf.Result) -> None:
+def test_rhombus_separates_dust_from_wheat(rhombus_run: wf.Result) -> None:
     """Dust follows the air into the wake, chaff lands beside it, wheat is thrown outwards."""
-    assert rhombus.share("dust", "middle")[0] > rhombus.share("wheat", "middle")[0] + 0.1
+    assert rhombus_run.share("dust", "middle")[0] > rhombus_run.share("wheat", "middle")[0] + 0.1
     spread = {}
-    with np.load(rhombus.folder / "granules.npz") as data:
+    with np.load(rhombus_run.folder / "granules.npz") as data:
         names = list(data["names"])
         for index, name in enumerate(names):
             spread[name] = np.abs(data["position"][data["fraction"] == index, 0]).mean()
@@ -113,27 +112,27 @@ def test_rhombus_separates_dust_from_wheat(rhombus: wf.Result) -> None:
 
 
 @pytest.mark.openfoam
-def test_a_symmetric_scene_separates_symmetrically(rhombus: wf.Result) -> None:
-    for name in rhombus.table["fates"]:
+def test_a_symmetric_scene_separates_symmetrically(rhombus_run: wf.Result) -> None:
+    for name in rhombus_run.table["fates"]:
         for left, right in (("inner-left", "inner-right"), ("outer-left", "outer-right")):
-            a, b = (rhombus.separation["fractions"][name][place] for place in (left, right))
+            a, b = (rhombus_run.separation["fractions"][name][place] for place in (left, right))
             half = 0.5 * (a["high"] - a["low"] + b["high"] - b["low"])
             assert abs(a["share"] - b["share"]) <= 1.5 * half + 2 / COUNT
 
 
 @pytest.mark.openfoam
-def test_prism_in_upward_air_lifts_chaff_and_lets_wheat_fall(prism: wf.Result) -> None:
-    check_contract(prism)
-    assert prism.share("wheat", "through")[0] > 0.99
-    assert prism.share("chaff", "over")[0] > 0.9
-    assert prism.share("dust", "over")[0] > 0.9
-    assert prism.table["airflow"]["pressure_drop"] > 0
+def test_prism_in_upward_air_lifts_chaff_and_lets_wheat_fall(prism_run: wf.Result) -> None:
+    check_contract(prism_run)
+    assert prism_run.share("wheat", "through")[0] > 0.99
+    assert prism_run.share("chaff", "over")[0] > 0.9
+    assert prism_run.share("dust", "over")[0] > 0.9
+    assert prism_run.table["airflow"]["pressure_drop"] > 0
 
 
-def test_vacuum_touches_neither_mesh_nor_openfoam(vacuum: wf.Result) -> None:
-    check_contract(vacuum)
-    assert vacuum.table["airflow"] is None
-    assert set(vacuum.table["seconds"]) <= {"compile", "tracks", "companion"}
+def test_vacuum_touches_neither_mesh_nor_openfoam(vacuum_run: wf.Result) -> None:
+    check_contract(vacuum_run)
+    assert vacuum_run.table["airflow"] is None
+    assert set(vacuum_run.table["seconds"]) <= {"compile", "tracks", "companion"}
 
 
 def test_vacuum_flight_is_the_papers_parabola(cases: Path, tmp_path: Path) -> None:
@@ -156,43 +155,43 @@ def test_vacuum_flight_is_the_papers_parabola(cases: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.openfoam
-def test_the_second_run_answers_from_the_cache(rhombus: wf.Result) -> None:
-    scene = Scene.parse(rhombus.table["scene"])
+def test_the_second_run_answers_from_the_cache(rhombus_run: wf.Result) -> None:
+    scene = Scene.parse(rhombus_run.table["scene"])
     started = time.monotonic()
-    again = wf.run(scene, rhombus.folder)
+    again = wf.run(scene, rhombus_run.folder)
     assert time.monotonic() - started < 8.0
     assert all(stage["cached"] for stage in again.table["seconds"].values())
-    assert again.table["separation"] == rhombus.table["separation"]
+    assert again.table["separation"] == rhombus_run.table["separation"]
 
 
 @pytest.mark.openfoam
-def test_changing_a_target_keeps_airflow_and_tracks(rhombus: wf.Result, tmp_path: Path) -> None:
-    changed = Scene.parse(rhombus.table["scene"]).replace({"fraction.dust.target": "inner-left", "feed.rate": 0.1})
+def test_changing_a_target_keeps_airflow_and_tracks(rhombus_run: wf.Result, tmp_path: Path) -> None:
+    changed = Scene.parse(rhombus_run.table["scene"]).replace({"fraction.dust.target": "inner-left", "feed.rate": 0.1})
     result = wf.run(changed, tmp_path)
     assert all(stage["cached"] for stage in result.table["seconds"].values())
 
 
 @pytest.mark.openfoam
-def test_pressure_gradient_can_be_switched_off_and_matters_to_chaff(rhombus: wf.Result, tmp_path: Path) -> None:
-    scene = Scene.parse(rhombus.table["scene"])
+def test_pressure_gradient_can_be_switched_off_and_matters_to_chaff(rhombus_run: wf.Result, tmp_path: Path) -> None:
+    scene = Scene.parse(rhombus_run.table["scene"])
     without = wf.run(scene, tmp_path, force={"pressure-gradient": False})
     assert "pressure-gradient" in [row["name"] for row in without.table["plan"]["left_out"]]
     moved = {}
     for name in ("chaff", "wheat"):
-        with np.load(rhombus.folder / "granules.npz") as a, np.load(tmp_path / "granules.npz") as b:
+        with np.load(rhombus_run.folder / "granules.npz") as a, np.load(tmp_path / "granules.npz") as b:
             rows = a["fraction"] == list(a["names"]).index(name)
             moved[name] = np.median(np.abs(a["position"][rows, 0] - b["position"][rows, 0])) / scene.width
     assert moved["chaff"] > moved["wheat"]
     assert moved["chaff"] > 1e-3
 
 
-def test_the_order_of_bins_in_the_file_changes_no_share(vacuum: wf.Result, tmp_path: Path) -> None:
-    tables = Scene.parse(vacuum.table["scene"]).tables()
+def test_the_order_of_bins_in_the_file_changes_no_share(vacuum_run: wf.Result, tmp_path: Path) -> None:
+    tables = Scene.parse(vacuum_run.table["scene"]).tables()
     tables["bin"] = dict(reversed(tables["bin"].items()))
     swapped = wf.run(Scene.parse(tables), tmp_path)
     assert swapped.separation["fractions"] == {
         name: {place: row[place] for place in ("far", "near", "elsewhere")}
-        for name, row in vacuum.separation["fractions"].items()
+        for name, row in vacuum_run.separation["fractions"].items()
     }
 
 

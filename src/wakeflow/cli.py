@@ -223,14 +223,14 @@ def verify(
     from functools import partial
 
     from .terminal import live
-    from .verify import run
+    from .verify import runner
 
     with live(enabled=not as_json) as listener:
-        reports = run.prove(what, slow=slow, tell=partial(listener, "verify"))
+        reports = runner.prove(what, slow=slow, tell=partial(listener, "verify"))
     if as_json:
         print(json.dumps(reports, indent=2))
     else:
-        run.show(reports)
+        runner.show(reports)
 
 
 @app.command

@@ -216,7 +216,7 @@ def _program(name: str, use: str) -> Finding:
 def _funnel() -> Finding:
     use = "a scene's [funnel]"
     try:
-        return Finding("liggghts", engine.version(), True, use, optional=True)
+        return Finding("liggghts", engine.liggghts_version(), True, use, optional=True)
     except ProgramError:
         return Finding("liggghts", None, False, use, engine.INSTALL, optional=True)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from support import G
 from wakeflow.ballistics import follow
 from wakeflow.ballistics.roots import falls_below, rises_above
 from wakeflow.core.errors import SceneError
@@ -19,7 +20,6 @@ from wakeflow.laws.restitution import Restitution
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion
 
-G = 9.81
 D = 0.05  # m, width of the first body
 FLOOR = Body(np.array([(-2.0, -1.0), (2.0, -1.0), (2.0, 0.0), (-2.0, 0.0)]))
 

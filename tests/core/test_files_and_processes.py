@@ -13,7 +13,7 @@ import pytest
 
 from wakeflow.core.errors import MeshError, ProgramError, SceneError
 from wakeflow.core.files import atomic_write, write_json
-from wakeflow.core.process import call_in_child, run, tail
+from wakeflow.core.process import call_in_child, run_program, tail
 from wakeflow.core.store import Store, content_key
 
 
@@ -89,7 +89,7 @@ class TestStore:
 def test_lines_arrive_and_the_log_is_whole(tmp_path: Path) -> None:
     lines: list[str] = []
     command = [sys.executable, "-c", "for i in range(3): print('line', i)"]
-    done = run(command, cwd=tmp_path, log=tmp_path / "log", on_line=lines.append)
+    done = run_program(command, cwd=tmp_path, log=tmp_path / "log", on_line=lines.append)
     assert lines == ["line 0", "line 1", "line 2"]
     assert done.returncode == 0
     assert tail(tmp_path / "log", 1) == "line 2"
@@ -98,7 +98,7 @@ def test_lines_arrive_and_the_log_is_whole(tmp_path: Path) -> None:
 def test_failure_carries_command_log_and_last_lines(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "print('before'); raise SystemExit(4)"]
     with pytest.raises(MeshError, match="exit code 4") as caught:
-        run(command, cwd=tmp_path, log=tmp_path / "log", error=MeshError)
+        run_program(command, cwd=tmp_path, log=tmp_path / "log", error=MeshError)
     assert caught.value.tail == "before"
     assert caught.value.log == tmp_path / "log"
     assert sys.executable in caught.value.command
@@ -106,22 +106,22 @@ def test_failure_carries_command_log_and_last_lines(tmp_path: Path) -> None:
 
 def test_missing_program_is_named_with_the_cure(tmp_path: Path) -> None:
     with pytest.raises(ProgramError, match=r"'no-such-program' is not installed; sh cases/setup\.sh"):
-        run(["no-such-program"], cwd=tmp_path, log=tmp_path / "log", hint="sh cases/setup.sh")
+        run_program(["no-such-program"], cwd=tmp_path, log=tmp_path / "log", hint="sh cases/setup.sh")
 
 
 def test_timeout_ends_the_whole_group(tmp_path: Path) -> None:
     script = f"sleep 60 & echo $! > {tmp_path}/pid; wait"
     with pytest.raises(ProgramError, match="did not end within"):
-        run(["sh", "-c", script], cwd=tmp_path, log=tmp_path / "log", timeout=0.5)
+        run_program(["sh", "-c", script], cwd=tmp_path, log=tmp_path / "log", timeout=0.5)
     assert _gone(int((tmp_path / "pid").read_text()))
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_children_die_with_their_parent(tmp_path: Path, number: int) -> None:
     code = (
-        "import sys; from pathlib import Path; from wakeflow.core.process import run\n"
+        "import sys; from pathlib import Path; from wakeflow.core.process import run_program\n"
         f"here = Path({str(tmp_path)!r})\n"
-        "run(['sh', '-c', 'echo $$ > pid; exec sleep 60'], cwd=here, log=here / 'log')"
+        "run_program(['sh', '-c', 'echo $$ > pid; exec sleep 60'], cwd=here, log=here / 'log')"
     )
     parent = subprocess.Popen([sys.executable, "-c", code])
     pid_file = tmp_path / "pid"

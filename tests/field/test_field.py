@@ -8,19 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
 
+from support import shaken_mesh
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
-
-
-def mesh(n: int, seed: int = 1, shift: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
-    """Delaunay mesh of the unit square with n x n randomly shifted nodes."""
-    line = np.linspace(0, 1, n + 1)
-    points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    inner = np.all((points > 1e-9) & (points < 1 - 1e-9), axis=1)
-    points[inner] += np.random.default_rng(seed).uniform(-shift, shift, (int(inner.sum()), 2)) / n
-    return points, Delaunay(points).simplices
 
 
 def linear(points: np.ndarray) -> np.ndarray:
@@ -28,7 +19,7 @@ def linear(points: np.ndarray) -> np.ndarray:
 
 
 def test_linear_fields_are_sampled_to_round_off_and_nan_outside() -> None:
-    points, cells = mesh(12)
+    points, cells = shaken_mesh(12)
     field = FlowField.from_arrays(points, cells, linear(points), pressure=2 * points[:, 0] - 7 * points[:, 1])
     x = np.random.default_rng(2).uniform(-0.2, 1.2, (3000, 2))
     velocity, pressure, gradient = field.sample(x)
@@ -40,7 +31,7 @@ def test_linear_fields_are_sampled_to_round_off_and_nan_outside() -> None:
 
 
 def test_points_behind_a_hole_are_found() -> None:
-    points, cells = mesh(20, shift=0.2)
+    points, cells = shaken_mesh(20, shift=0.2)
     keep = np.abs(points[cells].mean(axis=1) - 0.5).max(axis=1) > 0.2
     field = FlowField.from_arrays(points, cells[keep], linear(points))
     x = np.random.default_rng(3).uniform(0, 1, (2000, 2))
@@ -53,13 +44,13 @@ def test_points_behind_a_hole_are_found() -> None:
 
 
 def test_nodes_and_boundary_points_are_inside() -> None:
-    points, cells = mesh(7)
+    points, cells = shaken_mesh(7)
     field = FlowField.from_arrays(points, cells, linear(points))
     assert np.all(field.locate(points) >= 0)
 
 
 def test_neighbours_share_the_edge_opposite_the_corner() -> None:
-    points, cells = mesh(6)
+    points, cells = shaken_mesh(6)
     field = FlowField.from_arrays(points, cells, linear(points))
     for tri, row in enumerate(field.neighbours):
         for k, other in enumerate(row):
@@ -74,7 +65,7 @@ def test_neighbours_share_the_edge_opposite_the_corner() -> None:
 
 
 def test_pressure_gradient_is_exact_for_quadratics() -> None:
-    points, cells = mesh(9)
+    points, cells = shaken_mesh(9)
     x, y = points.T
     field = FlowField.from_arrays(points, cells, linear(points), pressure=1 + x - 2 * y + 3 * x * x - x * y + y * y)
     exact = np.stack([1 + 6 * x - y, -2 - x + 2 * y], axis=1)
@@ -84,7 +75,7 @@ def test_pressure_gradient_is_exact_for_quadratics() -> None:
 def test_pressure_gradient_converges_at_second_order_also_on_the_boundary() -> None:
     worst = []
     for n in (16, 32, 64):
-        points, cells = mesh(n)
+        points, cells = shaken_mesh(n)
         x, y = points.T
         field = FlowField.from_arrays(points, cells, linear(points), pressure=np.sin(3 * x) * np.cos(2 * y + 0.3))
         exact = np.stack([3 * np.cos(3 * x) * np.cos(2 * y + 0.3), -2 * np.sin(3 * x) * np.sin(2 * y + 0.3)], axis=1)
@@ -96,7 +87,7 @@ def test_pressure_gradient_converges_at_second_order_also_on_the_boundary() -> N
 
 
 def test_stretched_cells_do_not_spoil_the_gradient() -> None:
-    points, cells = mesh(16)
+    points, cells = shaken_mesh(16)
     points = points * [1.0, 1e-3]
     x, y = points.T
     field = FlowField.from_arrays(points, cells, linear(points), pressure=x * x + 1e6 * y * y)
@@ -111,14 +102,14 @@ def test_a_mesh_too_small_for_quadratics_gets_a_linear_fit() -> None:
 
 
 def test_a_given_gradient_is_used() -> None:
-    points, cells = mesh(4)
+    points, cells = shaken_mesh(4)
     given = np.ones((len(points), 2))
     field = FlowField.from_arrays(points, cells, linear(points), pressure_gradient=given)
     np.testing.assert_array_equal(field.pressure_gradient, given)
 
 
 def half_field(n: int = 10) -> FlowField:
-    points, cells = mesh(n)
+    points, cells = shaken_mesh(n)
     x, y = points.T
     velocity = np.stack([x * (1 + y), -2 - x**2], axis=1)
     return FlowField.from_arrays(points, cells, velocity, pressure=np.cos(x) + y, k=x**2)
@@ -156,7 +147,7 @@ def test_mirroring_keeps_snapshots_and_refuses_both_sides() -> None:
 
 
 def test_divergence_of_a_linear_field_is_its_trace_and_of_a_shear_zero() -> None:
-    points, cells = mesh(8)
+    points, cells = shaken_mesh(8)
     field = FlowField.from_arrays(points, cells, linear(points))
     np.testing.assert_allclose(field.divergence().values, 2.5, atol=1e-11)
     assert field.divergence().rms > 0
@@ -165,7 +156,7 @@ def test_divergence_of_a_linear_field_is_its_trace_and_of_a_shear_zero() -> None
 
 
 def timed_field(period: float | None) -> FlowField:
-    points, cells = mesh(3)
+    points, cells = shaken_mesh(3)
     base = linear(points)
     return FlowField.from_arrays(
         points, cells, np.stack([0 * base, base, 3 * base]), pressure=np.zeros((3, len(points))),
@@ -206,7 +197,7 @@ def test_saved_and_loaded_is_the_same(tmp_path: Path) -> None:
 
 
 def test_clockwise_triangles_are_turned_round() -> None:
-    points, cells = mesh(4)
+    points, cells = shaken_mesh(4)
     field = FlowField.from_arrays(points, cells[:, ::-1], linear(points))
     assert np.all(field.area > 0)
     np.testing.assert_allclose(field.sample([[0.4, 0.4]])[0], linear(np.array([[0.4, 0.4]])), atol=1e-14)

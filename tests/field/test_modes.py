@@ -9,20 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
 
+from support import shaken_mesh
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 
 PERIOD = 0.4
-
-
-def mesh(n: int) -> tuple[np.ndarray, np.ndarray]:
-    line = np.linspace(0, 1, n + 1)
-    points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    inner = np.all((points > 1e-9) & (points < 1 - 1e-9), axis=1)
-    points[inner] += np.random.default_rng(1).uniform(-0.3, 0.3, (int(inner.sum()), 2)) / n
-    return points, Delaunay(points).simplices
 
 
 def street(x: np.ndarray, t: float, harmonics: int) -> np.ndarray:
@@ -35,7 +27,7 @@ def street(x: np.ndarray, t: float, harmonics: int) -> np.ndarray:
 
 
 def snapshots(count: int, harmonics: int = 3, n: int = 8) -> FlowField:
-    points, cells = mesh(n)
+    points, cells = shaken_mesh(n)
     times = 0.1 + PERIOD * np.arange(count) / count
     velocity = np.stack([street(points, t, harmonics) for t in times])
     pressure = np.stack([np.sin(2 * np.pi * (points[:, 0] - t / PERIOD)) for t in times])
@@ -159,7 +151,7 @@ def test_truncation_leaves_k_and_dissipation_positive() -> None:
 
 
 def test_air_on_a_moving_mesh_is_where_the_mesh_is() -> None:
-    points, cells = mesh(6)
+    points, cells = shaken_mesh(6)
     field = FlowField.from_arrays(points, cells, np.stack([points[:, 1], 2 * points[:, 0]], axis=1))
     moving = field.moving((0.01, 0.05), 7.0, 0.4)
     assert moving.motion is not None

@@ -21,8 +21,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from support import AIR, RHOMBUS, ROOT, WIDTH, rhombus_spec
 from wakeflow.core.errors import FoamError, MeshError, SceneError
-from wakeflow.core.process import run
+from wakeflow.core.process import run_program
 from wakeflow.core.resources import case_template
 from wakeflow.core.store import Store
 from wakeflow.foam.airflow import solve_airflow
@@ -41,10 +42,6 @@ from wakeflow.foam.watch import Progress, Watch
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 
-WIDTH, AIR = 0.05, {"density": 1.204, "viscosity": 1.825e-5}
-RHOMBUS = shapes["rhombus"](width=WIDTH, slope_angle=np.pi / 4)
-openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
-
 
 @dataclass(frozen=True)
 class Solved:
@@ -55,11 +52,6 @@ class Solved:
     @property
     def case(self) -> Path:
         return self.folder / "case"
-
-
-def rhombus_spec(**how: Any) -> FlowSpec:
-    mesh = plan_mesh([RHOMBUS], width=0.3, top=0.25, bottom=-0.45, names=["rhombus"], **{"scale": 1.6, **how})
-    return FlowSpec(mesh, 5.0, **AIR, turbulence="kOmegaSST", stepping="steady" if mesh.half else "time-resolved")
 
 
 def triangle_spec(reynolds: float, rung: str, *, direction: str = "up", scale: float = 2.0) -> FlowSpec:
@@ -89,12 +81,12 @@ def solved(shared: Store, name: str, spec: FlowSpec) -> Solved:
 
 
 @pytest.fixture(scope="session")
-def rhombus(shared: Store) -> Solved:
+def rhombus_flow(shared: Store) -> Solved:
     return solved(shared, "rhombus", rhombus_spec())
 
 
 @pytest.fixture(scope="session")
-def prism(shared: Store) -> Solved:
+def prism_flow(shared: Store) -> Solved:
     return solved(shared, "prism", triangle_spec(30, "draft"))
 
 
@@ -112,11 +104,11 @@ def copied(source: Solved, folder: Path) -> Path:
 
 
 class TestRhombus:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
-    def test_drag_is_the_momentum_that_the_air_loses(self, rhombus: Solved) -> None:
+    def test_drag_is_the_momentum_that_the_air_loses(self, rhombus_flow: Solved) -> None:
         """Slip walls: the force per depth is the integral of p + u^2 on the inlet less that on the outlet (rho = 1)."""
-        fields = CaseFields(rhombus.case)
+        fields = CaseFields(rhombus_flow.case)
         latest, plane = fields.folder("latest"), fields.mesh.plane
         pressure = fields.field(latest, "p")[1]  # with 2k/3: the normal Reynolds stress belongs to the momentum
         velocity = fields.field(latest, "U")[1]
@@ -125,15 +117,15 @@ class TestRhombus:
             members = plane.on(patch)
             flux = fields.boundary_flux(latest, patch) / fields.mesh.thickness
             downward += outward * (pressure * plane.lengths)[members].sum() + (flux * velocity[members, 1]).sum()
-        cd = 2 * downward / (0.5 * rhombus.spec.speed**2 * WIDTH)  # the half domain counts twice
-        assert cd == pytest.approx(rhombus.result["cd"]["value"], rel=0.01)
+        cd = 2 * downward / (0.5 * rhombus_flow.spec.speed**2 * WIDTH)  # the half domain counts twice
+        assert cd == pytest.approx(rhombus_flow.result["cd"]["value"], rel=0.01)
 
-    def test_nothing_is_lost_between_inlet_and_outlet(self, rhombus: Solved) -> None:
-        assert abs(rhombus.result["mass_error"]) < 1e-6
-        assert rhombus.result["flow_rate"] == pytest.approx(5.0 * 0.3, rel=1e-6)
+    def test_nothing_is_lost_between_inlet_and_outlet(self, rhombus_flow: Solved) -> None:
+        assert abs(rhombus_flow.result["mass_error"]) < 1e-6
+        assert rhombus_flow.result["flow_rate"] == pytest.approx(5.0 * 0.3, rel=1e-6)
 
-    def test_pressures_are_those_of_a_bluff_body(self, rhombus: Solved) -> None:
-        result = rhombus.result
+    def test_pressures_are_those_of_a_bluff_body(self, rhombus_flow: Solved) -> None:
+        result = rhombus_flow.result
         assert result["verdict"] == "steady"
         assert result["cp_front"] == pytest.approx(1.0, abs=0.08)
         assert -2.0 < result["cp_base"]["value"] < -0.8
@@ -145,23 +137,23 @@ class TestRhombus:
         assert result["strouhal"] is None
         assert result["y_plus"][1] < 300
 
-    def test_read_back_in_pascal_without_2k_over_3(self, rhombus: Solved) -> None:
-        fields = CaseFields(rhombus.case)
+    def test_read_back_in_pascal_without_2k_over_3(self, rhombus_flow: Solved) -> None:
+        fields = CaseFields(rhombus_flow.case)
         latest = fields.folder("latest")
         k = fields.field(latest, "k")[0]
         np.testing.assert_allclose(fields.snapshot(latest).pressure, fields.field(latest, "p")[0] - 2 / 3 * k)
-        light, heavy = (read_flow(rhombus.case, density=rho) for rho in (1.0, 3.0))
+        light, heavy = (read_flow(rhombus_flow.case, density=rho) for rho in (1.0, 3.0))
         np.testing.assert_allclose(heavy["pressure"], 3 * light["pressure"])
         inlet = light["points"][:, 1] > 0.2499
-        expected = rhombus.result["pressure_drop"] / AIR["density"]
+        expected = rhombus_flow.result["pressure_drop"] / AIR["density"]
         outlet = light["points"][:, 1] < -0.4499
         assert light["pressure"][inlet].mean() - light["pressure"][outlet].mean() == pytest.approx(expected, abs=0.2)
         assert heavy["viscosity"] == pytest.approx(3 * AIR["viscosity"] / AIR["density"])
         assert light["k"].min() > 0
         assert light["dissipation"].min() > 0
 
-    def test_velocity_is_that_of_the_boundaries(self, rhombus: Solved) -> None:
-        flow = read_flow(rhombus.case)
+    def test_velocity_is_that_of_the_boundaries(self, rhombus_flow: Solved) -> None:
+        flow = read_flow(rhombus_flow.case)
         x, y = flow["points"].T
         on_body = np.abs(np.abs(x) + np.abs(y) - WIDTH / 2) < 1e-9
         assert on_body.sum() > 20
@@ -171,50 +163,50 @@ class TestRhombus:
         assert np.isfinite(flow["velocity"]).all()
         assert flow["triangles"].max() < len(x)
 
-    def test_the_mesh_is_what_gmsh_made(self, rhombus: Solved) -> None:
-        report = json.loads((rhombus.folder / "mesh.json").read_text())
-        mesh = read_polymesh(rhombus.case)
-        assert len(mesh.plane.cells) == rhombus.result["cells"] == report["cells"]
+    def test_the_mesh_is_what_gmsh_made(self, rhombus_flow: Solved) -> None:
+        report = json.loads((rhombus_flow.folder / "mesh.json").read_text())
+        mesh = read_polymesh(rhombus_flow.case)
+        assert len(mesh.plane.cells) == rhombus_flow.result["cells"] == report["cells"]
         found = {name: int(mesh.plane.on(name).sum()) for name in mesh.plane.patches}
         assert found == report["boundary"]
         assert mesh.types == {
             "axis": "symmetryPlane", "body_rhombus": "wall", "inlet": "patch", "outlet": "patch", "right": "patch",
         }  # fmt: skip
-        assert rhombus.result["mesh"]["non_orthogonality"] < 60
+        assert rhombus_flow.result["mesh"]["non_orthogonality"] < 60
 
 
 class TestPrism:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
-    def test_laminar_drag_and_recirculation_agree_with_fine_computations(self, prism: Solved) -> None:
+    def test_laminar_drag_and_recirculation_agree_with_fine_computations(self, prism_flow: Solved) -> None:
         """Re 30, 5 % blockage: Cd 1.760, recirculation 2.17 widths (icoFoam on 14 300 cells); onset of shedding is Re
         40.
         """
-        assert prism.result["verdict"] == "steady"
-        assert prism.result["cd"]["value"] == pytest.approx(1.760, rel=0.05)
-        assert prism.result["suction"]["reversal_length"] / WIDTH == pytest.approx(2.17, rel=0.05)
-        assert prism.result["cp_base"]["value"] == pytest.approx(-0.74, rel=0.05)
+        assert prism_flow.result["verdict"] == "steady"
+        assert prism_flow.result["cd"]["value"] == pytest.approx(1.760, rel=0.05)
+        assert prism_flow.result["suction"]["reversal_length"] / WIDTH == pytest.approx(2.17, rel=0.05)
+        assert prism_flow.result["cp_base"]["value"] == pytest.approx(-0.74, rel=0.05)
 
-    def test_half_and_whole_domain_agree(self, prism: Solved, shared: Store) -> None:
-        whole = solved(shared, "whole-prism", replace(prism.spec, mesh=replace(prism.spec.mesh, half=False)))
-        assert whole.result["flow_rate"] == pytest.approx(prism.result["flow_rate"], rel=1e-6)
-        assert whole.result["pressure_drop"] == pytest.approx(prism.result["pressure_drop"], rel=0.01)
+    def test_half_and_whole_domain_agree(self, prism_flow: Solved, shared: Store) -> None:
+        whole = solved(shared, "whole-prism", replace(prism_flow.spec, mesh=replace(prism_flow.spec.mesh, half=False)))
+        assert whole.result["flow_rate"] == pytest.approx(prism_flow.result["flow_rate"], rel=1e-6)
+        assert whole.result["pressure_drop"] == pytest.approx(prism_flow.result["pressure_drop"], rel=0.01)
         assert whole.result["cp_base"]["value"] == pytest.approx(
-            prism.result["cp_base"]["value"], rel=0.025
+            prism_flow.result["cp_base"]["value"], rel=0.025
         )  # 25 cells on the base
-        assert whole.result["cd"]["value"] == pytest.approx(prism.result["cd"]["value"], rel=0.01)
+        assert whole.result["cd"]["value"] == pytest.approx(prism_flow.result["cd"]["value"], rel=0.01)
         for name in ("area", "width", "length", "reversal_length"):
-            assert whole.result["suction"][name] == pytest.approx(prism.result["suction"][name], rel=0.03)
+            assert whole.result["suction"][name] == pytest.approx(prism_flow.result["suction"][name], rel=0.03)
 
-    def test_upward_and_downward_air_are_mirror_images(self, prism: Solved, shared: Store) -> None:
+    def test_upward_and_downward_air_are_mirror_images(self, prism_flow: Solved, shared: Store) -> None:
         down = solved(shared, "downward", triangle_spec(30, "draft", direction="down"))
-        assert down.result["cd"]["value"] == pytest.approx(prism.result["cd"]["value"], rel=0.01)
-        assert down.result["cp_base"]["value"] == pytest.approx(prism.result["cp_base"]["value"], rel=0.02)
-        assert down.result["pressure_drop"] == pytest.approx(prism.result["pressure_drop"], rel=0.02)
+        assert down.result["cd"]["value"] == pytest.approx(prism_flow.result["cd"]["value"], rel=0.01)
+        assert down.result["cp_base"]["value"] == pytest.approx(prism_flow.result["cp_base"]["value"], rel=0.02)
+        assert down.result["pressure_drop"] == pytest.approx(prism_flow.result["pressure_drop"], rel=0.02)
 
 
 class TestShedding:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_frequency_and_drag_agree_with_fine_computations(self, shedding: Solved) -> None:
         """Re 100, 5 % blockage: St 0.200, Cd 1.81, Cpb -1.33, Cl rms 0.31; De & Dalal 2006 give St 0.197, Cd 1.76."""
@@ -266,19 +258,19 @@ class TestShedding:
 
 
 class TestStart:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
-    def test_another_speed_size_and_direction_are_scaled(self, rhombus: Solved, tmp_path: Path) -> None:
+    def test_another_speed_size_and_direction_are_scaled(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         """From the half domain with downward air at 5 m/s to the whole one, 1.5 times as large, upward at 10 m/s."""
         mesh = plan_mesh(
             [1.5 * RHOMBUS], width=0.45, top=0.675, bottom=-0.375, direction="up", rung="standard", scale=3
         )
-        spec = replace(rhombus.spec, mesh=mesh, speed=10.0, stepping="time-resolved", turbulence="kOmegaSST")
+        spec = replace(rhombus_flow.spec, mesh=mesh, speed=10.0, stepping="time-resolved", turbulence="kOmegaSST")
         build_mesh(mesh, tmp_path)
         prepare_case(spec, tmp_path / "mesh.msh", tmp_path / "case")
-        start_from(spec, tmp_path / "case", rhombus.case)
+        start_from(spec, tmp_path / "case", rhombus_flow.case)
         here = read_polymesh(tmp_path / "case").plane.centres
-        fields = CaseFields(rhombus.case)
+        fields = CaseFields(rhombus_flow.case)
         latest = fields.folder("latest")
         there = np.column_stack([np.abs(here[:, 0]), -here[:, 1]]) / 1.5
         nearest = cKDTree(fields.mesh.plane.centres).query(there)[1]
@@ -294,13 +286,13 @@ class TestStart:
             far = np.sqrt(np.mean((found - values) ** 2)) / np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
             assert far < 0.2, name  # within the distance to the nearest cell
 
-    def test_a_steady_run_goes_on_from_another_solution(self, rhombus: Solved, tmp_path: Path) -> None:
-        spec = replace(rhombus.spec, speed=5.25)
-        prepare_case(spec, rhombus.folder / "mesh.msh", tmp_path / "case")
-        run_steady(spec, tmp_path / "case", start=rhombus.case)
+    def test_a_steady_run_goes_on_from_another_solution(self, rhombus_flow: Solved, tmp_path: Path) -> None:
+        spec = replace(rhombus_flow.spec, speed=5.25)
+        prepare_case(spec, rhombus_flow.folder / "mesh.msh", tmp_path / "case")
+        run_steady(spec, tmp_path / "case", start=rhombus_flow.case)
         rows = _rows(tmp_path / "case")
-        assert len(rows) < 0.9 * rhombus.result["steps"]
-        assert rows[-1, 1] == pytest.approx(rhombus.result["cd"]["value"], rel=0.01)
+        assert len(rows) < 0.9 * rhombus_flow.result["steps"]
+        assert rows[-1, 1] == pytest.approx(rhombus_flow.result["cd"]["value"], rel=0.01)
 
 
 # -- interruption and failure ------------------------------------------------------------------------------------------
@@ -309,11 +301,12 @@ INTERRUPTED = """
 import sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
-import test_airflow
+from support import rhombus_spec
+from wakeflow.foam.airflow import solve_airflow
 import wakeflow.foam.steady as steady
 steady.SAVE_EVERY = 1
-spec = test_airflow.rhombus_spec(scale=1.0)
-test_airflow.solve_airflow(spec, Path({msh!r}), Path({case!r}))
+spec = rhombus_spec(scale=1.0)
+solve_airflow(spec, Path({msh!r}), Path({case!r}))
 """
 
 
@@ -330,14 +323,14 @@ def alive_in(folder: Path) -> list[str]:
 
 
 class TestInterruption:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_a_killed_run_leaves_no_process_and_goes_on_where_it_was(self, tmp_path: Path) -> None:
         spec = rhombus_spec(scale=1.0)
         build_mesh(spec.mesh, tmp_path)
         case = tmp_path / "case"
         case.mkdir()
-        script = INTERRUPTED.format(tests=str(Path(__file__).parent), msh=str(tmp_path / "mesh.msh"), case=str(case))
+        script = INTERRUPTED.format(tests=str(ROOT / "tests"), msh=str(tmp_path / "mesh.msh"), case=str(case))
         parent = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE)
         try:
             deadline = time.monotonic() + 60
@@ -392,24 +385,24 @@ class TestInterruption:
         gaps = np.diff(read_flow(case, "all")["times"])
         np.testing.assert_allclose(gaps, gaps.mean(), rtol=1e-3)
 
-    def test_a_half_written_time_is_never_taken_for_a_whole_one(self, rhombus: Solved, tmp_path: Path) -> None:
-        case = copied(rhombus, tmp_path / "case")
+    def test_a_half_written_time_is_never_taken_for_a_whole_one(self, rhombus_flow: Solved, tmp_path: Path) -> None:
+        case = copied(rhombus_flow, tmp_path / "case")
         (case / "phase.json").unlink()
         last = time_folders(case)[-1]
         broken = case / str(int(last.name) + 50)
         shutil.copytree(last, broken)
         with (broken / "U").open("rb+") as stream:
             stream.truncate(2000)
-        run_steady(rhombus.spec, case, most=int(last.name) + 5)
+        run_steady(rhombus_flow.spec, case, most=int(last.name) + 5)
         assert not broken.exists()
         assert int(time_folders(case)[-1].name) <= int(last.name) + 320
 
-    def test_a_listener_that_raises_ends_the_solver(self, rhombus: Solved, tmp_path: Path) -> None:
+    def test_a_listener_that_raises_ends_the_solver(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         def stop(_: Progress) -> None:
             raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            solve_airflow(rhombus.spec, rhombus.folder / "mesh.msh", tmp_path / "case", listener=stop)
+            solve_airflow(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", tmp_path / "case", listener=stop)
         assert alive_in(tmp_path / "case") == []
 
 
@@ -420,40 +413,40 @@ def _rows(case: Path) -> np.ndarray:
 
 
 class TestFailure:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
-    def test_a_diverging_airflow_says_so_with_its_log(self, rhombus: Solved, tmp_path: Path) -> None:
+    def test_a_diverging_airflow_says_so_with_its_log(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         """No settings cure a negative viscosity: the logs of all attempts are kept, the last one is named."""
-        spec = replace(rhombus.spec, viscosity=-0.02, turbulence="laminar")
+        spec = replace(rhombus_flow.spec, viscosity=-0.02, turbulence="laminar")
         with pytest.raises(FoamError, match="diverged") as failed:
-            solve_airflow(spec, rhombus.folder / "mesh.msh", tmp_path / "case")
+            solve_airflow(spec, rhombus_flow.folder / "mesh.msh", tmp_path / "case")
         assert failed.value.log == tmp_path / "case" / "failed-4.log"
         assert failed.value.log.exists()
         assert failed.value.tail
         assert "\n" not in str(failed.value)
         assert failed.value.exit_code == 3
 
-    def test_what_openfoam_objects_to_is_in_the_message(self, rhombus: Solved, tmp_path: Path) -> None:
+    def test_what_openfoam_objects_to_is_in_the_message(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         case = tmp_path / "case"
-        prepare_case(rhombus.spec, rhombus.folder / "mesh.msh", case)
+        prepare_case(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", case)
         (case / "0" / "p").unlink()
         with pytest.raises(FoamError, match=r"simpleFoam stopped: .*cannot find file") as failed:
-            run_steady(rhombus.spec, case)
+            run_steady(rhombus_flow.spec, case)
         assert "FOAM" in failed.value.tail
 
-    def test_a_mesh_that_checkmesh_refuses_names_the_check(self, rhombus: Solved, tmp_path: Path) -> None:
-        text = (rhombus.folder / "mesh.msh").read_text()
+    def test_a_mesh_that_checkmesh_refuses_names_the_check(self, rhombus_flow: Solved, tmp_path: Path) -> None:
+        text = (rhombus_flow.folder / "mesh.msh").read_text()
         moved = re.sub(r"^(\d+) 0\.15 (0\.2[0-4]\d*) ", r"\1 0.01 \2 ", text, count=1, flags=re.M)
         assert moved != text
         (tmp_path / "bad.msh").write_text(moved)
         with pytest.raises(MeshError, match=r"refuses the mesh: .+log"):
-            prepare_case(rhombus.spec, tmp_path / "bad.msh", tmp_path / "case")
+            prepare_case(rhombus_flow.spec, tmp_path / "bad.msh", tmp_path / "case")
 
-    def test_a_solver_that_takes_too_long_is_ended(self, rhombus: Solved, tmp_path: Path) -> None:
+    def test_a_solver_that_takes_too_long_is_ended(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         case = tmp_path / "case"
-        prepare_case(rhombus.spec, rhombus.folder / "mesh.msh", case)
+        prepare_case(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", case)
         with pytest.raises(FoamError, match="did not end within"):
-            run_steady(rhombus.spec, case, timeout=0.5)
+            run_steady(rhombus_flow.spec, case, timeout=0.5)
         assert alive_in(case) == []
 
 
@@ -523,7 +516,7 @@ def test_parameters_keep_their_comments_and_unknown_ones_are_refused(tmp_path: P
 
 
 class TestReading:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     @pytest.mark.parametrize(
         ("turbulence", "walls"), list(itertools.product(["laminar", "kOmegaSST"], ["slip", "no-slip"]))
@@ -539,26 +532,28 @@ class TestReading:
         assert (speed == 0).all() if walls == "no-slip" else (speed > 1).all()
         assert (flow["k"] is None) == (turbulence == "laminar")
 
-    def test_ascii_and_binary_meshes_read_the_same(self, rhombus: Solved, tmp_path: Path) -> None:
-        write_case(rhombus.spec, tmp_path)
+    def test_ascii_and_binary_meshes_read_the_same(self, rhombus_flow: Solved, tmp_path: Path) -> None:
+        write_case(rhombus_flow.spec, tmp_path)
         control = tmp_path / "system" / "controlDict"
         control.write_text(control.read_text().replace("writeFormat         binary", "writeFormat ascii"))
-        command = ["gmshToFoam", str(rhombus.folder / "mesh.msh")]
-        run(command, cwd=tmp_path, log=tmp_path / "log", env=environment())
+        command = ["gmshToFoam", str(rhombus_flow.folder / "mesh.msh")]
+        run_program(command, cwd=tmp_path, log=tmp_path / "log", env=environment())
         set_patch_types(tmp_path, walls="slip")
-        ascii_, binary = read_polymesh(tmp_path).plane, read_polymesh(rhombus.case).plane
+        ascii_, binary = read_polymesh(tmp_path).plane, read_polymesh(rhombus_flow.case).plane
         np.testing.assert_allclose(ascii_.points, binary.points, atol=1e-9)
         np.testing.assert_array_equal(ascii_.faces, binary.faces)
         assert all((a == b).all() for a, b in zip(ascii_.cells, binary.cells, strict=True))
         assert ascii_.patches == binary.patches
 
-    def test_cases_that_cannot_be_tracked_in_are_refused_in_one_line(self, rhombus: Solved, tmp_path: Path) -> None:
-        solid = copied(rhombus, tmp_path / "3d")
+    def test_cases_that_cannot_be_tracked_in_are_refused_in_one_line(
+        self, rhombus_flow: Solved, tmp_path: Path
+    ) -> None:
+        solid = copied(rhombus_flow, tmp_path / "3d")
         boundary = solid / "constant" / "polyMesh" / "boundary"
         boundary.write_text(boundary.read_text().replace("empty", "patch"))
         split = tmp_path / "split"
         (split / "processor0").mkdir(parents=True)
-        unsolved = copied(rhombus, tmp_path / "unsolved")
+        unsolved = copied(rhombus_flow, tmp_path / "unsolved")
         for path in time_folders(unsolved):
             shutil.rmtree(path)
         for case, word in [
@@ -569,8 +564,8 @@ class TestReading:
                 read_flow(case)
             assert "\n" not in str(refused.value)
 
-    def test_values_that_are_not_finite_are_refused(self, rhombus: Solved, tmp_path: Path) -> None:
-        case = copied(rhombus, tmp_path / "case")
+    def test_values_that_are_not_finite_are_refused(self, rhombus_flow: Solved, tmp_path: Path) -> None:
+        case = copied(rhombus_flow, tmp_path / "case")
         path = time_folders(case)[-1] / "p"
         raw = path.read_bytes()
         start = re.search(rb"List<scalar>\s*\d+\s*\(", raw)

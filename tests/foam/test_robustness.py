@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import robustness
 
+import robustness
+from support import RHOMBUS, WIDTH
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.resources import case_template
 from wakeflow.foam import case as case_module
@@ -35,20 +36,15 @@ from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
 from wakeflow.foam.solver import run_solver
 from wakeflow.foam.watch import Progress, Watch
-from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.airflow import ranks_for
-
-openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
-D = 0.05
-RHOMBUS = shapes["rhombus"](width=D, slope_angle=np.pi / 4)
 
 
 def flow(reynolds: float = 20.0, rung: str = "draft", **how: Any) -> FlowSpec:
     """A rhombus at 20 % blockage, laminar, about a thousand cells."""
-    mesh = plan_mesh([RHOMBUS], width=5 * D, top=3 * D, bottom=-6 * D, rung=rung, scale=2.0)
+    mesh = plan_mesh([RHOMBUS], width=5 * WIDTH, top=3 * WIDTH, bottom=-6 * WIDTH, rung=rung, scale=2.0)
     stepping = "steady" if rung == "draft" else "time-resolved"
-    return FlowSpec(mesh, 1.0, 1.2, 1.2 * D / reynolds, turbulence="laminar", stepping=stepping, **how)  # type: ignore[arg-type]
+    return FlowSpec(mesh, 1.0, 1.2, 1.2 * WIDTH / reynolds, turbulence="laminar", stepping=stepping, **how)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +139,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 class TestOutsideFailures:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_a_disk_that_fills_up_ends_the_run_and_room_lets_it_go_on(
         self, solved: tuple[FlowSpec, Path, AirflowResult], small_disk: Path
@@ -255,7 +251,7 @@ def test_every_setting_has_its_files_in_the_template() -> None:
 
 
 class TestLadder:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_iterations_that_diverge_are_cured_by_careful_settings(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -329,20 +325,20 @@ def test_blockage_counts_bodies_side_by_side_and_not_one_behind_the_other() -> N
     assert blockage([square], 4.0) == pytest.approx(0.25)
     assert blockage([moved(-1, 0), moved(1, 0.3)], 4.0) == pytest.approx(0.5)
     assert blockage([moved(-1, 0), moved(1, 3)], 4.0) == pytest.approx(0.25)
-    assert blockage([RHOMBUS.tolist()], 5 * D) == pytest.approx(0.2, rel=1e-5)
+    assert blockage([RHOMBUS.tolist()], 5 * WIDTH) == pytest.approx(0.2, rel=1e-5)
 
 
 def test_limits_grow_with_blockage_and_with_friction() -> None:
-    narrow = replace(flow(), mesh=replace(flow().mesh, width=2 * D))
+    narrow = replace(flow(), mesh=replace(flow().mesh, width=2 * WIDTH))
     assert gap_speed(flow()) == pytest.approx(1.25, rel=1e-4)
     assert gap_speed(narrow) == pytest.approx(2.0, rel=1e-4)
-    assert gap_speed(flow(), inflow=10 * D) == pytest.approx(2.5, rel=1e-4)  # as much again through side inlets
+    assert gap_speed(flow(), inflow=10 * WIDTH) == pytest.approx(2.5, rel=1e-4)  # as much again through side inlets
     assert friction(flow(1.0)) == pytest.approx(100 * friction(flow(100.0)))
     assert friction(narrow) > 2 * friction(flow())
 
 
 class TestSanity:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_a_sound_airflow_is_far_from_every_limit(self, solved: tuple[FlowSpec, Path, AirflowResult]) -> None:
         _, _, result = solved
@@ -402,9 +398,9 @@ def test_only_large_cases_are_shared() -> None:
 
 
 class TestRanks:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
-    @pytest.mark.skipif(shutil.which("mpirun") is None, reason="no MPI")
+    @pytest.mark.mpi
     def test_two_ranks_give_the_same_drag_and_survive_an_interruption(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -464,7 +460,6 @@ FAST = [0, 6, 18, 24]
 
 
 @pytest.mark.openfoam
-@pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")
 @pytest.mark.parametrize("case", [robustness.CASES[i] for i in FAST], ids=robustness.name_of)
 def test_some_of_the_matrix(case: dict[str, Any]) -> None:
     check_case(case)

@@ -97,7 +97,6 @@ QUANTITIES: dict[str, Callable[[Statistics], Interval | None]] = {
 
 @pytest.mark.slow
 @pytest.mark.openfoam
-@pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="no OpenFOAM")
 @pytest.mark.timeout(7200)
 def test_the_interval_at_the_stop_covers_a_run_eight_times_as_long() -> None:
     table, hits = [], {name: [] for name in QUANTITIES}  # type: ignore[var-annotated]

@@ -119,7 +119,6 @@ def test_an_unknown_model_and_one_without_its_files_are_named(
 
 
 @pytest.mark.openfoam
-@pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")
 def test_a_new_model_is_solved_checked_and_read_back(realizable: TurbulenceModel, tmp_path: Path) -> None:
     spec = rhombus(realizable.name)
     build_mesh(spec.mesh, tmp_path)

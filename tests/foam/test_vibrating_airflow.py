@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.special import kv
 
+from support import DOCS, RHOMBUS, WIDTH
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.field import FlowField
 from wakeflow.foam.airflow import solve_airflow
@@ -27,13 +28,9 @@ from wakeflow.foam.read import loop_of, read_flow
 from wakeflow.foam.solver import drop_broken_times
 from wakeflow.foam.start import _write_internal
 from wakeflow.foam.time_resolved import best_loop
-from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
 from wakeflow.scene import Scene
-
-WIDTH = 0.05
-openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="no OpenFOAM")]
 
 
 def flow(outline: np.ndarray, vibration: MeshMotion | None = None, *, scale: float = 2.5, **how: Any) -> FlowSpec:
@@ -42,9 +39,6 @@ def flow(outline: np.ndarray, vibration: MeshMotion | None = None, *, scale: flo
     mesh = plan_mesh([outline], width=10 * WIDTH, direction="down", rung="standard", scale=scale, **ends)  # type: ignore[arg-type]
     air = {"speed": 1.0, "density": 1.2, "viscosity": 1.2 * WIDTH / 100, **how}
     return FlowSpec(mesh, **air, turbulence="laminar", stepping="time-resolved", vibration=vibration)
-
-
-RHOMBUS = shapes["rhombus"](width=WIDTH, slope_angle=np.pi / 4)
 
 
 def forces(spec: FlowSpec, folder: Path, end: float, step: float, change: Callable[[Path], None] | None = None) -> Any:
@@ -65,7 +59,7 @@ def forces(spec: FlowSpec, folder: Path, end: float, step: float, change: Callab
 
 
 class TestMovingMesh:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_swinging_cylinder_in_still_air_feels_stokes_force(self, tmp_path: Path) -> None:
         """Stokes 1851, a << D: F = -rho A G y'' with G = 1 + 4 K1(z) / (z K0(z)), z = (D/2) sqrt(i w / nu).
@@ -195,7 +189,7 @@ def locked(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlowSpec, Path, An
 
 
 class TestLoop:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_loop_is_whole_vibrations_and_closes(self, locked: tuple[FlowSpec, Path, Any]) -> None:
         spec, case, result = locked
@@ -332,7 +326,7 @@ class TestRule:
 
     def test_the_bound_covers_what_was_measured(self) -> None:
         """Every change of mean drag and base pressure in docs/validation.md, locked or not, is below the bound."""
-        text = (Path(__file__).parents[2] / "docs" / "validation.md").read_text().split("## Locked band")[1]
+        text = (DOCS / "validation.md").read_text().split("## Locked band")[1]
         rows = re.findall(r"^\| (0\.\d+) \| ([\d.]+) \|.*\| ([-+][\d.]+) % \| [^|]+ \| ([-+][\d.]+) % \|", text, re.M)
         assert len(rows) > 12
         for speed, frequency, *changes in rows:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute, engine
 from wakeflow.funnel.cone import SIDES, cone_of, loose_heap, write_stl
 from wakeflow.funnel.engine import read_dump
-from wakeflow.funnel.pour import packing, read_bed
+from wakeflow.funnel.pour import packing_fraction, read_bed
 from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.discharge import beverloo, cone_factor
@@ -29,7 +28,6 @@ from wakeflow.scene import Funnel, Scene
 from wakeflow.verify import plate
 from wakeflow.verify.plate import bounce_phase, lift_off_phase, on_plate
 
-needs_engine = pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}
 
 
@@ -202,7 +200,7 @@ def test_a_short_or_stopped_flow_claims_nothing() -> None:
 def test_without_the_engine_one_line_says_what_to_install(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    engine.version.cache_clear()
+    engine.liggghts_version.cache_clear()
     monkeypatch.setattr(engine, "PROGRAM", "liggghts-that-is-not-there")
     try:
         assert main(["run", str(cases / "funnel.toml"), "--out", str(tmp_path), "--until", "funnel", "--quiet"]) == 3
@@ -211,10 +209,10 @@ def test_without_the_engine_one_line_says_what_to_install(
         finding = doctor._funnel()
         assert (finding.ok, finding.optional, finding.mend) == (False, True, engine.INSTALL)
     finally:
-        engine.version.cache_clear()
+        engine.liggghts_version.cache_clear()
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_lying_bead_leaves_the_plate_at_its_phase(tmp_path: Path) -> None:
     """While it lies the plate presses with m (g + z''); it leaves at sin(phase) = 1 / Gamma, the nearer the stiffer."""
     errors = []
@@ -232,7 +230,7 @@ def test_a_lying_bead_leaves_the_plate_at_its_phase(tmp_path: Path) -> None:
     assert errors[1] < 0.65 * errors[0]
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_bead_bounces_once_a_period_as_it_should(tmp_path: Path) -> None:
     gamma, e, f = 1.3, 0.5, 30.0
     funnel = Funnel(count=10, frequency=f, gamma=gamma, restitution=e, steps_per_contact=100)
@@ -250,7 +248,7 @@ def test_a_bead_bounces_once_a_period_as_it_should(tmp_path: Path) -> None:
     assert found.restitution == pytest.approx(np.full(20, e), abs=0.003)
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_small_bed_runs_out(cases: Path, tmp_path: Path) -> None:
     """Every bead is accounted for, none passes the wall, the rate is near Beverloo's and feeds the scene's bins."""
     changes = {f"funnel.{key}": value for key, value in SMALL.items()}
@@ -273,7 +271,7 @@ def test_a_small_bed_runs_out(cases: Path, tmp_path: Path) -> None:
     assert again.table["seconds"]["funnel"]["cached"]
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_a_narrow_outlet_jams_and_the_run_says_so(
     cases: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -290,7 +288,7 @@ def test_a_narrow_outlet_jams_and_the_run_says_so(
     assert "widen funnel.orifice" in capsys.readouterr().err
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_no_bead_passes_the_wall() -> None:
     """Neither poured nor shaken hard: at whole periods, when the wall is in its middle, every bead lies inside."""
     funnel, folders = Funnel(**SMALL), {}
@@ -301,7 +299,7 @@ def test_no_bead_passes_the_wall() -> None:
 
     compute(funnel, make, lambda text: None)
     cone, bed = cone_of(funnel), read_bed(folders["bed"])
-    assert 0.5 < packing(bed, cone) < 0.7
+    assert 0.5 < packing_fraction(bed, cone) < 0.7
     shots = [np.column_stack([bed.diameters / 2, bed.centres])]
     shots += [rows[:, 1:] for _, rows in read_dump(folders["funnel"] / "beads.dump")]
     for rows in shots:
@@ -310,15 +308,15 @@ def test_no_bead_passes_the_wall() -> None:
     assert len(shots) > 3
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    engine.version.cache_clear()
-    assert engine.version().split(".")[0] == "3"
+    engine.liggghts_version.cache_clear()
+    assert engine.liggghts_version().split(".")[0] == "3"
     assert list(tmp_path.iterdir()) == []
 
 
-@needs_engine
+@pytest.mark.liggghts
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
     with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support import distance
 from wakeflow import impact
 from wakeflow.injection.feed import REPLICATES, contact_points, feedstock
 from wakeflow.injection.first_contact import first_contact
@@ -15,14 +16,6 @@ from wakeflow.laws.shape import shapes
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Motion
-
-
-def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
-    start, end = outline, np.roll(outline, -1, axis=0)
-    along = end - start
-    s = np.einsum("nkj,kj->nk", points[:, None] - start, along) / (along**2).sum(1)
-    foot = start + np.clip(s, 0, 1)[..., None] * along
-    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
 
 
 @pytest.mark.parametrize("radius", [1e-6, 2e-3])

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from support import CASES, DOCS
 from wakeflow.laws.collision import ImpactModel, bounce, collide, impact, impact_models
 
 BETA = np.pi / 4
@@ -172,11 +172,10 @@ def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
 
 
 def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
-    root = Path(__file__).parents[2]
     done = subprocess.run(
-        [sys.executable, root / "cases" / "printed_form.py"], capture_output=True, text=True, check=True
+        [sys.executable, CASES / "studies" / "printed_form.py"], capture_output=True, text=True, check=True
     )
-    assert done.stdout in (root / "docs" / "model.md").read_text()
+    assert done.stdout in (DOCS / "model.md").read_text()
     rows = [[float(cell) for cell in line.strip("| ").split("|")] for line in done.stdout.splitlines()[2:]]
     assert all(row[4] <= 1.0 for row in rows)  # the derived form never does
     assert [row[6] for row in rows if row[:3] == [45.0, 0.5, 0.0]] == [1.25]

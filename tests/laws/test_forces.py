@@ -6,12 +6,12 @@ That the compiled terms are the formulas of the records is shown by the exact pr
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import wakeflow as wf
+from support import CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.forces import Bound, FlightScales, Force, Granule, Instant, forces
 from wakeflow.laws.forces.record import Air, Array, Grains, Vector
@@ -20,10 +20,9 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking.kernel import layout
 from wakeflow.tracking.pack import pack_granules
-from wakeflow.verify.problems.equation import judge
 from wakeflow.verify.problems.exact import Setting, box, field_on
+from wakeflow.verify.problems.reference_all_terms import reference_end_states
 
-CASES = Path(__file__).parents[2] / "cases"
 COMPUTED = [name for name in forces if forces[name].computed]
 STILL = field_on(box(4), np.zeros_like, pressure=np.zeros(len(box(4)[0])))
 
@@ -142,7 +141,7 @@ def test_the_reference_integrator_knows_a_new_force(electric: str) -> None:
     grains, t = grains_of(3), 0.15
     setting = Setting(STILL, grains, t, {"forces": ("drag", "gravity", "added-mass", electric), "drag": "stokes"})
     tracks = wf.track(STILL, grains, until=t, tolerance=1e-9, **setting.arguments)
-    np.testing.assert_allclose(tracks.position, judge(setting)[:, :2], atol=1e-8)
+    np.testing.assert_allclose(tracks.position, reference_end_states(setting)[:, :2], atol=1e-8)
 
 
 def test_a_new_force_is_bounded_in_the_plan_and_flown_where_it_matters(electric: str) -> None:

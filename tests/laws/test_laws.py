@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from wakeflow.laws.drag import relaxation_time, slip_correction
 from wakeflow.laws.lift import lift_coefficient
 from wakeflow.laws.rotation import SPIN_CROSSOVER, magnus_factor, spin_decay, spin_rate
-from wakeflow.laws.turbulence import brownian_diffusivity, crossing, langevin, lifetime
+from wakeflow.laws.turbulence import brownian_diffusivity, crossing_times, langevin, lifetime
 
 EXTREMES = [0.0, 5e-324, 1e-300, 1e-12, 1e-3, 0.45, 1.0, 31.7, 39.999, 40.0, 1e3, 1e7, 1e12]
 
@@ -36,7 +36,7 @@ def test_coefficients_are_finite_and_never_negative_for_any_pair_of_reynolds_num
         (magnus_factor, [(0.0, 0.0), (100.0, 0.0), (0.0, 9.0), (50.0, 80.0)]),
         (spin_decay, [(-900.0, 0.1, 3.0, 0.05), (900.0, 9.0, 3.0, 0.05), (9.0, math.inf, 3.0, 0.05)]),
         (langevin, [(0.0,), (0.3,), (40.0,)]),
-        (crossing, [(0.1, 0.0, 0.0), (0.1, 2.0, 0.5)]),
+        (crossing_times, [(0.1, 0.0, 0.0), (0.1, 2.0, 0.5)]),
     ],
 )
 def test_laws_compile_as_they_stand(law: Callable[..., Any], arguments: list[tuple[float, ...]]) -> None:
@@ -208,16 +208,16 @@ def test_lifetime_is_the_simplified_langevin_models() -> None:
 def test_slipping_shortens_what_a_granule_sees_by_csanadys_factors() -> None:
     k, slip, life = 0.3, 1.7, 0.05
     rms = math.sqrt(2 * k / 3)
-    along, across = crossing(life, slip, rms)
+    along, across = crossing_times(life, slip, rms)
     assert along == pytest.approx(life / math.sqrt(1 + 0.64 * 3 * slip**2 / (2 * k)), rel=1e-14)
     assert across == pytest.approx(life / math.sqrt(1 + 4 * 0.64 * 3 * slip**2 / (2 * k)), rel=1e-14)
-    assert crossing(life, 0.0, rms) == (life, life)
-    far = crossing(life, 1e9, rms)
+    assert crossing_times(life, 0.0, rms) == (life, life)
+    far = crossing_times(life, 1e9, rms)
     assert far[0] / far[1] == pytest.approx(
         2.0, rel=1e-12
     )  # longitudinal over transverse scale of isotropic turbulence
     assert far[0] * 1e9 == pytest.approx(life * rms / 0.8, rel=1e-9)  # crosses an Eulerian length
-    assert crossing(life, 0.0, 0.0) == crossing(life, 3.0, 0.0) == (0.0, 0.0)
+    assert crossing_times(life, 0.0, 0.0) == crossing_times(life, 3.0, 0.0) == (0.0, 0.0)
 
 
 def intervals() -> Iterator[float]:

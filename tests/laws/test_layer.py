@@ -13,7 +13,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.injection.feed import arrival, feedstock
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.laws.collision import ImpactModel, impact_models
-from wakeflow.laws.granule_layer import load
+from wakeflow.laws.granule_layer import load_on_wall
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.make import make_plan
@@ -70,7 +70,9 @@ def test_means_over_a_vibration_balance_momentum_and_energy(model: ImpactModel) 
     n = np.tile([math.sin(B), math.cos(B)], (400, 1))  # the same by samples: masses of the phases they are met in
     phases = np.repeat(up, np.round(mass * 1e6).astype(int))
     wall = np.stack([np.zeros(len(phases)), phases], axis=1)
-    sampled = load(flow, np.full(len(phases), v0), np.repeat(n[:1], len(phases), axis=0), wall, e, f, model.mobility)
+    sampled = load_on_wall(
+        flow, np.full(len(phases), v0), np.repeat(n[:1], len(phases), axis=0), wall, e, f, model.mobility
+    )
     assert sampled.power == pytest.approx(got.power.mean(), rel=1e-3)
     assert (sampled.normal, sampled.tangential) == pytest.approx((got.normal.mean(), got.tangential.mean()), rel=1e-3)
 

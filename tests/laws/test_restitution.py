@@ -9,13 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import wakeflow as wf
+from support import FLOOR, G
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import bounce
 from wakeflow.laws.restitution import restitution_laws, restitution_table
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
-G = 9.81
-FLOOR = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])
 LAWS = [
     wf.Restitution("constant", value=0.5),
     wf.Restitution("power", value=0.5, at=1.0),

@@ -24,13 +24,7 @@ PARAMETERS = {
     "rosin-rammler": {"scale": 4e-5, "spread": 1.4},
     "table": SIEVES,
 }
-CASES = Path(__file__).parents[2] / "cases"
 EVENLY = (np.arange(200_000) + 0.5) / 200_000
-
-
-@pytest.fixture(scope="module")
-def rhombus() -> Scene:
-    return Scene.load(CASES / "rhombus.toml")
 
 
 @pytest.mark.parametrize("name", list(sizes))

@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import ks_2samp
 
+from support import FLOOR, G
 from wakeflow.core.errors import SceneError
 from wakeflow.injection.first_contact import first_contact, motion_of
 from wakeflow.laws.vibration import integrated
@@ -16,8 +17,6 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
-G = 9.81
-FLOOR = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])
 RNG = np.random.default_rng(3)
 RAGGED = np.concatenate([[0.0], np.cumsum(RNG.uniform(0.2, 1.0, 40))])
 RAGGED *= 0.05 / RAGGED[-1]

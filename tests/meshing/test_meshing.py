@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import itertools
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from support import RHOMBUS
 from wakeflow.core.errors import MeshError, SceneError
 from wakeflow.core.geometry import area, distance_to
+from wakeflow.core.sources import code_key
+from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, plan_mesh, read_mesh
+from wakeflow.meshing.quality import MeshReport
 from wakeflow.meshing.zones import sources
-
-RHOMBUS = shapes["rhombus"](width=0.05, slope_angle=np.pi / 4)
 
 
 def circle(points: int, width: float = 0.05) -> np.ndarray:
@@ -63,6 +66,13 @@ def coarse(bodies: list[np.ndarray], **how: object) -> MeshSpec:
     return plan_mesh(bodies, **{"width": 0.3, "top": 0.2, "bottom": -0.45, "scale": 2.0, **how})  # type: ignore[arg-type]
 
 
+def meshed(spec: MeshSpec) -> tuple[Path, MeshReport]:
+    """Folder and report of a mesh, kept between sessions until the code that makes it, or Gmsh, is another."""
+    key = content_key(repr(spec), code_key("wakeflow.meshing"), version("gmsh"))
+    folder, _ = Store(cache_root()).make("tested-mesh", key, lambda part: build_mesh(spec, part))
+    return folder, MeshReport(**json.loads((folder / "mesh.json").read_text()))
+
+
 def cell_areas(points: np.ndarray, cells: dict[str, np.ndarray]) -> np.ndarray:
     x = [points[block, 0] for block in cells.values()]
     y = [points[block, 1] for block in cells.values()]
@@ -72,26 +82,26 @@ def cell_areas(points: np.ndarray, cells: dict[str, np.ndarray]) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("name", "rung"), list(itertools.product(BODIES, ["draft", "standard"])))
-def test_every_shape_gives_a_sound_mesh_with_named_patches(name: str, rung: str, tmp_path: Path) -> None:
+def test_every_shape_gives_a_sound_mesh_with_named_patches(name: str, rung: str) -> None:
     spec = coarse(BODIES[name], rung=rung, names=[f"b{i}" for i in range(len(BODIES[name]))])
-    report = build_mesh(spec, tmp_path)
+    folder, report = meshed(spec)
     assert spec.half == (rung == "draft" and name not in LEANING)
     assert set(report.boundary) == set(spec.patches) - {"front", "back"}
     assert report.min_angle > 15
     assert report.max_angle < 165
     assert report.max_aspect < 8
     assert report.triangles < 0.05 * report.cells
-    points, cells, _ = read_mesh(tmp_path / "mesh.msh")
+    points, cells, _ = read_mesh(folder / "mesh.msh")
     air = spec.width * (spec.top - spec.bottom) - sum(area(body) for body in BODIES[name])
     areas = cell_areas(points, cells)
     assert (areas > 0).all()
     exact = 2e-4 if any(len(body) > 50 for body in BODIES[name]) or "round" in name else 1e-9
     assert areas.sum() == pytest.approx(air / 2 if spec.half else air, rel=exact)
-    assert json.loads((tmp_path / "mesh.json").read_text())["cells"] == report.cells == len(areas)
-    assert (tmp_path / "mesh.vtu").stat().st_size > 0
+    assert json.loads((folder / "mesh.json").read_text())["cells"] == report.cells == len(areas)
+    assert (folder / "mesh.vtu").stat().st_size > 0
 
 
-def test_a_cell_that_gmsh_folds_over_is_not_kept(tmp_path: Path) -> None:
+def test_a_cell_that_gmsh_folds_over_is_not_kept() -> None:
     """At this size of cells Gmsh 4.15 lays a triangle into the tip of the second rhombus."""
     steep = shapes["rhombus"](width=0.05, slope_angle=np.radians(75))
     bodies = [steep, steep + np.array([0.0375, 0.05 + float(np.ptp(steep[:, 1]))])]
@@ -99,8 +109,8 @@ def test_a_cell_that_gmsh_folds_over_is_not_kept(tmp_path: Path) -> None:
     how = {"width": 0.5, "top": top, "bottom": bottom, "direction": "up", "walls": "no-slip", "rung": "draft"}
     for scale in (2.7, 2.9201969796573657):
         spec = plan_mesh(bodies, scale=scale, **how)  # type: ignore[arg-type]
-        build_mesh(spec, tmp_path)
-        points, cells, _ = read_mesh(tmp_path / "mesh.msh")
+        folder, _ = meshed(spec)
+        points, cells, _ = read_mesh(folder / "mesh.msh")
         air = spec.width * (spec.top - spec.bottom) - sum(area(body) for body in bodies)
         assert cell_areas(points, cells).sum() == pytest.approx(air, rel=1e-9)
 
@@ -179,10 +189,10 @@ def test_short_edges_and_narrow_gaps_get_small_cells_where_they_are_and_only_the
 
 
 @pytest.mark.parametrize("name", ["fine circle", "rounded rhombus", "hardly rounded rhombus", "very round prism"])
-def test_the_boundary_keeps_to_a_smooth_outline_with_cells_of_the_size_wanted(name: str, tmp_path: Path) -> None:
+def test_the_boundary_keeps_to_a_smooth_outline_with_cells_of_the_size_wanted(name: str) -> None:
     spec = coarse(BODIES[name], rung="standard")
-    report = build_mesh(spec, tmp_path)
-    points, cells, _ = read_mesh(tmp_path / "mesh.msh")
+    folder, report = meshed(spec)
+    points, cells, _ = read_mesh(folder / "mesh.msh")
     outline = BODIES[name][0]
     ends = boundary_edges(cells)
     ends = ends[(np.abs(points[ends]) < 0.06).all(axis=(1, 2))]
@@ -206,14 +216,14 @@ def boundary_edges(cells: dict[str, np.ndarray]) -> np.ndarray:
 
 @pytest.mark.parametrize("rung", ["draft", "standard"])
 @pytest.mark.parametrize("name", ["rhombus", "flat rhombus", "prism apex up", "polygon", "two bodies", "fine circle"])
-def test_layers_lie_along_every_wall(name: str, rung: str, tmp_path: Path) -> None:
+def test_layers_lie_along_every_wall(name: str, rung: str) -> None:
     spec = coarse(BODIES[name], rung=rung, strategy="layers")
-    report = build_mesh(spec, tmp_path)
+    folder, report = meshed(spec)
     assert set(report.boundary) == set(spec.patches) - {"front", "back"}
     assert report.min_angle > 15
     assert report.max_angle < 165
     assert report.triangles < 0.05 * report.cells
-    points, cells, _ = read_mesh(tmp_path / "mesh.msh")
+    points, cells, _ = read_mesh(folder / "mesh.msh")
     air = spec.width * (spec.top - spec.bottom) - sum(area(body) for body in BODIES[name])
     assert cell_areas(points, cells).sum() == pytest.approx(air / 2 if spec.half else air, rel=2e-4)
     walls = boundary_edges(cells)
@@ -239,6 +249,7 @@ def test_layers_give_way_where_there_is_no_room_for_them(tmp_path: Path) -> None
 def test_triangles_are_a_way_to_mesh(tmp_path: Path) -> None:
     report = build_mesh(coarse([RHOMBUS], strategy="triangles"), tmp_path)
     assert (report.quads, report.triangles) == (0, report.cells)
+    assert json.loads((tmp_path / "mesh.json").read_text()) == asdict(report)
     assert report.min_angle > 25
 
 
@@ -322,11 +333,11 @@ SLOPES, BLOCKAGES = (10, 45, 80), (0.02, 0.2, 0.5)
     ],
 )
 def test_slopes_and_blockages_of_the_whole_range_mesh_with_few_sound_cells(
-    shape: str, slope: float, blockage: float, rung: str, tmp_path: Path
+    shape: str, slope: float, blockage: float, rung: str
 ) -> None:
     body = shapes[shape](width=0.05, slope_angle=np.radians(slope))
     spec = plan_mesh([body], width=0.05 / blockage, top=0.4, bottom=-0.4, rung=rung)
-    report = build_mesh(spec, tmp_path)
+    _, report = meshed(spec)
     assert 1000 < report.cells < 30_000
     assert report.min_angle > 18
     assert report.max_angle < 165
@@ -334,11 +345,11 @@ def test_slopes_and_blockages_of_the_whole_range_mesh_with_few_sound_cells(
     assert report.smallest_edge > 0.3 * spec.h_corner
 
 
-def test_the_three_grids_of_a_study_are_similar(tmp_path: Path) -> None:
+def test_the_three_grids_of_a_study_are_similar() -> None:
     fine, usual, rough = (coarse([RHOMBUS], scale=scale, rung="standard") for scale in (1 / 1.5, 1.0, 1.5))
     for name in ("h_body", "h_corner", "h_wake", "growth", "of_edge", "of_gap"):
         assert getattr(fine.scaled(1.5), name) == pytest.approx(getattr(usual, name))
-    cells = [build_mesh(spec, tmp_path / str(i)).cells for i, spec in enumerate((rough, usual))]
+    cells = [meshed(spec)[1].cells for spec in (rough, usual)]
     assert cells[1] / cells[0] == pytest.approx(2.25, rel=0.1)
 
 
@@ -366,6 +377,6 @@ def test_a_mesh_that_gmsh_cannot_make_is_a_mesh_error_with_its_log(tmp_path: Pat
     crossed = ((0.02, 0.0), (-0.02, 0.02), (0.02, 0.02), (-0.02, 0.0))
     spec = replace(coarse([RHOMBUS], rung="standard"), bodies=(crossed,))
     with pytest.raises(MeshError) as failed:
-        build_mesh(spec, tmp_path, timeout=20.0)
+        build_mesh(spec, tmp_path, timeout=4.0)
     assert failed.value.log == tmp_path / "log.gmsh"
     assert not (tmp_path / "mesh.msh").exists()

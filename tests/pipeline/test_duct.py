@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.injection.feed import feedstock
@@ -28,7 +29,7 @@ LIGHT, HEAVY = 0, 1  # the scene's bins
 
 @pytest.fixture(scope="module")
 def aspirator() -> Scene:
-    return Scene.load(Path(__file__).parents[2] / "cases" / "aspirator.toml", {"feed.count": 1024})
+    return shipped("aspirator", {"feed.count": 1024})
 
 
 def flown(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
-from wakeflow.core.geometry import area, distance, distance_to, edges, is_simple, is_symmetric, rounded
+from wakeflow.core.geometry import area, distance_between, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.laws.shape import shapes
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import bodies_and_walls, end_lines
@@ -23,8 +23,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.user_case import air_of
 
-openfoam = [pytest.mark.openfoam, pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")]
-RHOMBUS = shapes["rhombus"](width=0.05, slope_angle=math.pi / 3)
+STEEP = shapes["rhombus"](width=0.05, slope_angle=math.pi / 3)
 
 
 def turns(outline: np.ndarray) -> np.ndarray:
@@ -84,15 +83,15 @@ def test_a_reentrant_corner_is_filled_by_its_arc() -> None:
 
 def test_distance_between_outlines() -> None:
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    assert distance(square, square + np.array([1.5, 0.0])) == pytest.approx(0.5)
-    assert distance(square, square + np.array([1.3, 1.4])) == pytest.approx(0.5)
-    assert distance(square, square + np.array([0.5, 0.5])) == 0.0
-    assert distance(square, 0.1 * square + 0.4) == 0.0  # one inside the other
+    assert distance_between(square, square + np.array([1.5, 0.0])) == pytest.approx(0.5)
+    assert distance_between(square, square + np.array([1.3, 1.4])) == pytest.approx(0.5)
+    assert distance_between(square, square + np.array([0.5, 0.5])) == 0.0
+    assert distance_between(square, 0.1 * square + 0.4) == 0.0  # one inside the other
 
 
 def test_crossing_edges_are_found() -> None:
-    assert is_simple(RHOMBUS)
-    assert not is_simple(RHOMBUS[[0, 2, 1, 3]])
+    assert is_simple(STEEP)
+    assert not is_simple(STEEP[[0, 2, 1, 3]])
     comb = np.array([(0, 0), (5, 0), (5, 2), (4, 2), (4, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
     assert is_simple(comb)  # two of its edges lie on one line, apart
 
@@ -143,7 +142,7 @@ def rms(values: np.ndarray) -> float:
 
 
 class TestStreams:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_the_mass_balance_counts_every_stream(self) -> None:
         left = pipeline_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
@@ -184,7 +183,7 @@ class TestStreams:
 
 @pytest.mark.parametrize("walls", ["slip", "no-slip"])
 class TestWallsAndDirections:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_upward_air_is_the_mirror_image_of_downward_air(self, walls: str) -> None:
         down, up = (pipeline_of(small(channel__walls=walls, air__direction=way)) for way in ("down", "up"))
@@ -207,7 +206,7 @@ class TestWallsAndDirections:
 
 
 class TestProfile:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_a_parabola_stays_one(self) -> None:
         """Fully developed laminar flow: u = 3/2 U (1 - (2 x / W)^2), dp/dy = 12 mu U / W^2."""
@@ -228,7 +227,7 @@ class TestProfile:
 
 
 class TestSeveralBodies:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def scene(self) -> Scene:
         low = {"shape": "prism", "width": 0.06, "slope_angle": math.pi / 3}
@@ -270,7 +269,7 @@ def as_given(pipeline: Pipeline, folder: Path, **changes: Any) -> Scene:
 
 
 class TestGivenCase:
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_its_results_are_those_of_the_direct_run(self, tmp_path: Path) -> None:
         own = pipeline_of(small())
@@ -401,7 +400,7 @@ RANGE = [
 class TestRange:
     """Slope angle 10 to 80 degrees, blockage 2 to 50 %: from the mesh to the landings."""
 
-    pytestmark = openfoam
+    pytestmark = pytest.mark.openfoam
 
     def test_from_mesh_to_landings(self, shape: str, slope: float, blockage: float) -> None:
         width = 0.05

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from support import shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.injection.feed import feedstock, granules_of
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
@@ -18,7 +18,6 @@ from wakeflow.planning.make import TURNING, make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, track
 
-CASES = Path(__file__).parents[2] / "cases"
 # K: efficiency of points on a cylinder in ideal flow, trajectories by LSODA with 1e-10 from 50 radii upstream
 EXACT = {0.196: 0.01215, 0.256: 0.04269, 0.4: 0.12999, 0.9: 0.35172, 3.6: 0.71295, 19.6: 0.92896}
 SHAPES = {"circle": {"depth": 0.025}, "wedge": {"depth": 0.03}}
@@ -95,7 +94,7 @@ def test_the_front_knows_where_its_face_is() -> None:
 
 @cache
 def rhombus() -> Scene:
-    return Scene.load(CASES / "rhombus.toml", {"numerics.rung": "draft", "feed.count": 512})
+    return shipped("rhombus", {"numerics.rung": "draft", "feed.count": 512})
 
 
 def of(scene: Scene, name: str) -> Deflection:
@@ -121,7 +120,7 @@ def test_the_plan_injects_what_the_accuracy_lets_it() -> None:
     assert (row.fraction, row.bound) == ("wheat", plan.fractions["wheat"].impaction.shift)  # type: ignore[union-attr]
     calm = make_plan(rhombus().replace({"air.speed": 1.0}))
     assert calm.fractions["wheat"].mode == "injected"
-    upward = make_plan(Scene.load(CASES / "prism.toml"))
+    upward = make_plan(shipped("prism"))
     assert {(how.mode, how.impaction) for how in upward.fractions.values()} == {("resolved", None)}
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
@@ -38,7 +39,6 @@ from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate, Granules, Tracks
 
-CASES = Path(__file__).parents[2] / "cases"
 FRACTIONS = ("dust", "chaff", "wheat")
 COMPUTED = [name for name in forces if forces[name].computed and name in bounds]
 IDLE = 30.0  # how many times what it bounds a bound may be
@@ -47,16 +47,11 @@ COUNT = 512
 FINE, FINER = 1e-6, 1e-7  # tolerances: their difference is the tracker's own error
 
 
-@pytest.fixture
-def rhombus() -> Scene:
-    return Scene.load(CASES / "rhombus.toml", {"numerics.rung": "draft"})
-
-
 # -- what it decides ---------------------------------------------------------------------------------------------------
 
 
-def test_at_one_percent_wheat_leaves_out_history_brownian_motion_and_lift(rhombus: Scene) -> None:
-    plan = make_plan(rhombus)
+def test_at_one_percent_wheat_leaves_out_history_brownian_motion_and_lift(draft: Scene) -> None:
+    plan = make_plan(draft)
     left = {(row.fraction, row.name): row for row in plan.left_out}
     for term in ("basset-history", "brownian", "lift"):
         assert term not in plan.fractions["wheat"].forces
@@ -70,7 +65,7 @@ def test_at_one_percent_wheat_leaves_out_history_brownian_motion_and_lift(rhombu
 
 @pytest.mark.parametrize("name", ["rhombus", "prism", "vacuum"])
 def test_the_shipped_scenes_are_not_refused(name: str) -> None:
-    plan = make_plan(Scene.load(CASES / f"{name}.toml"))
+    plan = make_plan(shipped(name))
     for fraction, how in plan.fractions.items():
         named = {row.name for row in plan.left_out if row.fraction == fraction}
         assert set(how.bounds) == named | (set(how.forces) - {"drag", "gravity"})  # used or left out, never neither
@@ -79,7 +74,7 @@ def test_the_shipped_scenes_are_not_refused(name: str) -> None:
 @pytest.mark.parametrize("target", [0.003, 0.01, 0.1])
 @pytest.mark.parametrize("name", ["rhombus", "prism"])
 def test_what_is_left_out_by_its_size_stays_small_together(name: str, target: float) -> None:
-    plan = make_plan(Scene.load(CASES / f"{name}.toml"), target_error=target, force={"basset-history": False})
+    plan = make_plan(shipped(name), target_error=target, force={"basset-history": False})
     for fraction, how in plan.fractions.items():
         assert how.limit is not None
         small = [row for row in plan.left_out if row.fraction == fraction and "below the" in row.why]
@@ -88,22 +83,22 @@ def test_what_is_left_out_by_its_size_stays_small_together(name: str, target: fl
         assert all(how.bounds[t] > 0.05 * how.limit for t in how.forces if t in bounds)  # nothing idle is computed
 
 
-def test_a_tighter_accuracy_uses_more_terms_and_a_wider_one_fewer(rhombus: Scene) -> None:
+def test_a_tighter_accuracy_uses_more_terms_and_a_wider_one_fewer(draft: Scene) -> None:
     used = {}
     for target in (0.2, 0.01, 0.001):
-        plan = make_plan(rhombus, target_error=target, force={"basset-history": False})
+        plan = make_plan(draft, target_error=target, force={"basset-history": False})
         used[target] = sum(len(how.forces) for how in plan.fractions.values())
     assert used[0.2] < used[0.01] < used[0.001]
-    assert make_plan(rhombus.replace({"numerics.target_error": 0.2})).target_error == 0.2
+    assert make_plan(draft.replace({"numerics.target_error": 0.2})).target_error == 0.2
 
 
-def test_a_force_that_cannot_be_computed_refuses_the_scene_by_name(rhombus: Scene) -> None:
+def test_a_force_that_cannot_be_computed_refuses_the_scene_by_name(draft: Scene) -> None:
     with pytest.raises(SceneError, match=r"chaff: basset-history .* --force chaff.basset-history=off") as caught:
-        make_plan(rhombus, target_error=0.004)
+        make_plan(draft, target_error=0.004)
     assert "\n" not in str(caught.value)
     enough = float(str(caught.value).rpartition(" ")[2])
-    make_plan(rhombus, target_error=enough)  # the accuracy it names is enough
-    plan = make_plan(rhombus, target_error=0.004, force={"basset-history": False})
+    make_plan(draft, target_error=enough)  # the accuracy it names is enough
+    plan = make_plan(draft, target_error=0.004, force={"basset-history": False})
     rows = [row for row in plan.left_out if row.name == "basset-history"]
     assert {row.fraction for row in rows} == set(FRACTIONS)
     assert all("switched off by --force" in row.why for row in rows)
@@ -120,43 +115,43 @@ def test_a_force_that_cannot_be_computed_refuses_the_scene_by_name(rhombus: Scen
         ({"collisions-between-granules": True}, "cannot compute it"),
     ],
 )
-def test_switches_that_make_no_sense_are_one_line(rhombus: Scene, force: dict[str, bool], message: str) -> None:
+def test_switches_that_make_no_sense_are_one_line(draft: Scene, force: dict[str, bool], message: str) -> None:
     with pytest.raises(SceneError) as caught:
-        make_plan(rhombus, force=force)
+        make_plan(draft, force=force)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_terms_of_the_air_need_air_and_dispersion_needs_turbulence(rhombus: Scene) -> None:
+def test_terms_of_the_air_need_air_and_dispersion_needs_turbulence(draft: Scene) -> None:
     with pytest.raises(SceneError, match=r"add an \[air\] table"):
-        make_plan(Scene.load(CASES / "vacuum.toml"), force={"lift": True})
-    laminar = rhombus.replace({"air.speed": 0.05, "numerics.rung": "draft"})
+        make_plan(shipped("vacuum"), force={"lift": True})
+    laminar = draft.replace({"air.speed": 0.05, "numerics.rung": "draft"})
     with pytest.raises(SceneError, match="no turbulence"):
         make_plan(laminar, force={"dispersion": True, "basset-history": False})
     plan = make_plan(laminar, force={"basset-history": False})
     assert all("dispersion" not in how.forces for how in plan.fractions.values())
 
 
-def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(rhombus: Scene) -> None:
-    plan = make_plan(rhombus, force={"lift": True, "chaff.lift": False})
+def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(draft: Scene) -> None:
+    plan = make_plan(draft, force={"lift": True, "chaff.lift": False})
     assert {name for name, how in plan.fractions.items() if "lift" in how.forces} == {"dust", "wheat"}
     keys = [
-        Pipeline(rhombus, make_plan(rhombus, force=force)).plan.fractions["wheat"].tracked for force in ({}, plan.force)
+        Pipeline(draft, make_plan(draft, force=force)).plan.fractions["wheat"].tracked for force in ({}, plan.force)
     ]
     assert keys[0] != keys[1]
 
 
-def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(rhombus: Scene) -> None:
-    assert "magnus" not in make_plan(rhombus).fractions["wheat"].forces
-    sphere = rhombus.replace({"fraction.wheat.inertia": 0.4, "feed.mode": "injected"})
+def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(draft: Scene) -> None:
+    assert "magnus" not in make_plan(draft).fractions["wheat"].forces
+    sphere = draft.replace({"fraction.wheat.inertia": 0.4, "feed.mode": "injected"})
     plan = make_plan(sphere)
     assert "magnus" in plan.fractions["wheat"].forces
     spin = feedstock(sphere, plan, "wheat", None).granules.spin
     assert 300.0 < np.median(np.abs(spin)) < 600.0  # it rolls off the slope: 5/7 of 1.1 m/s over 1.94 mm
 
 
-def test_the_accuracy_changes_no_tracks_as_long_as_the_forces_stay(rhombus: Scene) -> None:
-    rows = [make_plan(rhombus, target_error=target).fractions["wheat"] for target in (0.01, 0.0101)]
+def test_the_accuracy_changes_no_tracks_as_long_as_the_forces_stay(draft: Scene) -> None:
+    rows = [make_plan(draft, target_error=target).fractions["wheat"] for target in (0.01, 0.0101)]
     assert rows[0].limit != rows[1].limit
     assert rows[0].tracked == rows[1].tracked
 
@@ -180,14 +175,14 @@ def test_the_plan_prints_and_writes_a_bound_for_every_fraction(capsys: pytest.Ca
     assert "above 0" in capsys.readouterr().err
 
 
-def test_fine_dust_slips_between_the_airs_molecules(rhombus: Scene) -> None:
-    scene = rhombus.replace({"fraction.dust.size": "1 um", "feed.count": 64})
+def test_fine_dust_slips_between_the_airs_molecules(draft: Scene) -> None:
+    scene = draft.replace({"fraction.dust.size": "1 um", "feed.count": 64})
     plan = make_plan(scene)
     scale = feedstock(scene, plan, "dust", None).granules.drag_scale
     np.testing.assert_allclose(scale, 1.0 / 1.166, rtol=1e-3)
     stokes = 9.81 * 1500 * 1e-12 / (18 * 1.825e-5)
     assert plan.fractions["dust"].terminal_velocity == pytest.approx(stokes * 1.166, rel=2e-3)
-    measured = rhombus.replace({"fraction.dust.terminal_velocity": 0.05, "fraction.dust.size": "40 um"})
+    measured = draft.replace({"fraction.dust.terminal_velocity": 0.05, "fraction.dust.size": "40 um"})
     how = make_plan(measured).fractions["dust"]
     assert how.terminal_velocity == pytest.approx(0.05, rel=1e-6)
     assert feedstock(measured, make_plan(measured), "dust", None).granules.drag_scale[0] == pytest.approx(
@@ -280,7 +275,7 @@ class Trial:
 @cache
 def trial(*, spheres: bool = False) -> Trial:
     inertia = {f"fraction.{name}.inertia": 0.4 for name in FRACTIONS} if spheres else {}
-    scene = Scene.load(CASES / "rhombus.toml", {"feed.count": COUNT, "numerics.rung": "draft", **inertia})
+    scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft", **inertia})
     plan = make_plan(scene)
     return Trial(scene, plan, Pipeline(scene, plan).field[1])
 
@@ -469,17 +464,17 @@ def test_a_shift_carries_its_length_times_the_density_over_an_end() -> None:
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("kind", ["right", "outward", "random"])
-def test_the_budgets_share_covers_granules_that_are_shifted(rhombus: Scene, kind: str, way: float) -> None:
+def test_the_budgets_share_covers_granules_that_are_shifted(draft: Scene, kind: str, way: float) -> None:
     """Every granule moved by the bound: no bin's share changes by more than the budget says."""
     rng = np.random.default_rng(3)
     x = rng.normal(0.0, 0.06, 20_000)
-    plan = make_plan(rhombus)
-    terms = left_out_terms(rhombus, plan, "wheat", landings_at(x, rhombus))
-    before = separate(rhombus, dict.fromkeys(FRACTIONS, landings_at(x, rhombus))).fractions["wheat"]
+    plan = make_plan(draft)
+    terms = left_out_terms(draft, plan, "wheat", landings_at(x, draft))
+    before = separate(draft, dict.fromkeys(FRACTIONS, landings_at(x, draft))).fractions["wheat"]
     direction = {"right": np.ones(len(x)), "outward": np.sign(x), "random": rng.choice([-1.0, 1.0], len(x))}[kind]
     for row in (row for row in plan.left_out if row.fraction == "wheat"):
-        shifted = landings_at(x + way * direction * row.bound * rhombus.width, rhombus)  # type: ignore[operator]
-        after = separate(rhombus, dict.fromkeys(FRACTIONS, shifted)).fractions["wheat"]
+        shifted = landings_at(x + way * direction * row.bound * draft.width, draft)  # type: ignore[operator]
+        after = separate(draft, dict.fromkeys(FRACTIONS, shifted)).fractions["wheat"]
         if row.bound > 0.1:  # type: ignore[operator]
             continue  # more than the window: a density is no local one
         for place, parts in terms.items():
@@ -499,14 +494,14 @@ def test_terms_that_are_small_alone_are_named_when_they_are_not_together() -> No
     assert together(rows, 0.013) == []
 
 
-def test_ends_at_the_channels_walls_let_nothing_out(rhombus: Scene) -> None:
-    ends = free_ends(rhombus)
+def test_ends_at_the_channels_walls_let_nothing_out(draft: Scene) -> None:
+    ends = free_ends(draft)
     assert ends["outer-left"] == [(-0.135, -0.2)]
     assert ends["middle"] == [(-0.08, -0.2), (0.08, -0.2)]
     assert ends["elsewhere"] == []  # the floor is covered
-    gap = free_ends(rhombus.replace({"bin.middle.to": 0.07}))
+    gap = free_ends(draft.replace({"bin.middle.to": 0.07}))
     assert gap["elsewhere"] == [(0.07, -0.2), (0.08, -0.2)]
-    window = free_ends(rhombus.replace({"bin.window": {"on": "left", "from": -0.2, "to": 0.0}}))
+    window = free_ends(draft.replace({"bin.window": {"on": "left", "from": -0.2, "to": 0.0}}))
     assert (-0.2, -0.2) in window["outer-left"]
     assert window["elsewhere"] == [(-0.2, 0.0)]
 
@@ -521,7 +516,7 @@ def test_random_streams_of_fractions_and_parts_are_apart() -> None:
 
 
 def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = Scene.load(CASES / "vacuum.toml", {"feed.count": 256})
+    scene = shipped("vacuum", {"feed.count": 256})
     whole = Flight(scene, make_plan(scene), None, 1e-6)
     whole.fly_all(tmp_path, drawn=True)
     at_once = load_tracked(tmp_path, scene)

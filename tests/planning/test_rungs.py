@@ -15,11 +15,6 @@ from wakeflow.scene import Scene
 OFF = {"basset-history": False}
 
 
-@pytest.fixture
-def rhombus(cases: Path) -> Scene:
-    return Scene.load(cases / "rhombus.toml", {"numerics.rung": "auto"})
-
-
 def at(scene: Scene, reynolds: float) -> Scene:
     assert scene.reynolds is not None and scene.air is not None  # noqa: PT018
     return scene.replace({"air.speed": scene.air.speed * reynolds / scene.reynolds})

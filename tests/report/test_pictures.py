@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from support import CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import distance_to
 from wakeflow.injection.feed import feedstock
@@ -24,7 +25,7 @@ from wakeflow.report.pictures.paths import Path2D, displacement
 from wakeflow.scene import Scene, picture_tables
 
 GRAVITY = 9.81
-PAPER = Path(__file__).parents[2] / "cases" / "paper"
+PAPER = CASES / "paper"
 COARSE: dict[str, Any] = {"feed.count": 1024}
 AIR = {**COARSE, "numerics.mesh_scale": 3.0, "fraction.dust.size": "40 um"}
 SCENES = [

@@ -176,11 +176,6 @@ def scene(request: pytest.FixtureRequest, cases: Path) -> Scene:
 
 
 @pytest.fixture
-def rhombus(cases: Path) -> Scene:
-    return Scene.load(cases / "rhombus.toml")
-
-
-@pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures as they are about to be saved."""
     kept: list[Any] = []

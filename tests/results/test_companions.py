@@ -21,20 +21,20 @@ from wakeflow.scene import Scene
 
 
 @pytest.fixture
-def vacuum(cases: Path, tmp_path: Path) -> Pipeline:
+def pipeline(cases: Path, tmp_path: Path) -> Pipeline:
     scene = Scene.load(cases / "vacuum.toml", {"feed.count": 256})
     return Pipeline(scene, make_plan(scene), store=Store(tmp_path))
 
 
-def test_a_companion_flies_the_first_replicates_granules_again(vacuum: Pipeline) -> None:
-    whole, part = vacuum.tracks(), vacuum.tracks(Companion("again"))
-    for name in vacuum.scene.fraction:
+def test_a_companion_flies_the_first_replicates_granules_again(pipeline: Pipeline) -> None:
+    whole, part = pipeline.tracks(), pipeline.tracks(Companion("again"))
+    for name in pipeline.scene.fraction:
         first, again = compared(whole.landings[name]), part.landings[name]
         assert len(again.bin) == len(whole.landings[name].bin) * COMPARED // REPLICATES
         for column in ("position", "bin", "replicate", "diameter", "time"):
             np.testing.assert_array_equal(getattr(first, column), getattr(again, column))
-    assert {StageKey("", "tracks"), StageKey("", "again")} <= set(vacuum.seconds)
-    assert vacuum.spent("again") > 0.0
+    assert {StageKey("", "tracks"), StageKey("", "again")} <= set(pipeline.seconds)
+    assert pipeline.spent("again") > 0.0
 
 
 def test_differences_are_from_the_answers_own_share() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.injection.feed import feedstock
@@ -20,7 +21,6 @@ from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene
 
-CASES = Path(__file__).parents[2] / "cases"
 WIDTH = 0.04
 TABLE = {"positions": [-0.02, 0.0, 0.01], "weights": [0.0, 2.0, 1.0]}
 PARAMETERS: dict[str, dict[str, Any]] = {"table": TABLE, "normal": {"std": 0.008}}
@@ -28,13 +28,8 @@ EVENLY = (np.arange(100_000) + 0.5) / 100_000
 
 
 @pytest.fixture(scope="module")
-def rhombus() -> Scene:
-    return Scene.load(CASES / "rhombus.toml", {"numerics.rung": "draft"})
-
-
-@pytest.fixture(scope="module")
 def vacuum() -> Scene:
-    return Scene.load(CASES / "vacuum.toml")
+    return shipped("vacuum")
 
 
 # -- profiles ----------------------------------------------------------------------------------------------------------
@@ -114,15 +109,15 @@ def test_a_scene_with_a_profile_saves_and_loads(vacuum: Scene, tmp_path: Path) -
 # -- arrival -----------------------------------------------------------------------------------------------------------
 
 
-def test_each_fraction_arrives_with_its_own_speed_and_the_plan_says_so(rhombus: Scene) -> None:
-    speeds = {name: how.arrival_speed for name, how in make_plan(rhombus).fractions.items()}
+def test_each_fraction_arrives_with_its_own_speed_and_the_plan_says_so(draft: Scene) -> None:
+    speeds = {name: how.arrival_speed for name, how in make_plan(draft).fractions.items()}
     assert speeds["dust"] == pytest.approx(5.0, rel=0.02)  # with the air
     assert math.sqrt(2 * 9.81 * 0.1) < speeds["wheat"] < speeds["chaff"] < speeds["dust"]
-    calm = make_plan(rhombus.replace({"air.speed": 1e-3, "feed.height": 2.0})).fractions
+    calm = make_plan(draft.replace({"air.speed": 1e-3, "feed.height": 2.0})).fractions
     assert calm["chaff"].arrival_speed == pytest.approx(1.75, rel=0.01)  # its terminal velocity
     expected = 7.8 * math.sqrt(1 - math.exp(-2 * 9.81 * 2.0 / 7.8**2))
     assert calm["wheat"].arrival_speed == pytest.approx(expected, rel=0.02)
-    upward = make_plan(Scene.load(CASES / "prism.toml")).fractions
+    upward = make_plan(shipped("prism")).fractions
     assert upward["chaff"].arrival_speed < 0 < upward["wheat"].arrival_speed
 
 
@@ -135,7 +130,7 @@ def rows(plan: Plan) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["rhombus", "prism", "vacuum"])
 def test_at_the_feed_rate_of_a_limit_the_limit_is_reached(name: str) -> None:
-    scene = Scene.load(CASES / f"{name}.toml")
+    scene = shipped(name)
     for row in make_plan(scene).validity:
         if row.limit is None:
             continue
@@ -144,20 +139,20 @@ def test_at_the_feed_rate_of_a_limit_the_limit_is_reached(name: str) -> None:
         assert again.value != pytest.approx(row.value, rel=1e-3)
 
 
-def test_below_its_feed_rate_meetings_are_within_the_accuracy_and_above_not(rhombus: Scene) -> None:
+def test_below_its_feed_rate_meetings_are_within_the_accuracy_and_above_not(draft: Scene) -> None:
     """The row is the gate's bound on collisions turned round: at that rate the worst fraction is at its limit."""
-    row = rows(make_plan(rhombus))["meetings"]
-    plan = make_plan(rhombus.replace({"feed.rate": row.feed_rate / 3600.0}))
+    row = rows(make_plan(draft))["meetings"]
+    plan = make_plan(draft.replace({"feed.rate": row.feed_rate / 3600.0}))
     bounds = {name: how.bounds["collisions-between-granules"] for name, how in plan.fractions.items()}
     assert max(bounds.values()) == pytest.approx(plan.fractions["chaff"].limit, rel=1e-6)
     assert max(bounds, key=lambda name: bounds[name]) in row.why
     least = min(r.feed_rate for r in plan.validity if r.about == INDEPENDENT and r.feed_rate)
-    below = make_plan(rhombus.replace({"feed.rate": 0.9 * least / 3600.0}))
+    below = make_plan(draft.replace({"feed.rate": 0.9 * least / 3600.0}))
     assert not any(line.startswith(INDEPENDENT) for line in below.warnings)
 
 
-def test_densities_of_curtain_and_air_are_by_hand(rhombus: Scene) -> None:
-    plan = make_plan(rhombus)
+def test_densities_of_curtain_and_air_are_by_hand(draft: Scene) -> None:
+    plan = make_plan(draft)
     found = rows(plan)
     density = {"dust": 1500.0, "chaff": 200.0, "wheat": 1300.0}
     area, flow = 0.04 * 0.3, 500.0 / 3600.0
@@ -169,19 +164,19 @@ def test_densities_of_curtain_and_air_are_by_hand(rhombus: Scene) -> None:
     assert found["turbulence"].value == found["curtain"].value
     assert found["turbulence"].limit == MODULATING
     assert found["mass-loading"].value == pytest.approx(flow / (1.204 * 5.0 * 0.4 * 0.3), rel=1e-9)
-    tent = rows(make_plan(rhombus.replace({"feed.profile": "triangular"})))
+    tent = rows(make_plan(draft.replace({"feed.profile": "triangular"})))
     assert tent["curtain"].value == pytest.approx(4 / 3 * solid, rel=5e-3)
     assert tent["mass-loading"].value == found["mass-loading"].value
 
 
-def test_granules_take_the_airs_speed_from_it_at_most_once(rhombus: Scene) -> None:
-    tables = rhombus.tables()
+def test_granules_take_the_airs_speed_from_it_at_most_once(draft: Scene) -> None:
+    tables = draft.tables()
     tables["fraction"] = {"dust": {**tables["fraction"]["dust"], "mass_share": 1.0}}
     tables["feed"] |= {"speed": 5.0}
     del tables["feed"]["height"]
     dust = rows(make_plan(Scene.parse(tables)))["air-momentum"].value
-    wheat = rows(make_plan(rhombus))["air-momentum"].value
-    loading = rows(make_plan(rhombus))["mass-loading"].value
+    wheat = rows(make_plan(draft))["air-momentum"].value
+    loading = rows(make_plan(draft))["mass-loading"].value
     assert wheat < loading  # grain is out of the channel before drag has taken its speed
     assert dust <= 1.01 * loading  # all that dust could take: once the air's speed
 
@@ -205,11 +200,11 @@ def test_the_layer_on_the_slope_is_by_hand(vacuum: Scene) -> None:
     assert sticky.feed_rate == 0.0
 
 
-def test_warnings_name_what_is_strained_and_the_rate_that_is_not(rhombus: Scene) -> None:
-    plan = make_plan(rhombus)
+def test_warnings_name_what_is_strained_and_the_rate_that_is_not(draft: Scene) -> None:
+    plan = make_plan(draft)
     lines = [line for line in plan.warnings if "strained by the feed rate" in line]
     assert [line.partition(" strained")[0] for line in lines] == [COUPLING, INDEPENDENT]
-    small = make_plan(rhombus.replace({"feed.rate": "1 g/hour"}))
+    small = make_plan(draft.replace({"feed.rate": "1 g/hour"}))
     assert not [line for line in small.warnings if "strained" in line]
     assert all(row.holds for row in small.validity)
     assert rows(plan)["mass-loading"].limit == LOADED
@@ -224,4 +219,4 @@ def test_the_plans_table_holds_them_without_infinities(capsys: pytest.CaptureFix
     out = capsys.readouterr().out
     assert "impaction efficiency" in out
     assert "mass-loading" in out
-    assert replace(make_plan(Scene.load(CASES / "vacuum.toml")), validity=[]).summary()["validity"] == []
+    assert replace(make_plan(shipped("vacuum")), validity=[]).summary()["validity"] == []

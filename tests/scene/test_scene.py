@@ -19,11 +19,6 @@ ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}
 SHIPPED = ["rhombus", "prism", "vacuum"]
 
 
-@pytest.fixture
-def rhombus(cases: Path) -> Scene:
-    return Scene.load(cases / "rhombus.toml")
-
-
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_scenes_survive_saving(name: str, cases: Path, tmp_path: Path) -> None:
     scene = Scene.load(cases / f"{name}.toml")

@@ -11,15 +11,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from support import FLOOR, G, distance
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
 
-G = 9.81
 R = 1e-3
-FLOOR = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])
 BELOW = np.array([[-9.0, -0.5], [9.0, -0.5]])
 STRENGTHS = [0.0, 0.5, 1.0, 2.0, 10.0, 50.0]
 INERTIAS = [np.inf, 0.4]
@@ -32,12 +31,6 @@ def grains(position: object, velocity: object, **more: object) -> Granules:
 def shaken(gamma: float, frequency: float = 30.0, direction: float = np.pi / 2) -> Motion | None:
     size = gamma * G / (2 * np.pi * frequency) ** 2
     return Motion((size * np.cos(direction), size * np.sin(direction)), frequency) if gamma > 0 else None
-
-
-def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
-    along = np.roll(outline, -1, axis=0) - outline
-    s = np.einsum("nkj,kj->nk", points[:, None] - outline, along) / (along**2).sum(axis=1)
-    return np.linalg.norm(points[:, None] - outline - np.clip(s, 0, 1)[..., None] * along, axis=2).min(axis=1)
 
 
 def never_inside(tracks: Tracks, bodies: list[Body]) -> None:

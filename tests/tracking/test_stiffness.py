@@ -7,14 +7,14 @@ from itertools import product
 import numpy as np
 import pytest
 
+from support import G
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws
 from wakeflow.tracking import Fate, Granules, track
-from wakeflow.verify.problems.equation import judge
 from wakeflow.verify.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
 from wakeflow.verify.problems.flights import taylor_green, two_modes
+from wakeflow.verify.problems.reference_all_terms import reference_end_states
 
-G = 9.81
 DECADES = 10.0 ** np.arange(-9.0, 4.0)
 DIAMETER = 1e-3  # Re 67 at a slip of 1 m/s
 STARTS = 8  # granules that a cost is averaged over
@@ -92,7 +92,7 @@ def nonlinear_case(kind: str, tau: float, terminal: float) -> Setting:
 def check_nonlinear(kind: str, tau: float, terminal: float) -> None:
     setting = nonlinear_case(kind, tau, terminal)
     stiff = tau < 3e-3
-    exact = judge(setting, stiff=stiff, rtol=1e-9 if stiff else 1e-12)[:, :2]
+    exact = reference_end_states(setting, stiff=stiff, rtol=1e-9 if stiff else 1e-12)[:, :2]
     for tolerance in (1e-3, 1e-5, 1e-7):
         tracks = fly(setting, tolerance)
         assert np.all(tracks.fate == Fate.AIRBORNE)

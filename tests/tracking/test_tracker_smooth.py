@@ -7,15 +7,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_tracker import DENSITY, VISCOSITY, field_of, mesh, with_tau
 
+from support import DENSITY, VISCOSITY, field_of, shaken_mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
-from wakeflow.verify.problems.equation import judge
 from wakeflow.verify.problems.exact import Setting
-from wakeflow.verify.problems.reference import Problem, fly_reference
+from wakeflow.verify.problems.reference import TrackingProblem, fly_reference
+from wakeflow.verify.problems.reference_all_terms import reference_end_states
 
 PERIOD = 0.5
 ALL = ("drag", "gravity", "buoyancy", "pressure-gradient", "added-mass", "lift", "magnus")
@@ -23,7 +23,7 @@ ALL = ("drag", "gravity", "buoyancy", "pressure-gradient", "added-mass", "lift",
 
 def waving(n: int = 8, count: int = 24) -> FlowField:
     """Two harmonics that travel through the square [-1, 1]."""
-    points, cells = mesh(n)
+    points, cells = shaken_mesh(n, -1.0, 1.0)
     times = 0.05 + PERIOD * np.arange(count) / count
     x, y = points.T
 
@@ -55,7 +55,7 @@ def swarm(count: int, seed: int = 3, tau: float = 0.05, **more: object) -> Granu
 @pytest.mark.parametrize("tau", [2e-3, 0.05, 1.0])
 def test_landing_errors_stay_below_the_tolerance(forces: tuple[str, ...], tau: float) -> None:
     field, grains, until = waving(), swarm(3, tau=tau, inertia=0.4, spin=5.0), 0.8 if tau > 0.01 else 0.55
-    exact = judge(
+    exact = reference_end_states(
         Setting(field, grains, until, {"forces": forces}), stiff=tau < 0.01, rtol=1e-12 if tau > 0.01 else 1e-8
     )
     for tolerance in (1e-3, 1e-5):
@@ -66,7 +66,7 @@ def test_landing_errors_stay_below_the_tolerance(forces: tuple[str, ...], tau: f
 
 def test_confined_steps_lose_no_order_in_time() -> None:
     field, grains = waving(), swarm(3)
-    exact = judge(Setting(field, grains, 0.8, {"forces": ("drag", "gravity")}))
+    exact = reference_end_states(Setting(field, grains, 0.8, {"forces": ("drag", "gravity")}))
     steps, errors = [], []
     for tolerance in (1e-6, 1e-9):
         tracks = track(field, grains, until=0.8, tolerance=tolerance, march=False)
@@ -77,7 +77,7 @@ def test_confined_steps_lose_no_order_in_time() -> None:
 
 def test_where_tracks_leave_the_mesh_agrees_with_the_reference() -> None:
     field, grains = waving(), swarm(24, tau=0.3)
-    problem = Problem(field, (), 20.0, 1.0)
+    problem = TrackingProblem(field, (), 20.0, 1.0)
     exact = fly_reference(problem, grains)
     assert exact.landed.all()
     for tolerance in (1e-3, 1e-5):
@@ -121,7 +121,7 @@ PRESSED = ("drag", "gravity", "pressure-gradient")
 
 @pytest.mark.parametrize("forces", [PRESSED, (*PRESSED, "added-mass")])
 def test_a_linear_field_on_a_moving_mesh_is_flown_as_scipy_does(forces: tuple[str, ...]) -> None:
-    points, cells = mesh(6)
+    points, cells = shaken_mesh(6, -1.0, 1.0)
     slope, base, tau = np.array([[0.5, -1.2], [0.8, -0.5]]), np.array([0.3, -0.2]), 0.05
     air = {"pressure": points @ [3.0, -2.0], "density": DENSITY, "viscosity": VISCOSITY}
     whole = FlowField.from_arrays(points, cells, points @ slope.T + base, **air)  # type: ignore[arg-type]

@@ -8,40 +8,42 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from support import G
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.forces import forces
-from wakeflow.verify.problems.equation import judge
+from wakeflow.verify.problems.ensembles import spread_of_dust
 from wakeflow.verify.problems.exact import TAGS, accepts, box, fly, ring
-from wakeflow.verify.problems.ladder import (
+from wakeflow.verify.problems.reference_all_terms import reference_end_states
+from wakeflow.verify.problems.tolerances import (
     FLOOR,
     TOLERANCES,
-    Outcome,
-    ladder,
-    numbers,
-    observed_order,
-    problems,
+    FlightErrors,
+    exact_numbers,
+    exact_problems,
+    fly_at_tolerances,
+    order_in_steps,
     run_numbers,
     run_problems,
 )
 
-G = 9.81
-FLOWN = [name for name in problems if all(accepts(force) for force in problems[name].forces)]
-EXACT = [name for name in FLOWN if problems[name].order is None]
-CONVERGING = [name for name in FLOWN if problems[name].order is not None]
-MEASURED = [name for name in numbers if all(accepts(force) for force in numbers[name].forces)]
+FLOWN = [name for name in exact_problems if all(accepts(force) for force in exact_problems[name].forces)]
+EXACT = [name for name in FLOWN if exact_problems[name].order is None]
+CONVERGING = [name for name in FLOWN if exact_problems[name].order is not None]
+MEASURED = [name for name in exact_numbers if all(accepts(force) for force in exact_numbers[name].forces)]
+LONG = "brownian-spreading"  # half a minute of one core, nearly all of it for its last value
 MARGIN = 0.3  # of an observed order under the formal one
 
 
 @lru_cache(maxsize=256)
 def flown(
     name: str, cells: int | None = None, tolerances: tuple[float, ...] = TOLERANCES, march: bool = True
-) -> list[Outcome]:
-    return ladder(name, tolerances, cells, march=march)
+) -> list[FlightErrors]:
+    return fly_at_tolerances(name, tolerances, cells, march=march)
 
 
-def orders_of(name: str, outcomes: list[Outcome]) -> list[float]:
+def orders_of(name: str, outcomes: list[FlightErrors]) -> list[float]:
     count = len(outcomes[0].error)
-    return [order for i in range(count) if (order := observed_order(outcomes, i)) is not None]
+    return [order for i in range(count) if (order := order_in_steps(outcomes, i)) is not None]
 
 
 # -- the claims ---------------------------------------------
@@ -55,13 +57,13 @@ def test_what_the_formula_holds_is_exact_at_any_tolerance(name: str) -> None:
         assert outcome.error.max() <= FLOOR, outcome
         assert outcome.velocity.max() <= 100 * FLOOR, outcome
         assert outcome.spin.max() <= 1e-9, outcome
-    if "walls" not in problems[name].tags:  # nothing to be gained by shorter steps
+    if "walls" not in exact_problems[name].tags:  # nothing to be gained by shorter steps
         np.testing.assert_array_equal(outcomes[0].steps, outcomes[-1].steps)
 
 
 @pytest.mark.parametrize("name", CONVERGING)
 def test_it_converges_at_its_order(name: str) -> None:
-    expected = problems[name].order
+    expected = exact_problems[name].order
     assert expected is not None
     outcomes = flown(name, march=False)
     orders = orders_of(name, outcomes)
@@ -81,7 +83,7 @@ def test_its_stated_error_covers_the_truth(name: str, march: bool) -> None:
 
 
 def length(name: str) -> float:
-    return float(problems[name].at()[0].arguments.get("length", 1.0))
+    return float(exact_problems[name].at()[0].arguments.get("length", 1.0))
 
 
 @pytest.mark.parametrize("name", CONVERGING)
@@ -99,7 +101,7 @@ def test_its_stated_error_is_not_inflated(name: str) -> None:
 # -- no order is lost at faces, in time, after a bounce ---------------------------------------------
 
 FINE = (1e-6, 1e-7, 1e-8, 1e-9)
-ON_ANY_MESH = [n for n in CONVERGING if "affine" in problems[n].tags and "judged" not in problems[n].tags]
+ON_ANY_MESH = [n for n in CONVERGING if "affine" in exact_problems[n].tags and "judged" not in exact_problems[n].tags]
 
 
 @pytest.mark.parametrize("cells", [4, 40])
@@ -123,7 +125,7 @@ def test_exact_on_any_mesh(name: str) -> None:
 
 def test_the_slope_is_hit_by_all_and_left_behind() -> None:
     """What makes the order measured on it an order through a bounce."""
-    setting, answer = problems["bounce-on-a-slope"].at()
+    setting, answer = exact_problems["bounce-on-a-slope"].at()
     tracks = fly(setting, 1e-6, record=True)
     assert np.all(tracks.impacts >= 1)
     body = setting.arguments["bodies"][0]
@@ -138,7 +140,7 @@ def test_a_bouncing_ball_rests_on_time() -> None:
 
     From height h: 2 sqrt(2 h / g) / (1 - e).
     """
-    e = problems["bouncing-ball"].at()[0].grains.restitution
+    e = exact_problems["bouncing-ball"].at()[0].grains.restitution
     for outcome in flown("bouncing-ball"):
         left = 2 * np.sqrt(2 * 0.01 * outcome.tolerance / G) / (1 - e)
         assert np.all(outcome.time <= left + 1e-3 * left), outcome
@@ -148,9 +150,11 @@ def test_a_bouncing_ball_rests_on_time() -> None:
 # -- numbers of whole swarms ---------------------------------------------
 
 
-@pytest.mark.parametrize("name", MEASURED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == LONG else []) for name in MEASURED]
+)
 def test_the_number_lies_where_the_truth_does(name: str) -> None:
-    entry = numbers[name]
+    entry = exact_numbers[name]
     values = entry.measure(1e-5)
     assert values.shape == (len(entry.labels),)
     missed = [
@@ -161,7 +165,12 @@ def test_the_number_lies_where_the_truth_does(name: str) -> None:
     assert not missed
 
 
-# -- the judge, the meshes, the table ---------------------------------------------
+def test_the_first_of_the_long_number_lies_where_the_truth_does() -> None:
+    entry = exact_numbers[LONG]
+    assert entry.low[0] <= spread_of_dust(0.1, 1e-5) <= entry.high[0]
+
+
+# -- the reference integrator, the meshes, the table ---------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -179,8 +188,8 @@ def test_the_number_lies_where_the_truth_does(name: str) -> None:
     ],
 )
 def test_the_judge_agrees_with_closed_forms(name: str, stiff: bool) -> None:
-    setting, answer = problems[name].at()
-    end = judge(setting, stiff=stiff, rtol=1e-9 if stiff else 1e-12)
+    setting, answer = exact_problems[name].at()
+    end = reference_end_states(setting, stiff=stiff, rtol=1e-9 if stiff else 1e-12)
     np.testing.assert_allclose(end[:, :2], answer.position, atol=1e-10)
     if answer.velocity is not None:
         np.testing.assert_allclose(end[:, 2:4], answer.velocity, atol=1e-8)
@@ -189,8 +198,8 @@ def test_the_judge_agrees_with_closed_forms(name: str, stiff: bool) -> None:
 
 
 def test_two_judges_agree() -> None:
-    setting, answer = problems["nonlinear-drag-in-cells"].at()
-    np.testing.assert_allclose(judge(setting, stiff=True, rtol=1e-9)[:, :2], answer.position, atol=1e-9)
+    setting, answer = exact_problems["nonlinear-drag-in-cells"].at()
+    np.testing.assert_allclose(reference_end_states(setting, stiff=True, rtol=1e-9)[:, :2], answer.position, atol=1e-9)
 
 
 @pytest.mark.parametrize("cells", [1, 2, 7, 40])
@@ -213,7 +222,7 @@ def test_rings_cover_their_sector_once() -> None:
 
 def test_every_problem_says_what_it_is() -> None:
     known = TAGS | set(forces)
-    for entry in (*(problems[name] for name in problems), *(numbers[name] for name in numbers)):
+    for entry in (*(exact_problems[name] for name in exact_problems), *(exact_numbers[name] for name in exact_numbers)):
         assert entry.means
         assert entry.source
         assert entry.tags <= known, entry.tags - known
@@ -232,4 +241,4 @@ def test_the_table_has_a_row_for_every_problem_and_tolerance() -> None:
 
 def test_an_unknown_problem_is_named() -> None:
     with pytest.raises(SceneError, match="unknown exact problem 'solid-rotatoin'; did you mean 'solid-rotation'"):
-        ladder("solid-rotatoin")
+        fly_at_tolerances("solid-rotatoin")

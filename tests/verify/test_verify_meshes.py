@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -49,7 +48,6 @@ def test_flows_differ_in_the_mesh_only(flow: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.openfoam
-@pytest.mark.skipif(shutil.which("simpleFoam") is None, reason="no OpenFOAM")
 def test_every_strategy_comes_near_to_the_laminar_truth(tmp_path: Path) -> None:
     told: list[str] = []
     report = run_meshes(tmp_path, tell=told.append, scales=(2.0,), finest=(2**0.5, 1.0), flows=FLOWS[:1])

@@ -10,17 +10,17 @@ import pytest
 import wakeflow as wf
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.verify.problems.reference import Problem
+from wakeflow.verify.problems.reference import TrackingProblem
 from wakeflow.verify.trackers import shares
-from wakeflow.verify.trackers.subjects import Subject
+from wakeflow.verify.trackers.benchmark_cases import BenchmarkCase
 
 
-def _case(replicate: np.ndarray) -> Subject:
+def _case(replicate: np.ndarray) -> BenchmarkCase:
     count = len(replicate)
     grains = wf.Granules(position=np.zeros((count, 2)), velocity=np.zeros((count, 2)), diameter=1e-3, density=1e3)
     field = wf.FlowField.from_arrays([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)], np.zeros((3, 2)))
     edges = np.array([-0.2, 0.0, 0.2])
-    return Subject("grain", "steady", Problem(field, (), 1.0, 0.05), grains, edges, replicate)
+    return BenchmarkCase("grain", "steady", TrackingProblem(field, (), 1.0, 0.05), grains, edges, replicate)
 
 
 def test_granules_that_reach_no_bin_are_elsewhere() -> None:

@@ -1,4 +1,4 @@
-"""The comparison of trackers is sound: its judge, its rivals, its arithmetic; and the tracker holds what it states."""
+"""The comparison of trackers is sound: its reference, its rivals, its arithmetic; the tracker holds what it states."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import wakeflow as wf
+from support import RHOMBUS
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
-from wakeflow.verify.problems.reference import Problem, Reference, fly_reference
-from wakeflow.verify.run import prove
-from wakeflow.verify.trackers.carrier import Carrier, make_carrier
-from wakeflow.verify.trackers.curves import Ends, Row, cost_at, score
-from wakeflow.verify.trackers.peer import fly_peer
+from wakeflow.verify.problems.reference import Reference, TrackingProblem, fly_reference
+from wakeflow.verify.runner import prove
+from wakeflow.verify.trackers.benchmark_cases import BenchmarkCase, travelling_wave
+from wakeflow.verify.trackers.curves import CurvePoint, Ends, cost_at, score
+from wakeflow.verify.trackers.foam_interpolant import FoamInterpolant, make_foam_interpolant
+from wakeflow.verify.trackers.foam_parcels import fly_parcels
 from wakeflow.verify.trackers.rk4 import fly_explicit
-from wakeflow.verify.trackers.subjects import Subject, travelling_wave
 
 Array = NDArray[np.float64]
-RHOMBUS = np.array([(0.025, 0.0), (0.0, 0.025), (-0.025, 0.0), (0.0, -0.025)])
 GRAIN = {"diameter": 2e-3, "density": 600.0}
 CHAFF = {"diameter": 1e-3, "density": 150.0}
 DUST = {"diameter": 40e-6, "density": 1500.0}
@@ -45,18 +45,18 @@ def _grains(count: int, *, spread: float = 0.16, **properties: float) -> wf.Gran
     return wf.Granules(position=position, velocity=np.tile([0.3, -1.0], (count, 1)), restitution=0.5, **properties)
 
 
-def _problem(field: wf.FlowField, *bodies: Array) -> Problem:
-    return Problem(field, tuple(wf.Body(body) for body in bodies), until=1.0, length=0.05)
+def _problem(field: wf.FlowField, *bodies: Array) -> TrackingProblem:
+    return TrackingProblem(field, tuple(wf.Body(body) for body in bodies), until=1.0, length=0.05)
 
 
-def _track(problem: Problem, grains: wf.Granules, tolerance: float) -> wf.Tracks:
+def _track(problem: TrackingProblem, grains: wf.Granules, tolerance: float) -> wf.Tracks:
     return wf.track(
         problem.field, grains, until=problem.until, tolerance=tolerance, length=problem.length, forces=problem.forces,
         drag=problem.drag, bodies=problem.bodies,
     )  # fmt: skip
 
 
-def _explicit(problem: Problem, grains: wf.Granules, step: float) -> Array:
+def _explicit(problem: TrackingProblem, grains: wf.Granules, step: float) -> Array:
     tracks = fly_explicit(
         problem.field, grains, until=problem.until, step=step, length=problem.length, forces=problem.forces,
         drag=problem.drag, bodies=problem.bodies,
@@ -65,15 +65,15 @@ def _explicit(problem: Problem, grains: wf.Granules, step: float) -> Array:
     return tracks.position
 
 
-def _error(problem: Problem, one: Array, other: Array) -> Array:
+def _error(problem: TrackingProblem, one: Array, other: Array) -> Array:
     return np.asarray(np.linalg.norm(one - other, axis=1) / problem.length)
 
 
-# -- the judge ---------------------------------------------------------------------------------------------------------
+# -- the reference -----------------------------------------------------------------------------------------------------
 
 
-def _by_radau(problem: Problem, grains: wf.Granules, i: int) -> Array:
-    """One granule's landing by scipy's Radau, triangle by triangle, each left at an event; none of the judge's code."""
+def _by_radau(problem: TrackingProblem, grains: wf.Granules, i: int) -> Array:
+    """One granule's landing by scipy's Radau, triangle by triangle, each left at an event; not the reference's code."""
     field, law = problem.field, drag_laws[problem.drag]
     state = np.concatenate([grains.position[i], grains.velocity[i]])
     triangle, t = int(field.locate(state[:2])[0]), 0.0
@@ -176,23 +176,23 @@ def _channel() -> wf.FlowField:
 
 
 @pytest.fixture(scope="module")
-def carrier(tmp_path_factory: pytest.TempPathFactory) -> Carrier:
+def foam(tmp_path_factory: pytest.TempPathFactory) -> FoamInterpolant:
     spec = plan_mesh([RHOMBUS], width=0.3, top=0.15, bottom=-0.15, rung="draft", scale=2.0)
-    return make_carrier(_channel(), spec, 0.15, -0.15, tmp_path_factory.mktemp("peer"))
+    return make_foam_interpolant(_channel(), spec, 0.15, -0.15, tmp_path_factory.mktemp("peer"))
 
 
 @pytest.mark.openfoam
 @pytest.mark.parametrize("scheme", ["Euler", "analytical"])
-def test_the_peer_flies_through_the_same_air(carrier: Carrier, scheme: str, tmp_path: Path) -> None:
+def test_openfoams_parcels_fly_through_the_same_air(foam: FoamInterpolant, scheme: str, tmp_path: Path) -> None:
     grains = _grains(40, spread=0.2, **CHAFF)
     grains = grains[
         np.abs(grains.position[:, 0]) > 0.045
-    ]  # past the body: the peer's granules touch with their centres
-    problem = _problem(carrier.field)
+    ]  # past the body: OpenFOAM's granules touch with their centres
+    problem = _problem(foam.field)
     reference = fly_reference(problem, grains)
     errors = []
     for courant in (0.1, 0.01, 0.001):
-        run = fly_peer(carrier, grains, scheme=scheme, step=0.2, courant=courant, until=0.2, folder=tmp_path / "run")
+        run = fly_parcels(foam, grains, scheme=scheme, step=0.2, courant=courant, until=0.2, folder=tmp_path / "run")
         both = reference.landed & np.isfinite(run.time)
         assert both.mean() > 0.8
         assert np.allclose(run.time[both], reference.time[both], atol=1e-3)
@@ -205,8 +205,8 @@ def test_the_peer_flies_through_the_same_air(carrier: Carrier, scheme: str, tmp_
 # -- the arithmetic ----------------------------------------------------------------------------------------------------
 
 
-def _row(error: float, seconds: float) -> Row:
-    return Row("grain", "steady", "m", "s", error, 2 * error, 4, 0.0, 0.0, seconds, 1.5 * seconds, 10.0, 40.0)
+def _row(error: float, seconds: float) -> CurvePoint:
+    return CurvePoint("grain", "steady", "m", "s", error, 2 * error, 4, 0.0, 0.0, seconds, 1.5 * seconds, 10.0, 40.0)
 
 
 def test_cost_at_an_error_is_read_off_the_best_settings() -> None:
@@ -219,7 +219,9 @@ def test_cost_at_an_error_is_read_off_the_best_settings() -> None:
 
 def test_score_counts_what_met_the_walls_otherwise() -> None:
     grains = _grains(4, **GRAIN)
-    case = Subject("grain", "steady", _problem(_air()), grains, np.array([-0.1, 0.0, 0.1]), np.zeros(len(grains), int))
+    case = BenchmarkCase(
+        "grain", "steady", _problem(_air()), grains, np.array([-0.1, 0.0, 0.1]), np.zeros(len(grains), int)
+    )
     x = np.array([(-0.05, 0.0), (0.05, 0.0), (0.06, 0.0), (0.07, 0.0)])
     all_true = np.ones(4, dtype=bool)
     reference = Reference(x, np.zeros(4), np.array([0, 0, 0, 1]), all_true)

@@ -162,7 +162,7 @@ class _Flight:
         lift = ((self.gravity - shaken) * normal).sum(axis=1) + np.where(corner, along**2 / self.radius[who], 0.0)
         stays = go & (lift < 0.0) & ((rebound <= at.SLOW) | (rebound**2 <= -2.0 * lift * self.tiny))
         self._touch(who[stays], kind[stays], which[stays], along[stays], friction[stays])
-        return who[go & ~stays]
+        return np.asarray(who[go & ~stays])
 
     # -- contact -------------------------------------------------------------------------------------------------------
 

@@ -248,7 +248,7 @@ def _functions(fall: Falling, surfaces: Surfaces, pairs: _Pairs, skin: float) ->
         nx, ny = normal[k].T
         foot, onward, size = nx * y - ny * x, nx * vy - ny * vx, surfaces.size[face[k]]
         on_face = (foot >= np.where(onward >= 0.0, 0.0, skin)) & (foot <= np.where(onward <= 0.0, size, size - skin))
-        return ~is_face[k] | on_face
+        return np.asarray(~is_face[k] | on_face)
 
     return gap, counts
 

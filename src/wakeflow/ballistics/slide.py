@@ -237,7 +237,7 @@ class _Way:
         off = (later.s < -self.eps) | (later.s > self.piece.length + self.eps) | (press <= 0.0)
         turned = (self.mode == SLIPS) & (self.sign * later.slip < 0.0)
         grip = np.abs(free) * self.share(self.d) <= (self.d.friction + 2.0 * STATIC) * press
-        return off | turned | ((self.mode != SLIPS) & ~grip)
+        return np.asarray(off | turned | ((self.mode != SLIPS) & ~grip))
 
     def step(self) -> Array:
         """Seconds (n,) to the end of the way in closed form, on a face at rest; else a short step."""

@@ -18,7 +18,7 @@ __all__ = [
     "are_symmetric",
     "area",
     "contains",
-    "distance",
+    "distance_between",
     "distance_to",
     "edges",
     "is_simple",
@@ -72,7 +72,7 @@ def segments_cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
     return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0) & boxes.all(axis=-1)
 
 
-def distance(one: Array, other: Array) -> float:
+def distance_between(one: Array, other: Array) -> float:
     """Least distance (m) between two outlines; 0 where they cross, touch or one encloses the other."""
     (a, b), (c, d) = edges(one), edges(other)
     if segments_cross(a[:, None], b[:, None], c, d).any() or contains(one, other).any() or contains(other, one).any():

@@ -24,7 +24,7 @@ from typing import IO, Any
 from . import errors
 from .errors import ProgramError, WakeflowError
 
-__all__ = ["Finished", "call_in_child", "capture", "cores", "run", "tail"]
+__all__ = ["Finished", "call_in_child", "capture", "cores", "run_program", "tail"]
 
 POLL = 0.05  # s between looks at the log
 GRACE = 3.0  # s between asking a group to end and killing it
@@ -56,7 +56,7 @@ def tail(log: Path, lines: int = 12) -> str:
     return "\n".join(text.splitlines()[-lines:])
 
 
-def run(
+def run_program(
     command: Sequence[str],
     *,
     cwd: Path,
@@ -79,42 +79,36 @@ def run(
     if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
         missing = f"program {words[0]!r} is not installed{'; ' + hint if hint else ''}"
         raise error(missing, command=" ".join(words), ended="missing")
-    guard = ["setpriv", "--pdeathsig", "TERM", "--"] if shutil.which("setpriv") else []
     log.parent.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
     with log.open("ab" if append else "wb") as sink, log.open("rb") as source:
         source.seek(0, os.SEEK_END)
-        child = subprocess.Popen(
-            guard + words,
-            cwd=cwd,
-            env={**(os.environ if env is None else env), "PWD": str(cwd)},  # some programs believe PWD, not the folder
-            stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
+        child = _start(words, cwd, os.environ if env is None else env, sink)
         try:
             _follow(child, source, on_line, on_idle, None if timeout is None else started + timeout)
         except subprocess.TimeoutExpired:
-            raise error(
-                f"{words[0]} did not end within {timeout:.0f} s; log: {log}",
-                command=" ".join(words),
-                log=log,
-                tail=tail(log),
-                ended="timed out",
-            ) from None
+            said = f"{words[0]} did not end within {timeout:.0f} s; log: {log}"
+            raise error(said, command=" ".join(words), log=log, tail=tail(log), ended="timed out") from None
         finally:
             _end_group(child)
     if child.returncode != 0:
-        raise error(
-            f"{words[0]} failed with exit code {child.returncode}; log: {log}",
-            command=" ".join(words),
-            log=log,
-            tail=tail(log),
-            ended="failed",
-            returncode=child.returncode,
-        )
+        said, code = f"{words[0]} failed with exit code {child.returncode}; log: {log}", child.returncode
+        raise error(said, command=" ".join(words), log=log, tail=tail(log), ended="failed", returncode=code)
     return Finished(child.returncode, time.monotonic() - started, log)
+
+
+def _start(words: list[str], cwd: Path, env: Mapping[str, str], sink: IO[bytes]) -> subprocess.Popen[bytes]:
+    """The program in a process group of its own, which ends with the thread that started it."""
+    guard = ["setpriv", "--pdeathsig", "TERM", "--"] if shutil.which("setpriv") else []
+    return subprocess.Popen(
+        guard + words,
+        cwd=cwd,
+        env={**env, "PWD": str(cwd)},  # some programs believe PWD, not the folder
+        stdin=subprocess.DEVNULL,
+        stdout=sink,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
 
 
 def _follow(
@@ -211,7 +205,7 @@ def call_in_child(
         # -P: a file in the current folder that is called like a library must not stand in for it
         command = [sys.executable, "-P", "-m", "wakeflow.core.process", str(ask), str(answer)]
         try:
-            run(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)
+            run_program(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)
         except ProgramError as problem:
             problem.command = f"python: {target}"
             raise

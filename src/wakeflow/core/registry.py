@@ -11,12 +11,12 @@ from typing import Generic, TypeVar
 
 from .errors import SceneError
 
-__all__ = ["Registry", "nearest"]
+__all__ = ["Registry", "did_you_mean"]
 
 Entry = TypeVar("Entry")
 
 
-def nearest(name: str, known: list[str]) -> str:
+def did_you_mean(name: str, known: list[str]) -> str:
     """A hint ``; did you mean 'x'?`` when a known name is close to ``name``, else an empty string."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else ""
@@ -37,6 +37,7 @@ class Registry(Generic[Entry]):
         self._entries: dict[str, Entry] = {}
 
     def add(self, name: str, entry: Entry) -> Entry:
+        """Register ``entry`` and return it. Raises ValueError for a name that is taken."""
         if name in self._entries:
             raise ValueError(f"{self.kind} {name!r} is registered twice")
         self._entries[name] = entry
@@ -59,7 +60,7 @@ class Registry(Generic[Entry]):
         except KeyError:
             known = list(self)
             raise SceneError(
-                f"unknown {self.kind} {name!r}{nearest(name, known)} (known: {', '.join(known)})"
+                f"unknown {self.kind} {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})"
             ) from None
 
     def __iter__(self) -> Iterator[str]:

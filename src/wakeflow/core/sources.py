@@ -77,12 +77,10 @@ def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:
             for statement in child.body:
                 yield from _read(ast.Module([statement], []), package, runs=False)
         elif isinstance(child, ast.Import):
-            for alias in child.names:
-                if alias.name.split(".")[0] == NAME:
-                    yield alias.name, None, alias.asname or NAME, runs
+            own = (alias for alias in child.names if alias.name.split(".")[0] == NAME)
+            yield from ((alias.name, None, alias.asname or NAME, runs) for alias in own)
         elif isinstance(child, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) - child.level + 1] if child.level else []
-            source = ".".join([*above, *([child.module] if child.module else [])])
+            source = _source(child, package)
             if source.split(".")[0] == NAME:
                 yield from ((source, alias.name, alias.asname or alias.name, runs) for alias in child.names)
         elif isinstance(child, ast.Constant) and isinstance(child.value, str):
@@ -90,6 +88,13 @@ def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:
                 yield call[1], None, "", runs
         else:
             yield from _read(child, package, runs=runs)
+
+
+def _source(node: ast.ImportFrom, package: str) -> str:
+    """Full name of the module that a ``from ... import`` in a ``package`` reads."""
+    parts = package.split(".")
+    above = parts[: len(parts) - node.level + 1] if node.level else []
+    return ".".join([*above, *([node.module] if node.module else [])])
 
 
 def _exists(module: str) -> bool:

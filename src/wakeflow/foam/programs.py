@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..core.errors import FoamError
-from ..core.process import Finished, run, tail
+from ..core.process import Finished, run_program, tail
 from .case import INSTALL, environment
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
 
@@ -41,7 +41,7 @@ def call(
             raise _failure(Cause.SILENT, f"{program} logged nothing for {seconds:.0f} s", log)
 
     try:
-        return run(
+        return run_program(
             words, cwd=folder, log=log, env=environment(), append=True, error=FoamError, hint=INSTALL,
             on_line=on_line, on_idle=idle, timeout=timeout,
         )  # fmt: skip

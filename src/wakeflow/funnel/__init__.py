@@ -29,7 +29,7 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str
     stage of its own, since every vibration starts from the same bed. Raises ProgramError when LIGGGHTS is missing or
     fails.
     """
-    from .engine import version
+    from .engine import liggghts_version
     from .flow import discharge
     from .pour import pour
 
@@ -38,7 +38,7 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str
     asked |= {"count": funnel.beads, "mass": None, "material": None}
     if not funnel.amplitude:
         asked["frequency"] = None
-    code = (code_key(*CODE), version())
+    code = (code_key(*CODE), liggghts_version())
     still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
     bed_key = content_key("bed", still, code)
     bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))

@@ -13,9 +13,18 @@ from numpy.typing import NDArray
 
 from ..core.errors import ProgramError
 from ..core.files import atomic_write
-from ..core.process import capture, run, tail
+from ..core.process import capture, run_program, tail
 
-__all__ = ["INSTALL", "PROGRAM", "SCRIPTS", "read_dump", "run_script", "version", "write_beads", "write_settings"]
+__all__ = [
+    "INSTALL",
+    "PROGRAM",
+    "SCRIPTS",
+    "liggghts_version",
+    "read_dump",
+    "run_script",
+    "write_beads",
+    "write_settings",
+]
 
 Array = NDArray[np.float64]
 PROGRAM = "liggghts"
@@ -24,7 +33,7 @@ SCRIPTS = Path(__file__).parent
 
 
 @cache
-def version() -> str:
+def liggghts_version() -> str:
     """Version of the installed LIGGGHTS, "3.8.0". Raises ProgramError when there is none."""
     where = shutil.which(PROGRAM)
     if where is None:
@@ -70,7 +79,7 @@ def run_script(folder: Path, script: Path, on_line: Callable[[str], None] | None
     # line by line: where MPI aborts it the text in its buffer is lost, and that holds the reason
     command = ["stdbuf", "-oL", PROGRAM, "-in", f"{name}.liggghts", "-log", "none", "-echo", "none"]
     try:
-        run(command, cwd=folder, log=log, on_line=on_line, hint=INSTALL)
+        run_program(command, cwd=folder, log=log, on_line=on_line, hint=INSTALL)
     except ProgramError as problem:
         said = re.findall(r"\bERROR\b.*", tail(log, 40))
         if problem.ended == "failed" and said:

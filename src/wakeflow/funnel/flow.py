@@ -15,8 +15,8 @@ from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo, cone_factor
 from ..scene import Funnel
 from .cone import Cone, cone_of, write_stl
-from .engine import SCRIPTS, read_dump, run_script, version, write_beads, write_settings
-from .pour import Bed, Steps, box_of, contact_settings, packing, read_bed, steps_of
+from .engine import SCRIPTS, liggghts_version, read_dump, run_script, write_beads, write_settings
+from .pour import Bed, Steps, box_of, contact_settings, packing_fraction, read_bed, steps_of
 from .rate import Curve, rate_of, read_curve, time_to_empty
 
 __all__ = ["discharge"]
@@ -85,7 +85,7 @@ def _table(
     funnel: Funnel, cone: Cone, steps: Steps, bed: Bed, curve: Curve, total: float, shots: list[tuple[int, Array]]
 ) -> dict[str, Any]:
     rate = rate_of(curve, total, 1 / funnel.frequency if funnel.amplitude and funnel.frequency else None)
-    filled = packing(bed, cone)
+    filled = packing_fraction(bed, cone)
     law = (
         None
         if math.isnan(filled)
@@ -110,7 +110,7 @@ def _table(
         "youngs_modulus": funnel.youngs_modulus,
         "overlap": max((_overlap(rows) for _, rows in shots if len(rows) > 1), default=0.0),
         "engine": "LIGGGHTS",
-        "version": version(),
+        "version": liggghts_version(),
         "curve": {"time": curve.time[kept].tolist(), "mass": curve.mass[kept].tolist()},
     }
 

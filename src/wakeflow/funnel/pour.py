@@ -16,7 +16,7 @@ from ..scene import Funnel
 from .cone import Cone, cone_of, loose_heap, write_stl
 from .engine import SCRIPTS, read_dump, run_script, write_beads, write_settings
 
-__all__ = ["Bed", "Steps", "box_of", "contact_settings", "packing", "pour", "read_bed", "steps_of"]
+__all__ = ["Bed", "Steps", "box_of", "contact_settings", "packing_fraction", "pour", "read_bed", "steps_of"]
 
 Array = NDArray[np.float64]
 POISSON = 0.25  # glass 0.2 to 0.25; the ratio of tangential to normal stiffness depends on it weakly
@@ -105,7 +105,7 @@ def read_bed(folder: Path) -> Bed:
     return Bed(rows[:, 2:], 2 * rows[:, 1])
 
 
-def packing(bed: Bed, cone: Cone) -> float:
+def packing_fraction(bed: Bed, cone: Cone) -> float:
     """Share of the volume that the beads fill, inside the bed: a diameter off the walls, the outlet and the surface.
 
     It is measured with random points: a point counts where it lies in a bead.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import edges, normals
-from ..laws.granule_layer import Load, load
+from ..laws.granule_layer import Load, load_on_wall
 from ..planning.impaction import axis
 from ..planning.plan import FractionPlan, Plan
 from ..planning.uniform_fall import fall_speeds
@@ -146,7 +146,7 @@ def _on_slope(scene: Scene, name: str, stream: _Stream, number: int) -> tuple[Lo
     here = np.flatnonzero((stream.fall > 0.0) & (stream.slope == number))
     flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(stream.fall)
     fall = stream.fall[here]
-    on_slope = load(
+    on_slope = load_on_wall(
         flow, fall, stream.normal[here], stream.wall[here], granule.restitution, granule.friction,
         0.0 if inertia is None else 1.0 / inertia,
     )  # fmt: skip

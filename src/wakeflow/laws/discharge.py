@@ -32,7 +32,8 @@ def beverloo(
     ``orifice`` D and ``diameter`` d in m, ``bulk_density`` rho_b in kg/m3 (of the bed, not of a granule). A round
     orifice in a flat floor. Source: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260.
     """
-    return c * bulk_density * math.sqrt(gravity) * max(0.0, orifice - k * diameter) ** 2.5
+    value: float = c * bulk_density * math.sqrt(gravity) * max(0.0, orifice - k * diameter) ** 2.5
+    return value
 
 
 def cone_factor(half_angle: float, stagnant: float = STAGNANT_ANGLE) -> float:
@@ -44,4 +45,5 @@ def cone_factor(half_angle: float, stagnant: float = STAGNANT_ANGLE) -> float:
     """
     if half_angle >= math.pi / 2 - stagnant:
         return 1.0
-    return (math.tan(half_angle) * math.tan(stagnant)) ** -0.35
+    value: float = (math.tan(half_angle) * math.tan(stagnant)) ** -0.35
+    return value

@@ -94,7 +94,8 @@ def clift_gauvin(reynolds: Array, sphericity: ArrayLike = 1.0) -> Array:
 def brown_lawler(reynolds: Array, sphericity: ArrayLike = 1.0) -> Array:
     """Cd = 24/Re (1 + 0.15 Re^0.681) + 0.407 / (1 + 8710/Re)."""
     re = np.asarray(reynolds, dtype=float)
-    return 1.0 + 0.15 * re**0.681 + 0.407 / 24.0 * re * re / (re + 8710.0)
+    value: Array = 1.0 + 0.15 * re**0.681 + 0.407 / 24.0 * re * re / (re + 8710.0)
+    return value
 
 
 @_register("haider-levenspiel", 2.6e5, "Haider, A. & Levenspiel, O. 1989, Powder Technol. 58, 63", uses_sphericity=True)
@@ -109,7 +110,8 @@ def haider_levenspiel(reynolds: Array, sphericity: ArrayLike = 1.0) -> Array:
     b = np.where(sphere, 0.6459, 0.0964 + 0.5565 * phi)
     c = np.where(sphere, 0.4251, np.exp(4.905 - 13.8944 * phi + 18.4222 * phi**2 - 10.2599 * phi**3))
     d = np.where(sphere, 6880.95, np.exp(1.4681 + 12.2584 * phi - 20.7322 * phi**2 + 15.8855 * phi**3))
-    return 1.0 + a * re**b + c / 24.0 * re * re / (re + d)
+    value: Array = 1.0 + a * re**b + c / 24.0 * re * re / (re + d)
+    return value
 
 
 @_register("ganser", 2.5e4, "Ganser, G.H. 1993, Powder Technol. 77, 143; isometric shapes", uses_sphericity=True)
@@ -124,7 +126,8 @@ def ganser(reynolds: Array, sphericity: ArrayLike = 1.0) -> Array:
     k1 = 1.0 / (1.0 / 3.0 + 2.0 / 3.0 / np.sqrt(phi))
     k2 = 10.0 ** (1.8148 * np.maximum(-np.log10(phi), 0.0) ** 0.5743)
     x = re * k1 * k2
-    return (1.0 + 0.1118 * x**0.6567) / k1 + 0.4305 / 24.0 * k2 * re * x / (x + 3305.0)
+    value: Array = (1.0 + 0.1118 * x**0.6567) / k1 + 0.4305 / 24.0 * k2 * re * x / (x + 3305.0)
+    return value
 
 
 def drag_table(law: str, sphericity: float = 1.0) -> Array:
@@ -150,12 +153,14 @@ def table_factor(table: Array, reynolds: ArrayLike) -> Array:
     cell = np.clip(y.astype(int), 0, len(table) - 1)
     c, w = table[cell], y - cell
     f = c[..., 0] + w * (c[..., 1] + w * (c[..., 2] + w * c[..., 3]))
-    return f * np.maximum(re / 10.0**high, 1.0)
+    value: Array = f * np.maximum(re / 10.0**high, 1.0)
+    return value
 
 
 def relaxation_time(diameter: ArrayLike, density: ArrayLike, viscosity: float) -> Array:
     """Stokes relaxation time rho_p d^2 / (18 mu), s; ``viscosity`` dynamic, Pa s."""
-    return np.asarray(density, dtype=float) * np.asarray(diameter, dtype=float) ** 2 / (18.0 * viscosity)
+    value: Array = np.asarray(density, dtype=float) * np.asarray(diameter, dtype=float) ** 2 / (18.0 * viscosity)
+    return value
 
 
 def slip_correction(diameter: ArrayLike, mean_free_path: float = MEAN_FREE_PATH) -> Array:
@@ -199,7 +204,8 @@ def terminal_velocity(
         low = np.where(too_fast, low, middle)
         if np.all(high - low <= 4e-16 * high):
             break
-    return np.copysign(high, excess)
+    value: Array = np.copysign(high, excess)
+    return value
 
 
 def drag_factor_for_terminal_velocity(
@@ -228,4 +234,5 @@ def drag_factor_for_terminal_velocity(
     if not np.all(rho_p > rho):
         raise SceneError(f"density = {float(rho_p.min()):g} kg/m3 must exceed the fluid's for a terminal velocity")
     factor = drag_laws[law].factor(rho * v * d / mu, phi)
-    return (rho_p - rho) * gravity * d**2 / (18.0 * mu * v * factor)
+    value: Array = (rho_p - rho) * gravity * d**2 / (18.0 * mu * v * factor)
+    return value

@@ -23,7 +23,7 @@ from .collision import approach_speed, collide, impact
 from .constants import GRAVITY
 from .restitution import Restitution, restitution_at
 
-__all__ = ["Layer", "Layers", "Load", "layer", "layers", "load"]
+__all__ = ["Layer", "Layers", "Load", "layer", "layers", "load_on_wall"]
 
 Array = NDArray[np.float64]
 
@@ -156,7 +156,7 @@ class Load:
     velocity: Array  # (2,) m/s of the centre of mass after the impact, lab frame
 
 
-def load(
+def load_on_wall(
     mass_flow: float,
     fall_speed: Array,
     normal: Array,

@@ -27,10 +27,12 @@ def contact_time(diameter: float, density: float, modulus: float, speed: float, 
     Young's ``modulus`` Pa.
     """
     mass, radius, stiff = _stiffness(diameter, density, modulus, poisson)
-    return 2.868 * (mass**2 / (radius * stiff**2 * speed)) ** 0.2
+    value: float = 2.868 * (mass**2 / (radius * stiff**2 * speed)) ** 0.2
+    return value
 
 
 def depth(diameter: float, density: float, modulus: float, speed: float, poisson: float = 0.25) -> float:
     """Deepest approach (m) in the same collision: (15 m v^2 / (16 sqrt(R) E))^(2/5)."""
     mass, radius, stiff = _stiffness(diameter, density, modulus, poisson)
-    return (15 * mass * speed**2 / (16 * radius**0.5 * stiff)) ** 0.4
+    value: float = (15 * mass * speed**2 / (16 * radius**0.5 * stiff)) ** 0.4
+    return value

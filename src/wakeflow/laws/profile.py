@@ -67,7 +67,8 @@ def table(p: Array, width: float, *, positions: Sequence[float], weights: Sequen
     rest, step = target - mass[k], x[k + 1] - x[k]
     slope = (w[k + 1] - w[k]) / step  # w s + slope s^2 / 2 = rest, in the form that does not cancel
     root = np.sqrt(np.maximum(w[k] ** 2 + 2.0 * slope * rest, 0.0))
-    return x[k] + np.clip(2.0 * rest / np.maximum(w[k] + root, 1e-300), 0.0, step)
+    value: Array = x[k] + np.clip(2.0 * rest / np.maximum(w[k] + root, 1e-300), 0.0, step)
+    return value
 
 
 def crowding(quantile: Callable[[Array], Array], width: float) -> float:

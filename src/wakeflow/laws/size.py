@@ -48,7 +48,8 @@ def normal(p: Array, *, mean: float, std: float) -> Array:
     below = NormalDist().cdf(-mean / std)
     if below > 0.01:
         raise SceneError(f"std = {std:g} puts {below:.0%} of the mass below zero; use lognormal")
-    return mean + std * _normal_quantile(below + np.asarray(p) * (1.0 - below))
+    value: Array = mean + std * _normal_quantile(below + np.asarray(p) * (1.0 - below))
+    return value
 
 
 @sizes.register("lognormal")
@@ -56,7 +57,8 @@ def lognormal(p: Array, *, median: float, geometric_std: float) -> Array:
     """Lognormal with mass ``median`` (m) and geometric standard deviation (> 1)."""
     if not geometric_std > 1.0:
         raise SceneError(f"geometric_std = {geometric_std:g} must be above 1 (1.5 is a usual milling product)")
-    return median * np.exp(np.log(geometric_std) * _normal_quantile(p))
+    value: Array = median * np.exp(np.log(geometric_std) * _normal_quantile(p))
+    return value
 
 
 @sizes.register("rosin-rammler")
@@ -99,4 +101,5 @@ def table(p: Array, *, diameters: Sequence[float], passing: Sequence[float]) -> 
         )
     if not np.all(np.diff(share) >= 0.0):
         raise SceneError("passing must not decrease: what passes a sieve passes every wider one")
-    return np.exp(np.interp(np.asarray(p), share, np.log(d)))
+    value: Array = np.exp(np.interp(np.asarray(p), share, np.log(d)))
+    return value

@@ -1,8 +1,8 @@
 """Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen, and Brownian motion.
 
 Each component of the fluctuation that the granule sees is rms = sqrt(2 k / 3) times a unit Ornstein-Uhlenbeck process
-of the integral time that :func:`crossing` shortens from :func:`lifetime`; :func:`langevin` steps it exactly, whatever
-the step.
+of the integral time that :func:`crossing_times` shortens from :func:`lifetime`; :func:`langevin` steps it exactly,
+whatever the step.
 
 Scalar functions of the math module, since the tracker's kernel compiles them as they stand; np.vectorize takes arrays.
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-__all__ = ["brownian_diffusivity", "crossing", "langevin", "lifetime"]
+__all__ = ["brownian_diffusivity", "crossing_times", "langevin", "lifetime"]
 
 C0 = 2.1  # of the simplified Langevin model, as in Minier & Peirano and in code_saturne
 LIFETIME = 1.0 / (0.5 + 0.75 * C0)
@@ -29,7 +29,7 @@ def lifetime(k: Any, dissipation: Any) -> Any:
     return LIFETIME * k / (dissipation + 1e-300)
 
 
-def crossing(lifetime: float, slip: float, rms: float) -> tuple[float, float]:
+def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, float]:
     """Integral times (s) that a granule sees, along its slip and across it: it slips out of eddies, which shortens
     both.
 

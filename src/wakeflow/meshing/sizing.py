@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..core.errors import SceneError
-from ..core.geometry import distance, is_symmetric
+from ..core.geometry import distance_between, is_symmetric
 from .spec import Array, Direction, MeshSpec, SideInlet, Strategy
 
 __all__ = ["plan_mesh"]
@@ -106,7 +106,7 @@ def _check_places(outlines: list[Array], width: float, top: float, bottom: float
                 f"x {-width / 2:g}..{width / 2:g} m, y {bottom:g}..{top:g} m"
             )
         for j, other in enumerate(outlines[:i]):
-            if distance(outline, other) <= 0:
+            if distance_between(outline, other) <= 0:
                 raise SceneError(f"bodies {j} and {i} touch each other: move one of them")
 
 

@@ -14,7 +14,7 @@ from typing import Literal
 
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
-from ..core.registry import nearest
+from ..core.registry import did_you_mean
 from ..laws.turbulence_models import model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import rungs
@@ -195,7 +195,7 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
     Raises SceneError for a rung that the scene cannot have.
     """
     if asked not in rungs:
-        raise SceneError(f"rung = {asked!r}: unknown{nearest(asked, list(rungs))} (known: {', '.join(rungs)})")
+        raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(rungs))} (known: {', '.join(rungs)})")
     if scene.air is None:
         if rungs[asked].needs_air:
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")

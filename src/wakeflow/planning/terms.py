@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..core.registry import nearest
+from ..core.registry import did_you_mean
 from ..laws.forces import FlightScales, forces
 from ..laws.turbulence_models import has_no_turbulence
 from ..scene import Fraction, Scene
@@ -75,11 +75,13 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
     for key, on in force.items():
         fraction, _, term = key.rpartition(".")
         if fraction and fraction not in scene.fraction:
-            raise SceneError(f"--force {key}: no fraction {fraction!r}{nearest(fraction, list(scene.fraction))}")
+            raise SceneError(f"--force {key}: no fraction {fraction!r}{did_you_mean(fraction, list(scene.fraction))}")
         if term in _always():
             raise SceneError(f"--force {key}: {term} always acts")
         if term not in bounds:
-            raise SceneError(f"--force {key}: unknown term{nearest(term, list(bounds))} (known: {', '.join(bounds)})")
+            raise SceneError(
+                f"--force {key}: unknown term{did_you_mean(term, list(bounds))} (known: {', '.join(bounds)})"
+            )
         if not on:
             continue
         if scene.air is None:

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.geometry import contains, distance, edges, segments_cross
-from ..core.registry import nearest
+from ..core.geometry import contains, distance_between, edges, segments_cross
+from ..core.registry import did_you_mean
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
 from .whole import SceneTables
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 def _bodies_apart(scene: SceneTables) -> Iterator[str]:
     outlines = [(name, body.outline()) for name, body in scene.body.items()]
     for (name, one), (other_name, other) in itertools.combinations(outlines, 2):
-        gap = distance(one, other)
+        gap = distance_between(one, other)
         if gap < APART * scene.width:
             how = "touch each other" if gap == 0.0 else f"are only {gap:.3g} m apart"
             yield f"body.{name} and body.{other_name} {how} (allowed: at least {APART * scene.width:.3g} m)"
@@ -83,13 +83,18 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
 
 def _body_needed(scene: SceneTables) -> Iterator[str]:
     """Check the keys that go only with a body, or only without one."""
-    feed, air, channel = scene.feed, scene.air, scene.channel
-    if scene.body:
-        for key in ("level", "direction"):
-            if getattr(feed, key) is not None:
-                first = next(iter(scene.body))
-                yield f"feed.{key}: for a channel without a body; here the curtain falls onto body.{first}"
+    if not scene.body:
+        yield from _goes_without_a_body(scene)
+        yield from _air_is_known_without_a_body(scene)
         return
+    for key in ("level", "direction"):
+        if getattr(scene.feed, key) is not None:
+            first = next(iter(scene.body))
+            yield f"feed.{key}: for a channel without a body; here the curtain falls onto body.{first}"
+
+
+def _goes_without_a_body(scene: SceneTables) -> Iterator[str]:
+    feed, channel = scene.feed, scene.channel
     if not channel.bottom < channel.top:
         yield f"channel.bottom = {channel.bottom:g} m must be below channel.top = {channel.top:g} m"
     if not channel.bottom < scene.level <= channel.top:
@@ -100,6 +105,10 @@ def _body_needed(scene: SceneTables) -> Iterator[str]:
         yield "feed.mode = 'injected': there is no body to meet; choose auto or resolved"
     if scene.vibration is not None:
         yield "vibration: there is no body that could vibrate; add one, or leave the table out"
+
+
+def _air_is_known_without_a_body(scene: SceneTables) -> Iterator[str]:
+    air, channel = scene.air, scene.channel
     if channel.inlet:
         yield "channel.inlet: secondary streams are computed only round a body; add one, or leave them out"
     if air is not None and air.case is not None:
@@ -129,7 +138,7 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
             yield f"fraction.{name}.target names a bin twice"
         for target in fraction.targets:
             if target not in known:
-                hint = f"no such bin{nearest(target, known)} (known: {', '.join(known)})"
+                hint = f"no such bin{did_you_mean(target, known)} (known: {', '.join(known)})"
                 yield f"fraction.{name}.target = {target!r}: {hint}"
     for name, collector in scene.bin.items():
         half, slack = scene.channel.width / 2, 1e-9 * scene.channel.width
@@ -189,7 +198,7 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
             yield f"{key}: every run draws one of this name; choose another"
         for one in picture.fractions or []:
             if one not in known:
-                yield f"{key}.fractions: no fraction {one!r}{nearest(one, known)} (known: {', '.join(known)})"
+                yield f"{key}.fractions: no fraction {one!r}{did_you_mean(one, known)} (known: {', '.join(known)})"
         if isinstance(picture, Streamlines) and (scene.air is None or not scene.body):
             yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
         asked, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))

@@ -12,7 +12,7 @@ from ..core.errors import SceneError
 from ..laws.constants import GRAVITY
 from ..laws.profile import crowding, profiles
 from .table import Array, Table, takes
-from .units import AnyAngle, Coordinate, Length, Rate, Speed
+from .units import AnyAngle, Coordinate, Length, MassRate, Speed
 
 __all__ = ["Feed", "Profile"]
 
@@ -63,7 +63,7 @@ class Feed(Table):
     profile: Annotated[Profile, BeforeValidator(_one_word)] = Field(
         Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
     )
-    rate: Rate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
+    rate: MassRate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
     depth: Length = Field(1.0, description="of the machine, across the plane")
     count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
     seed: Annotated[int, Field(ge=0)] = 0

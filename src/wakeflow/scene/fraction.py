@@ -17,7 +17,7 @@ from ..laws.material import Material, materials
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
 from .table import Array, Table, takes
-from .units import Density, Diameter, PositiveSpeed, Share
+from .units import Diameter, MassDensity, PositiveSpeed, Share
 
 __all__ = ["Fraction", "Rebound", "Size", "Speeds"]
 
@@ -130,7 +130,7 @@ class Fraction(Table):
     size: Annotated[Size, BeforeValidator(_one_diameter)] | None = Field(
         None, description="one diameter, or a distribution by mass"
     )
-    density: Density | None = None
+    density: MassDensity | None = None
     sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
         None, description="surface of the equal sphere over surface"
     )

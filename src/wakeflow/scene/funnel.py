@@ -13,7 +13,7 @@ from ..laws.discharge import beverloo
 from ..laws.material import Material, materials
 from ..laws.restitution import restitution_at
 from .table import Table
-from .units import Density, Diameter, Frequency, Length, Mass, Modulus, SlopeAngle
+from .units import Diameter, Frequency, Length, Mass, MassDensity, Modulus, SlopeAngle
 
 __all__ = ["LOOSE", "Funnel"]
 
@@ -37,7 +37,7 @@ class Funnel(Table):
     material: str = Field("glass-beads", description="one of: " + ", ".join(materials))
     low: Diameter = Field(1.1e-3, description="smallest bead; sizes are uniform between low and high")
     high: Diameter = Field(1.3e-3, description="largest bead")
-    density: Density | None = Field(None, description="of a bead; default: the material's")
+    density: MassDensity | None = Field(None, description="of a bead; default: the material's")
     mass: Mass | None = Field(None, description="of all beads; default 35 g")
     count: Annotated[int, Field(ge=10, le=MOST)] | None = Field(None, description="of beads, instead of mass")
     restitution: Annotated[float, Field(gt=0.05, le=1)] | None = Field(None, description="default: the material's")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from pydantic import BaseModel, ValidationError
 
-from ..core.registry import nearest
+from ..core.registry import did_you_mean
 from .bins import Bin
 from .feed import Feed, Profile
 from .fraction import Fraction, Rebound, Size, Speeds
@@ -27,11 +27,11 @@ def explain(problem: ValidationError) -> Iterator[str]:
         if error["type"].startswith("union_tag"):
             kinds = list(picture_tables())
             given = error.get("ctx", {}).get("tag")
-            hint = "missing" if given is None else f"{given!r} is unknown{nearest(given, kinds)}"
+            hint = "missing" if given is None else f"{given!r} is unknown{did_you_mean(given, kinds)}"
             yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
         elif error["type"] == "extra_forbidden":
             known = _known_keys(where[:-1])
-            yield f"{key}: unknown key{nearest(where[-1], known)} (known: {', '.join(known)})"
+            yield f"{key}: unknown key{did_you_mean(where[-1], known)} (known: {', '.join(known)})"
         elif error["type"] == "missing":
             yield f"{key}: missing{_allowed(where)}"
         elif isinstance(value, Mapping | BaseModel):

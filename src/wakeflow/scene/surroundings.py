@@ -18,9 +18,9 @@ from .table import Array, Table, takes
 from .units import (  # fmt: skip
     AnyAngle,
     Coordinate,
-    Density,
     Frequency,
     Length,
+    MassDensity,
     Name,
     Point,
     PositiveSpeed,
@@ -64,7 +64,8 @@ class Body(Table):
             sharp = shapes[self.shape](**given)
         except TypeError:
             raise SceneError(takes("shape", self.shape, shapes[self.shape], given)) from None
-        return (sharp if self.rounding is None else rounded(sharp, self.rounding)) + np.asarray(self.at)
+        shape: Array = sharp if self.rounding is None else rounded(sharp, self.rounding)
+        return np.asarray(shape + np.asarray(self.at))
 
 
 class Inlet(Table):
@@ -103,7 +104,7 @@ class Air(Table):
 
     speed: PositiveSpeed
     direction: Literal["down", "up"] = "down"
-    density: Density = STANDARD_AIR[0]
+    density: MassDensity = STANDARD_AIR[0]
     viscosity: Viscosity = STANDARD_AIR[1]
     turbulence: Annotated[float, Field(ge=0.001, le=0.5)] = Field(0.05, description="inlet intensity, u'/U")
     profile: Literal["uniform", "parabolic"] = Field(

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-__all__ = ["Array", "Table", "takes"]
+__all__ = ["Table", "takes"]
 
 Array = NDArray[np.float64]
 
 
 class Table(BaseModel):
+    """A table of a scene file: unknown keys and values of another type are refused, and nothing changes it later."""
+
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..core.registry import nearest
+from ..core.registry import did_you_mean
 from ..core.resources import scene_templates
 
 __all__ = ["write_template"]
@@ -19,7 +19,7 @@ def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:
     """
     known = scene_templates()
     if kind not in known:
-        raise SceneError(f"unknown scene {kind!r}{nearest(kind, list(known))} (known: {', '.join(known)})")
+        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
     if target.exists() and not overwrite:
         raise SceneError(f"{target} exists; choose another name or add --overwrite")
     with atomic_write(target) as stream:

@@ -10,17 +10,17 @@ from pydantic import BeforeValidator, Field
 __all__ = [
     "AnyAngle",
     "Coordinate",
-    "Density",
     "Diameter",
     "Duration",
     "Frequency",
     "Length",
     "Mass",
+    "MassDensity",
+    "MassRate",
     "Modulus",
     "Name",
     "Point",
     "PositiveSpeed",
-    "Rate",
     "Share",
     "SlopeAngle",
     "Speed",
@@ -64,11 +64,11 @@ AnyAngle = Annotated[
 ]
 Speed = Annotated[float, Field(ge=0, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "1.4 m/s")]
 PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "5 m/s")]
-Density = Annotated[float, Field(gt=0, le=3e4, json_schema_extra=_unit("kg/m^3")), _in("kg/m^3", "1300 kg/m^3")]
+MassDensity = Annotated[float, Field(gt=0, le=3e4, json_schema_extra=_unit("kg/m^3")), _in("kg/m^3", "1300 kg/m^3")]
 Viscosity = Annotated[float, Field(ge=1e-7, le=1, json_schema_extra=_unit("Pa*s")), _in("Pa*s", "1.8e-5 Pa*s")]
 Frequency = Annotated[float, Field(gt=0, le=1e4, json_schema_extra=_unit("Hz")), _in("Hz", "30 Hz")]
 Duration = Annotated[float, Field(gt=0, lt=1e4, json_schema_extra=_unit("s")), _in("s", "0.2 s")]
-Rate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
+MassRate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
 Mass = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("kg")), _in("kg", "35 g")]
 Modulus = Annotated[float, Field(ge=5e6, le=1e9, json_schema_extra=_unit("Pa")), _in("Pa", "5 MPa")]
 Share = Annotated[float, Field(gt=0, le=1)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -14,7 +15,7 @@ from ..laws.restitution import Restitution
 __all__ = ["Granules"]
 
 Array = NDArray[np.float64]
-SCALARS = {  # name: (what it may be, in words; test)
+SCALARS: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may be, in words; test)
     "diameter": ("positive", lambda x: x > 0),
     "density": ("positive", lambda x: x > 0),
     "sphericity": ("above 0 and at most 1", lambda x: (x > 0) & (x <= 1)),

@@ -112,10 +112,12 @@ def _samples(body: Body) -> list[float]:
 
 
 def rows_of_floats(rows: Sequence[object], width: int) -> Array:
+    """Rows of ``width`` numbers as a contiguous array, also where there are none."""
     return np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(len(rows), width))
 
 
 def rows_of_ints(rows: Sequence[object], width: int) -> Index:
+    """Rows of ``width`` whole numbers as a contiguous array, also where there are none."""
     return np.ascontiguousarray(np.array(rows, dtype=np.int64).reshape(len(rows), width))
 
 

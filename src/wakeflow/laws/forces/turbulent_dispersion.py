@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..turbulence import crossing
+from ..turbulence import crossing_times
 from .record import Air, Force, Grains, Slots
 from .scales import Bound, FlightScales
 
@@ -21,7 +21,7 @@ def _shift(flight: FlightScales) -> float:
     rms = strength * flight.air_speed
     if rms == 0.0:
         return 0.0
-    lifetime = crossing(EDDY * flight.width / rms, flight.typical_slip, rms)[0]
+    lifetime = crossing_times(EDDY * flight.width / rms, flight.typical_slip, rms)[0]
     follows = flight.reach(flight.time) / flight.tau
     return TWO_SIGMA * math.sqrt(2.0 * rms**2 * lifetime * flight.near) * follows / flight.width
 

@@ -21,7 +21,7 @@ from .locate import barycentric
 
 __all__ = ["mirror", "renew"]
 
-_crossing = compiled(turbulence.crossing)
+_crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
 G1, G2, G3 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 S27, S30, S31, S11 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(11)

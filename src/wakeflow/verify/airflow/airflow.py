@@ -19,10 +19,10 @@ from ...pipeline.pipeline import Pipeline
 from ...planning.make import make_plan
 from ...results.grid_convergence import GridEstimate, cell_size, estimate
 from ...scene import Scene
-from .measured import Number, SolvedAirflow, measured, quantities
+from .measured import QuantityValue, SolvedAirflow, measured, quantities
 from .published import Case, Published, cases
 
-__all__ = ["Row", "compare", "grid_study", "momentum", "run_airflow", "run_scene"]
+__all__ = ["ComparedValue", "compare_case", "grid_study", "momentum", "run_airflow", "run_scene"]
 
 Tell = Callable[[str], None]
 GRIDS = (1.0, 1.5, 2.25)  # mesh scales of the study of a scene that nothing is published of
@@ -31,7 +31,7 @@ SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied 
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparedValue:
     """One number of one case. ``low`` .. ``high`` holds the 95 % interval of the finest mesh, or, where several were
     computed, the mesh error with it (``error`` says how, ``order`` the observed one). ``theirs``: low and high of what
     is published; ``deviation`` relative to its nearer end; ``met`` None where no agreement was asked for.
@@ -57,7 +57,7 @@ class Row:
     status: str
 
 
-def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
+def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> dict[str, Any]:
     """Compute the quick cases, with ``slow`` all, and write ``airflow.json`` and ``airflow.md`` into ``folder``.
 
     Everything is cached: the same call goes on after an interruption. Where the mesh or airflow of a case fails the
@@ -67,7 +67,7 @@ def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
     return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell)
 
 
-def run_scene(path: Path, folder: Path, *, tell: Tell = lambda text: None) -> dict[str, Any]:
+def run_scene(path: Path, folder: Path, *, tell: Tell = lambda _: None) -> dict[str, Any]:
     """The same for one scene, written as ``scene-NAME.json`` and ``.md``: the case of its file's name where the body,
     the channel and the air are that case's; a study on three grids of any other, since nothing is published of it.
     """
@@ -96,7 +96,7 @@ def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Te
     for case, scene in chosen:
         tell(case.title)
         try:
-            rows, beside = compare(case, scene, tell)
+            rows, beside = compare_case(case, scene, tell)
         except (FoamError, MeshError) as problem:
             report["failed"].append({"case": case.name, "why": str(problem)})
             continue
@@ -110,14 +110,14 @@ def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Te
 
 
 def _write(report: dict[str, Any], folder: Path, name: str) -> None:
-    from ..tables import airflow_markdown
+    from ..proof_tables import airflow_markdown
 
     write_json(folder / f"{name}.json", json.loads(json.dumps(report)))
     with atomic_write(folder / f"{name}.md") as stream:
         stream.write(airflow_markdown(report))
 
 
-def compare(case: Case, scene: Scene, tell: Tell = lambda text: None) -> tuple[list[Row], dict[str, Any]]:
+def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple[list[ComparedValue], dict[str, Any]]:
     """All rows of one case, and the momentum model beside it."""
     asked = tuple(dict.fromkeys(v.quantity for v in case.values)) or SHARED
     grids = [solve(scene, scale, None, tell) for scale in sorted(case.scales)]
@@ -157,10 +157,10 @@ def grid_study(airflows: Sequence[SolvedAirflow], names: Sequence[str], scene: S
 
 
 def _plain(
-    case: Case, rung: str, airflow: SolvedAirflow, name: str, number: Number | None, study: GridEstimate | None
-) -> Row:
+    case: Case, rung: str, airflow: SolvedAirflow, name: str, number: QuantityValue | None, study: GridEstimate | None
+) -> ComparedValue:
     shown = study or number
-    return Row(
+    return ComparedValue(
         case=case.name, title=case.title, rung=rung, quantity=quantities[name].label,
         ours=None if shown is None else shown.value, low=None if shown is None else shown.low,
         high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, met=None,
@@ -171,28 +171,35 @@ def _plain(
 
 
 def _row(
-    case: Case, rung: str, airflow: SolvedAirflow, known: Published, number: Number | None, study: GridEstimate | None,
+    case: Case,
+    rung: str,
+    airflow: SolvedAirflow,
+    known: Published,
+    number: QuantityValue | None,
+    study: GridEstimate | None,
     judged: bool = True,
-) -> Row:  # fmt: skip
+) -> ComparedValue:
     row = asdict(_plain(case, rung, airflow, known.quantity, number, study))
     deviation = None if number is None else known.deviation(number.value)
     within = known.within if judged else None
     met = None if within is None else deviation is not None and abs(deviation) <= within
     known_of = {"theirs": (known.low, known.high), "source": known.source, "status": known.status}
-    return Row(**{**row, **known_of, "deviation": deviation, "within": within, "met": met})
+    return ComparedValue(**{**row, **known_of, "deviation": deviation, "within": within, "met": met})
 
 
-def _order_row(case: Case, rung: str, airflow: SolvedAirflow, studies: dict[str, GridEstimate]) -> Iterator[Row]:
+def _order_row(
+    case: Case, rung: str, airflow: SolvedAirflow, studies: dict[str, GridEstimate]
+) -> Iterator[ComparedValue]:
     for name, least in case.order.items():
         study = studies[name]
         row = asdict(_plain(case, rung, airflow, name, None, study))
         label = f"order of {quantities[name].label}, at least {least:g}"
         met = study.order is not None and study.order >= least
         shown = {"quantity": label, "ours": study.order, "low": None, "high": None, "met": met, "source": study.why}
-        yield Row(**{**row, **shown})
+        yield ComparedValue(**{**row, **shown})
 
 
-def _beside_rows(case: Case, scene: Scene, own: Sequence[Row], tell: Tell) -> Iterator[Row]:
+def _beside_rows(case: Case, scene: Scene, own: Sequence[ComparedValue], tell: Tell) -> Iterator[ComparedValue]:
     """The other rung's numbers, only reported; and whether the scene's own rung is closer where it has to be."""
     rung, airflow = solve(scene, min(case.scales), case.beside, tell)
     rows = {v: _row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, False) for v in case.values}
@@ -202,7 +209,7 @@ def _beside_rows(case: Case, scene: Scene, own: Sequence[Row], tell: Tell) -> It
         mine = next(row for row, v in zip(own, case.values, strict=False) if v is known)
         distances = [abs(row.deviation) if row.deviation is not None else float("inf") for row in (mine, rows[known])]
         table = asdict(mine) | {"quantity": f"{mine.quantity}: closer than {rung}", "within": None, "error": ""}
-        yield Row(**{**table, "met": distances[0] < distances[1]})
+        yield ComparedValue(**{**table, "met": distances[0] < distances[1]})
 
 
 def momentum(case: Case, scene: Scene, airflow: SolvedAirflow) -> dict[str, Any]:

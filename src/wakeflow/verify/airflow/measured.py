@@ -18,13 +18,13 @@ from ...pipeline.pipeline import Pipeline
 from ...results.airflow_summary import Airflow, airflow_of
 from ...results.measured import Measured
 
-__all__ = ["Number", "Quantity", "SolvedAirflow", "measured", "quantities"]
+__all__ = ["Quantity", "QuantityValue", "SolvedAirflow", "measured", "quantities"]
 
 HISTORY_CD, HISTORY_CL = 1, 3  # columns of OpenFOAM's coefficient.dat
 
 
 @dataclass(frozen=True)
-class Number:
+class QuantityValue:
     """A value with the ends of its 95 % interval."""
 
     value: float
@@ -79,7 +79,7 @@ class Quantity:
     """``label`` as printed in tables; ``of`` a solved airflow: the number, None where it has none."""
 
     label: str
-    of: Callable[[SolvedAirflow], Number | None]
+    of: Callable[[SolvedAirflow], QuantityValue | None]
 
 
 quantities: Registry[Quantity] = Registry("quantity")
@@ -91,30 +91,30 @@ def measured(pipeline: Pipeline) -> SolvedAirflow:
     return SolvedAirflow(airflow_of(pipeline), pipeline.solution[1] / "case", pipeline.scene.width, start)
 
 
-def _number(found: Measured | float | None, scale: float = 1.0) -> Number | None:
+def _number(found: Measured | float | None, scale: float = 1.0) -> QuantityValue | None:
     """A number of an airflow, with or without its interval."""
     if found is None:
         return None
     low, value, high = (found.low, found.value, found.high) if isinstance(found, Measured) else (found,) * 3
     if value is None or low is None or high is None:
         return None
-    return Number(scale * value, scale * low, scale * high)
+    return QuantityValue(scale * value, scale * low, scale * high)
 
 
-def _pressures(airflow: SolvedAirflow) -> Number | None:
+def _pressures(airflow: SolvedAirflow) -> QuantityValue | None:
     front, base = _number(airflow.found.cp_front), _number(airflow.found.cp_base)
     assert front is not None
     assert base is not None
-    return Number(front.value - base.value, front.low - base.high, front.high - base.low)
+    return QuantityValue(front.value - base.value, front.low - base.high, front.high - base.low)
 
 
-def _reversal(airflow: SolvedAirflow) -> Number | None:
+def _reversal(airflow: SolvedAirflow) -> QuantityValue | None:
     zone = airflow.found.suction
     return None if zone is None else _number(zone.reversal_length, 1 / airflow.width)
 
 
-def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[SolvedAirflow], Number | None]:
-    def of(airflow: SolvedAirflow) -> Number | None:
+def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[SolvedAirflow], QuantityValue | None]:
+    def of(airflow: SolvedAirflow) -> QuantityValue | None:
         return None if airflow.found.period is None else _number(float(what(airflow.last_periods[:, column])))
 
     return of

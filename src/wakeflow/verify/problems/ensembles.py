@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...field import FlowField
 from ...laws.turbulence import brownian_diffusivity, lifetime
 from ...tracking import Body, Fate, Granules, track
-from .exact import VISCOSITY, Number, box, field_on, numbers, of_tau, ring
+from .exact import VISCOSITY, ExactNumber, box, exact_numbers, field_on, of_tau, ring
 
 __all__: list[str] = []
 
@@ -28,7 +28,9 @@ def number(
     def add(measure: Callable[[float], Array]) -> Callable[[float], Array]:
         known = None if exact is None else np.asarray(exact, dtype=float)
         least, most = (np.broadcast_to(np.asarray(b, dtype=float), (len(labels),)) for b in (low, high))
-        numbers.add(name, Number(means, source, frozenset(tags.split()), measure, least, most, labels, known))
+        exact_numbers.add(
+            name, ExactNumber(means, source, frozenset(tags.split()), measure, least, most, labels, known)
+        )
         return measure
 
     return add
@@ -159,16 +161,19 @@ def taylor_dispersion(tolerance: float) -> Array:
     "affine drag brownian", ("t = 0.1 s", "t = 1 s"), 1 - SPREAD, 1.02 + SPREAD, (1.0, 1.0),
 )  # fmt: skip
 def brownian_spreading(tolerance: float) -> Array:
-    diameter, found = 10e-6, []  # 1.7 % slip of the air on granules so fine is allowed for
+    return np.array([spread_of_dust(t, tolerance) for t in (0.1, 1.0)])
+
+
+def spread_of_dust(t: float, tolerance: float) -> float:
+    """Variance of dust of 10 um in still air after ``t`` (s) over 2 D t; its steps are as many as relaxation times."""
+    diameter = 10e-6  # 1.7 % slip of the air on granules so fine is allowed for
     field, diffusivity = _still(1e-3), brownian_diffusivity(diameter, VISCOSITY)
-    for t in (0.1, 1.0):
-        grains = Granules(np.zeros((SWARM, 2)), np.zeros((SWARM, 2)), diameter, 100.0)
-        tracks = track(
-            field, grains, until=t, tolerance=tolerance, length=np.sqrt(diffusivity * t), forces=("drag", "brownian"),
-            drag="stokes", seed=1,
-        )  # fmt: skip
-        found.append(np.mean(tracks.position**2) / (2 * diffusivity * t))
-    return np.array(found)
+    grains = Granules(np.zeros((SWARM, 2)), np.zeros((SWARM, 2)), diameter, 100.0)
+    tracks = track(
+        field, grains, until=t, tolerance=tolerance, length=np.sqrt(diffusivity * t), forces=("drag", "brownian"),
+        drag="stokes", seed=1,
+    )  # fmt: skip
+    return float(np.mean(tracks.position**2) / (2 * diffusivity * t))
 
 
 def _still(half: float, k: float = 0.0, dissipation: float = 0.0) -> FlowField:

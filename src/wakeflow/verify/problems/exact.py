@@ -21,9 +21,21 @@ from ...field import FlowField
 from ...tracking import Granules, Tracks, track
 
 __all__ = [
-    "TAGS", "Answer", "Number", "Problem", "Setting", "accepts", "box", "field_on", "fly", "numbers", "of_tau",
-    "problem", "problems", "ring",
-]  # fmt: skip
+    "TAGS",
+    "Answer",
+    "ExactNumber",
+    "ExactProblem",
+    "Setting",
+    "accepts",
+    "box",
+    "exact_numbers",
+    "exact_problems",
+    "field_on",
+    "fly",
+    "of_tau",
+    "problem",
+    "ring",
+]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -34,7 +46,7 @@ TAGS = frozenset({
     "affine",  # the air is linear in place: the mesh must not matter
     "curved",  # every face bends the track
     "time-dependent", "walls", "lines", "stiff", "ballistic", "nonlinear",
-    "judged",  # no closed form: the answer is scipy's on the same interpolant (see ``judge``)
+    "judged",  # no closed form: the answer is scipy's on the same interpolant (``reference_end_states``)
 })  # fmt: skip
 
 
@@ -62,7 +74,7 @@ class Answer:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class ExactProblem:
     """``make(cells)`` gives setting and answer; ``order`` is that of the error in the step, None where the tracker's
     formula is exact; ``cells`` across the mesh by default; ``tags`` from TAGS and names of forces.
     """
@@ -86,7 +98,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Number:
+class ExactNumber:
     """``measure(tolerance)`` gives numbers (m,) that must lie between ``low`` and ``high`` (m,); ``exact`` (m,) where
     known; ``labels`` say what each belongs to.
     """
@@ -106,8 +118,8 @@ class Number:
         return tuple(sorted(self.tags - TAGS))
 
 
-problems: Registry[Problem] = Registry("exact problem")
-numbers: Registry[Number] = Registry("exact number")
+exact_problems: Registry[ExactProblem] = Registry("exact problem")
+exact_numbers: Registry[ExactNumber] = Registry("exact number")
 
 
 def problem(
@@ -118,7 +130,7 @@ def problem(
     """
 
     def add(make: Callable[[int], tuple[Setting, Answer]]) -> Callable[[int], tuple[Setting, Answer]]:
-        problems.add(name, Problem(means, source, frozenset(tags.split()), make, order, cells))
+        exact_problems.add(name, ExactProblem(means, source, frozenset(tags.split()), make, order, cells))
         return make
 
     return add

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ...laws.drag import drag_table, table_factor
 from ...tracking import Body, Fate, Granules
-from .equation import Plane, judge
 from .exact import DENSITY, Answer, G, Setting, box, field_on, of_tau, problem
+from .reference_all_terms import Plane, reference_end_states
 
 __all__ = ["modes", "taylor_green", "two_modes"]
 
@@ -250,32 +250,33 @@ def taylor_green(points: Array) -> Array:
 
 @problem(
     "nonlinear-drag-in-cells", "Brown & Lawler's drag in Taylor-Green cells with a mean stream",
-    "Maxey, M.R. 1987, Phys. Fluids 30, 1915 (cellular flow); the judge", "curved nonlinear judged drag gravity",
+    "Maxey, M.R. 1987, Phys. Fluids 30, 1915 (cellular flow); the reference integrator",
+    "curved nonlinear judged drag gravity",
     cells=12,
 )  # fmt: skip
 def nonlinear_drag_in_cells(cells: int) -> tuple[Setting, Answer]:
     diameter = np.array([4e-3, 1e-3, 3e-4])
     start, speed = np.array([[0.23, 0.71], [-0.31, 0.64], [0.6, 0.8]]), np.array([[0.8, -0.3], [1.0, 0.5], [-1.0, 0.0]])
     setting = Setting(field_on(box(cells), taylor_green), Granules(start, speed, diameter, 900.0), 0.25)
-    end = judge(setting)
+    end = reference_end_states(setting)
     return setting, Answer(end[:, :2], end[:, 2:4])
 
 
 @problem(
-    "dust-in-cells", "stiff granules with nonlinear drag in Taylor-Green cells", "the judge, Radau",
+    "dust-in-cells", "stiff granules with nonlinear drag in Taylor-Green cells", "the reference integrator, Radau",
     "curved nonlinear stiff judged drag gravity", cells=12,
 )  # fmt: skip
 def dust_in_cells(cells: int) -> tuple[Setting, Answer]:
     diameter = np.array([1e-4, 3e-5, 3e-6])
     start, speed = np.array([[0.23, 0.71], [-0.31, 0.64], [0.6, 0.8]]), np.array([[0.8, -0.3], [1.0, 0.5], [-1.0, 0.0]])
     setting = Setting(field_on(box(cells), taylor_green), Granules(start, speed, diameter, 900.0), 0.1)
-    end = judge(setting, stiff=True, rtol=1e-10)
+    end = reference_end_states(setting, stiff=True, rtol=1e-10)
     return setting, Answer(end[:, :2], end[:, 2:4])
 
 
 @problem(
     "snapshots-of-cells", "nonlinear drag in Taylor-Green cells whose strength changes from snapshot to snapshot",
-    "the judge", "curved nonlinear time-dependent judged drag gravity", cells=6,
+    "the reference integrator", "curved nonlinear time-dependent judged drag gravity", cells=6,
 )  # fmt: skip
 def snapshots_of_cells(cells: int) -> tuple[Setting, Answer]:
     mesh, times = box(cells), np.array([0.0, 0.03, 0.08, 0.11])
@@ -283,7 +284,7 @@ def snapshots_of_cells(cells: int) -> tuple[Setting, Answer]:
     field = field_on(mesh, values, times=times, period=0.13)
     start, speed = np.array([[0.23, 0.71], [-0.31, 0.64]]), np.array([[0.8, -0.3], [1.0, 0.5]])
     setting = Setting(field, Granules(start, speed, np.array([1e-3, 3e-4]), 900.0), 0.2)
-    end = judge(setting)
+    end = reference_end_states(setting)
     return setting, Answer(end[:, :2], end[:, 2:4])
 
 
@@ -291,7 +292,8 @@ def snapshots_of_cells(cells: int) -> tuple[Setting, Answer]:
 
 
 @problem(
-    "bounce-on-a-slope", "nonlinear drag in curved air, a bounce with friction on a slope, and on", "the judge",
+    "bounce-on-a-slope", "nonlinear drag in curved air, a bounce with friction on a slope, and on",
+    "the reference integrator",
     "curved nonlinear walls judged drag gravity", cells=8,
 )  # fmt: skip
 def bounce_on_a_slope(cells: int) -> tuple[Setting, Answer]:
@@ -303,7 +305,7 @@ def bounce_on_a_slope(cells: int) -> tuple[Setting, Answer]:
     grains = Granules(start, speed, np.array([1e-3, 2e-3, 4e-3]), 900.0, restitution=0.6, friction=0.2)
     field = field_on(box(cells, (-1.0, -1.5), (1.5, 1.0)), taylor_green)
     setting = Setting(field, grains, 0.6, {"bodies": (slope,), "length": 1.0})
-    end = judge(setting, [Plane(tuple(foot), tuple(normal))])
+    end = reference_end_states(setting, [Plane(tuple(foot), tuple(normal))])
     return setting, Answer(end[:, :2], end[:, 2:4])
 
 

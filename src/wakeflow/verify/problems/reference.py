@@ -24,7 +24,7 @@ from ...laws.constants import GRAVITY
 from ...laws.drag import drag_laws
 from ...tracking import Body, Granules
 
-__all__ = ["Problem", "Reference", "fly_reference"]
+__all__ = ["Reference", "TrackingProblem", "fly_reference"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -36,7 +36,7 @@ FLYING, LANDED, AIRBORNE, UNFINISHED = range(4)
 
 
 @dataclass(frozen=True)
-class Problem:
+class TrackingProblem:
     """What every tracker solves: field, bodies at rest, ``until`` (s), drag law, forces and gravity (m/s2)."""
 
     field: FlowField
@@ -65,7 +65,7 @@ class Reference:
 class _Flight:
     """Granules in flight; arrays over all of them, worked on by index."""
 
-    def __init__(self, problem: Problem, grains: Granules) -> None:
+    def __init__(self, problem: TrackingProblem, grains: Granules) -> None:
         self.problem, self.grains, self.field = problem, grains, problem.field
         field, count = problem.field, len(grains)
         self.y = np.concatenate([grains.position, grains.velocity], axis=1)
@@ -260,7 +260,7 @@ class _Flight:
         with np.errstate(divide="ignore", invalid="ignore"):
             straight = np.where(rate < 0.0, np.maximum(level, 0.0) / -rate, np.inf).min(axis=1)
         guess = np.where(straight > 1e-9, 1.02, 1.0) * straight
-        return np.minimum(self.h[i], np.where(np.isfinite(self.aim[i]), self.aim[i], guess))
+        return np.asarray(np.minimum(self.h[i], np.where(np.isfinite(self.aim[i]), self.aim[i], guess)))
 
     def _beyond(self, i: Index, y: Array, end: Array, h: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Array]:
         """Whether steps end outside, or bulge out between; and the share of the step after which Newton sees the way
@@ -312,7 +312,9 @@ def distance(outline: Array, x: Array) -> tuple[Array, Array]:
     return sign * least, (sign / np.where(least > 0.0, least, 1.0))[:, None] * away
 
 
-def fly_reference(problem: Problem, grains: Granules, *, rtol: float = 1e-12, seconds: float = np.inf) -> Reference:
+def fly_reference(
+    problem: TrackingProblem, grains: Granules, *, rtol: float = 1e-12, seconds: float = np.inf
+) -> Reference:
     """Integrate every granule until it leaves the mesh; ``seconds`` bounds the run time; granules that are not done by
     then have not landed.
     """

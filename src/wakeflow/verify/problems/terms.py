@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ...laws.rotation import magnus_factor
 from ...tracking import Granules
-from .equation import judge
 from .exact import DENSITY, VISCOSITY, Answer, G, Setting, box, field_on, problem
 from .flights import taylor_green
+from .reference_all_terms import reference_end_states
 
 __all__: list[str] = []
 
@@ -214,18 +214,19 @@ def spin_decay_problem(cells: int) -> tuple[Setting, Answer]:
 
 @problem(
     "magnus-spin-down", "in still air without drag: constant speed, on an arc that unbends as the spin decays at finite"
-    " Re", "the judge", "affine nonlinear judged magnus",
+    " Re", "the reference integrator", "affine nonlinear judged magnus",
 )  # fmt: skip
 def magnus_spin_down(cells: int) -> tuple[Setting, Answer]:
     diameter, density = np.array([1e-3, 3e-3, 3e-3]), np.array([3.0, 30.0, 10.0])
     start, speed = np.array([[-0.5, 0.0], [0.4, 0.1], [-0.2, -0.6]]), np.array([[1.0, 0.5], [-1.0, 0.0], [0.0, 1.0]])
     grains = Granules(start, speed, diameter, density, spin=np.array([2000.0, -3000.0, 500.0]), inertia=0.4)
     setting = Setting(field_on(box(cells), np.zeros_like), grains, 0.4, {"forces": ("magnus",)})
-    return setting, _judged(setting)
+    return setting, _referenced(setting)
 
 
 @problem(
-    "spinning-throw", "drag, gravity, Magnus and the torque at finite Re, in a linear shear", "the judge",
+    "spinning-throw", "drag, gravity, Magnus and the torque at finite Re, in a linear shear",
+    "the reference integrator",
     "affine nonlinear judged drag gravity magnus",
 )  # fmt: skip
 def spinning_throw(cells: int) -> tuple[Setting, Answer]:
@@ -234,11 +235,11 @@ def spinning_throw(cells: int) -> tuple[Setting, Answer]:
     grains = Granules(start, speed, diameter, density, spin=np.array([900.0, -3000.0, 2e4]), inertia=0.4)
     field = field_on(box(cells), lambda p: np.stack([4 * p[:, 1], 0 * p[:, 1]], axis=1))
     setting = Setting(field, grains, 0.2, {"forces": ("drag", "gravity", "magnus")})
-    return setting, _judged(setting)
+    return setting, _referenced(setting)
 
 
-def _judged(setting: Setting, stiff: bool = False) -> Answer:
-    end = judge(setting, stiff=stiff, rtol=1e-10 if stiff else 1e-12)
+def _referenced(setting: Setting, stiff: bool = False) -> Answer:
+    end = reference_end_states(setting, stiff=stiff, rtol=1e-10 if stiff else 1e-12)
     return Answer(end[:, :2], end[:, 2:4], spin=end[:, 4])
 
 
@@ -247,17 +248,19 @@ CELLS_SPEED = np.array([[0.8, -0.3], [1.0, 0.5], [-1.0, 0.0]])
 
 
 @problem(
-    "lift-in-cells", "shear lift in Taylor-Green cells: the air's vorticity jumps at every face", "the judge",
+    "lift-in-cells", "shear lift in Taylor-Green cells: the air's vorticity jumps at every face",
+    "the reference integrator",
     "curved nonlinear judged drag gravity lift", cells=8,
 )  # fmt: skip
 def lift_in_cells(cells: int) -> tuple[Setting, Answer]:
     grains = Granules(CELLS_START, CELLS_SPEED, np.array([2e-3, 1e-3, 3e-4]), np.array([50.0, 100.0, 300.0]))
     setting = Setting(field_on(box(cells), taylor_green), grains, 0.2, {"forces": ("drag", "gravity", "lift")})
-    return setting, _judged(setting)
+    return setting, _referenced(setting)
 
 
 @problem(
-    "all-terms-in-cells", "every deterministic term at once, light and heavy spheres that spin", "the judge",
+    "all-terms-in-cells", "every deterministic term at once, light and heavy spheres that spin",
+    "the reference integrator",
     "curved nonlinear judged drag gravity buoyancy pressure-gradient added-mass lift magnus", cells=8,
 )  # fmt: skip
 def all_terms_in_cells(cells: int) -> tuple[Setting, Answer]:
@@ -275,4 +278,4 @@ def all_terms_in_cells(cells: int) -> tuple[Setting, Answer]:
     )
     forces = ("drag", "gravity", "buoyancy", "pressure-gradient", "added-mass", "lift", "magnus")
     setting = Setting(field, grains, 0.15, {"forces": forces})
-    return setting, _judged(setting)
+    return setting, _referenced(setting)

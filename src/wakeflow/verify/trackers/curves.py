@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..problems.reference import Reference
-from .subjects import Subject
+from .benchmark_cases import BenchmarkCase
 
-__all__ = ["Ends", "Row", "cost_at", "score", "timed"]
+__all__ = ["CurvePoint", "Ends", "cost_at", "score", "timed"]
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class Ends:
 
 
 @dataclass(frozen=True)
-class Row:
+class CurvePoint:
     """One method at one setting: landing errors in body widths, cost, rates. None where a number is not known."""
 
     kind: str
@@ -43,7 +43,7 @@ class Row:
     p95: float | None
     judged: int  # granules whose landing the reference knows
     others: float  # share of them with other contacts than the reference's, or not landed; without a count of contacts
-    # (the peer): with any contact in the reference
+    # (OpenFOAM's tracker): with any contact in the reference
     bin_error: float  # largest error of a bin's share
     seconds: float  # per granule, on the clock, with the cores it uses
     cpu: float  # processor seconds per granule, over all cores: other work on the machine disturbs them least
@@ -62,14 +62,14 @@ class Row:
         return None if self.evaluations is None else self.evaluations / self.cpu
 
 
-def score(case: Subject, reference: Reference, ends: Ends, **known: Any) -> Row:
+def score(case: BenchmarkCase, reference: Reference, ends: Ends, **known: Any) -> CurvePoint:
     """Errors over the granules that fly freely in the reference and in the method, the rest as a share."""
     free = reference.landed & (reference.impacts == 0)
     same = free & ends.landed if ends.impacts is None else free & ends.landed & (ends.impacts == 0)
     error = np.linalg.norm(ends.position[same] - reference.position[same], axis=1) / case.problem.length
     alike = same if ends.impacts is None else ends.landed & (reference.impacts == ends.impacts)
     judged = int(reference.landed.sum())
-    return Row(
+    return CurvePoint(
         kind=case.kind,
         air=case.air,
         median=float(np.median(error)) if len(error) else None,
@@ -104,7 +104,7 @@ def timed(work: Callable[[], object], repeats: int = 3) -> tuple[float, float]:
     return statistics.median(wall), statistics.median(cpu)
 
 
-def cost_at(rows: Iterable[Row], error: float, which: str = "median", clock: str = "seconds") -> float | None:
+def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clock: str = "seconds") -> float | None:
     """Seconds a granule for which a method's best setting reaches ``error``; None when none does.
 
     ``which`` error: median or p95; which ``clock``: seconds or cpu.
@@ -137,7 +137,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def with_own(rows: Sequence[Row], own: Sequence[float | None]) -> list[Row]:
+def with_own(rows: Sequence[CurvePoint], own: Sequence[float | None]) -> list[CurvePoint]:
     """The rows with their errors against the method's own finest setting."""
     from dataclasses import replace
 

@@ -25,11 +25,11 @@ from ...pipeline.pipeline import Pipeline
 from ...results.separation import interval
 from ...scene import RESERVED_BIN, Scene
 from ...tracking import Tracks, track
-from .carrier import Carrier, make_carrier
-from .peer import fly_peer
-from .subjects import Subject, shipped, subject
+from .benchmark_cases import BenchmarkCase, benchmark_case, shipped
+from .foam_interpolant import FoamInterpolant, make_foam_interpolant
+from .foam_parcels import fly_parcels
 
-__all__ = ["FRACTIONS", "BinRow", "compare", "run_shares"]
+__all__ = ["FRACTIONS", "BinRow", "compare_shares", "run_shares"]
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -44,7 +44,7 @@ FRACTIONS: dict[str, tuple[str, dict[str, Any]]] = {  # name: (fraction of the s
 }
 COUNT, SLOW = 2048, 16384  # granules a fraction
 TOLERANCE = 1e-4  # body widths, as in the shipped scene
-SCHEME, STEP, COURANT = "analytical", 1e-4, 0.3  # of the peer, s: landing errors of some 1e-4 body widths
+SCHEME, STEP, COURANT = "analytical", 1e-4, 0.3  # of OpenFOAM's tracker, s: landing errors of some 1e-4 body widths
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ class BinRow:
     free: tuple[float, float, float] | None  # None where every granule meets a wall
 
 
-def run_shares(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
+def run_shares(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> dict[str, Any]:
     """Fly every fraction three ways, write ``shares.json`` into ``folder``, return the report.
 
     ``slow``: eight times as many granules. Raises FoamError when OpenFOAM is not installed.
     """
     scene, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"))
-    rows, met = compare(scene, pipeline, SLOW if slow else COUNT, tell)
+    rows, met = compare_shares(scene, pipeline, SLOW if slow else COUNT, tell)
     report: dict[str, Any] = {
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         "granules": SLOW if slow else COUNT,
@@ -82,8 +82,8 @@ def run_shares(folder: Path, *, slow: bool = False, tell: Tell = lambda text: No
     return report
 
 
-def compare(
-    scene: Scene, pipeline: Pipeline, count: int, tell: Tell = lambda text: None
+def compare_shares(
+    scene: Scene, pipeline: Pipeline, count: int, tell: Tell = lambda _: None
 ) -> tuple[list[BinRow], dict[str, float]]:
     """Rows for every fraction and bin of ``scene`` in its steady airflow, and the share of each that meets walls."""
     rows: list[BinRow] = []
@@ -91,19 +91,19 @@ def compare(
     own = pipeline.field[1]
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
         tell("meshing the channel for OpenFOAM's parcels")
-        carrier = make_carrier(own, pipeline.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
+        foam = make_foam_interpolant(own, pipeline.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
         for name, (fraction, changes) in FRACTIONS.items():
             tell(f"{name}: ours")
-            case = subject(name, "steady", scene, carrier.field, count, (fraction, changes))
-            mine, same = (_ours(case, scene, air) for air in (own, carrier.field))
+            case = benchmark_case(name, "steady", scene, foam.field, count, (fraction, changes))
+            mine, same = (_ours(case, scene, air) for air in (own, foam.field))
             tell(f"{name}: OpenFOAM's parcels")
-            there = _theirs(case, carrier, float(np.nanmax(_landed_time(same))), Path(room, "run"))
+            there = _theirs(case, foam, float(np.nanmax(_landed_time(same))), Path(room, "run"))
             met[name] = float(np.mean(same.impacts > 0))
             rows += _rows(name, scene, case, [_bins(case, x) for x in (_x(mine), _x(same), there)], same.impacts == 0)
     return rows, met
 
 
-def _ours(case: Subject, scene: Scene, air: FlowField) -> Tracks:
+def _ours(case: BenchmarkCase, scene: Scene, air: FlowField) -> Tracks:
     p, half = case.problem, scene.channel.width
     floor = np.array([(-half, scene.channel.bottom), (half, scene.channel.bottom)])
     return track(
@@ -121,13 +121,13 @@ def _landed_time(tracks: Tracks) -> Array:
     return np.where(tracks.line == 0, tracks.time, np.nan)
 
 
-def _theirs(case: Subject, carrier: Carrier, longest: float, folder: Path) -> Array:
+def _theirs(case: BenchmarkCase, foam: FoamInterpolant, longest: float, folder: Path) -> Array:
     until = 1.05 * longest
-    found = fly_peer(carrier, case.grains, scheme=SCHEME, step=STEP, courant=COURANT, until=until, folder=folder)
+    found = fly_parcels(foam, case.grains, scheme=SCHEME, step=STEP, courant=COURANT, until=until, folder=folder)
     return found.position[:, 0]
 
 
-def _bins(case: Subject, x: Array) -> NDArray[np.int64]:
+def _bins(case: BenchmarkCase, x: Array) -> NDArray[np.int64]:
     """The place of each granule among the bins from left to right; their number where it reached none."""
     place = np.searchsorted(case.bins, x, side="right") - 1
     last = len(case.bins) - 1
@@ -135,7 +135,7 @@ def _bins(case: Subject, x: Array) -> NDArray[np.int64]:
 
 
 def _rows(
-    name: str, scene: Scene, case: Subject, found: list[NDArray[np.int64]], free: NDArray[np.bool_]
+    name: str, scene: Scene, case: BenchmarkCase, found: list[NDArray[np.int64]], free: NDArray[np.bool_]
 ) -> list[BinRow]:
     """One row a bin that any of the three ways reaches."""
     names = [*sorted(scene.bin, key=lambda b: float(scene.bin[b].start or 0.0)), RESERVED_BIN]
@@ -151,14 +151,14 @@ def _rows(
     return rows
 
 
-def _by_replicate(case: Subject, values: Array, chosen: NDArray[np.bool_]) -> Array:
+def _by_replicate(case: BenchmarkCase, values: Array, chosen: NDArray[np.bool_]) -> Array:
     """Means (r,) over the chosen granules of each replicate that has any."""
     total = np.bincount(case.replicate[chosen], values[chosen])
     count = np.bincount(case.replicate[chosen])
     return np.asarray(total[count > 0] / count[count > 0])
 
 
-def _share(case: Subject, inside: NDArray[np.bool_]) -> tuple[float, float, float]:
+def _share(case: BenchmarkCase, inside: NDArray[np.bool_]) -> tuple[float, float, float]:
     value, low, high = interval(
         _by_replicate(case, inside.astype(float), np.ones(len(inside), dtype=bool)), len(inside)
     )
@@ -166,7 +166,7 @@ def _share(case: Subject, inside: NDArray[np.bool_]) -> tuple[float, float, floa
 
 
 def _paired(
-    case: Subject, theirs: NDArray[np.bool_], ours: NDArray[np.bool_], chosen: NDArray[np.bool_]
+    case: BenchmarkCase, theirs: NDArray[np.bool_], ours: NDArray[np.bool_], chosen: NDArray[np.bool_]
 ) -> tuple[float, float, float]:
     """Mean difference of shares (percent) over the replicates, Student's t; no narrower than half a granule in all."""
     from scipy.stats import t

@@ -1,8 +1,7 @@
 """The robustness matrix of the airflow: cases in which every pair of properties meets at least once.
 
-``python tests/foam/robustness.py`` computes what is missing (a finished case is kept in the cache, under its
-content) and
-prints the table of docs/validation.md.
+``python cases/studies/robustness.py`` computes what is missing (a finished case is kept in the cache, under its
+content) and prints the table of docs/validation.md.
 """
 
 from __future__ import annotations

@@ -18,14 +18,14 @@ from ...core.files import atomic_write, write_json
 from ...scene import Scene
 from ...tracking import Fate, Granules, track
 from ..problems.reference import Reference, fly_reference
-from . import goals
-from .carrier import Carrier, make_carrier
-from .curves import Ends, Row, cores, score, timed, with_own
-from .peer import fly_peer, start_up
+from . import targets
+from .benchmark_cases import KINDS, SPEED, BenchmarkCase, benchmark_case, resampled, shipped, travelling_wave
+from .curves import CurvePoint, Ends, cores, score, timed, with_own
+from .foam_interpolant import FoamInterpolant, make_foam_interpolant
+from .foam_parcels import fly_parcels, start_up
 from .rk4 import fly_explicit
-from .subjects import KINDS, SPEED, Subject, resampled, shipped, subject, travelling_wave
 
-__all__ = ["run_tracker"]
+__all__ = ["run_benchmark"]
 
 Tell = Callable[[str], None]
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
@@ -40,7 +40,7 @@ LEAST = 2048  # granules of a timed run: the tracker hands its cores large block
 TIMED = ("heavy grain", "chaff", "dust 20 um")  # in the quick comparison
 
 
-def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: None) -> dict[str, Any]:
+def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> dict[str, Any]:
     """Fly every subject with every tracker, write ``tracker.json``, ``.md`` and ``.png`` into ``folder``, return the
     report.
 
@@ -48,32 +48,32 @@ def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
     FoamError when OpenFOAM is not installed.
     """
     scene, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"))
-    rows: list[Row] = []
+    rows: list[CurvePoint] = []
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
         tell("meshing the channel for everybody")
-        carrier = make_carrier(
+        foam = make_foam_interpolant(
             pipeline.field[1], pipeline.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room)
         )
         for kind in KINDS:
-            case = subject(kind, "steady", scene, carrier.field, COUNT)
-            rows += _steady(case, carrier, Path(room, "run"), slow, tell)
-        wave = travelling_wave(carrier.field, SPEED, scene.width)
+            case = benchmark_case(kind, "steady", scene, foam.field, COUNT)
+            rows += _steady(case, foam, Path(room, "run"), slow, tell)
+        wave = travelling_wave(foam.field, SPEED, scene.width)
         for kind in KINDS if slow else TIMED:
-            rows += _ours_and_explicit(subject(kind, "synthetic wave", scene, wave, COUNT), slow, tell)[1]
+            rows += _ours_and_explicit(benchmark_case(kind, "synthetic wave", scene, wave, COUNT), slow, tell)[1]
     if slow:
-        rows += _shedding(scene, carrier, tell)
+        rows += _shedding(scene, foam, tell)
     report: dict[str, Any] = {
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": f"{platform.machine()}, {cores()} cores, Python {platform.python_version()}",
         "granules": COUNT,
         "load": os.getloadavg()[0],
-        "triangles": len(carrier.field.triangles),
+        "triangles": len(foam.field.triangles),
         "rows": [asdict(row) | {"evaluation_rate": row.evaluation_rate} for row in rows],
-        "goals": goals.judge(rows, scene, pipeline, slow, tell),
+        "goals": targets.development_targets(rows, scene, pipeline, slow, tell),
     }
     write_json(folder / "tracker.json", json.loads(json.dumps(report)))
     from ...report.work_precision import draw
-    from ..tables import markdown
+    from ..proof_tables import markdown
 
     with atomic_write(folder / "tracker.md") as stream:
         stream.write(markdown(report))
@@ -81,22 +81,22 @@ def run_tracker(folder: Path, *, slow: bool = False, tell: Tell = lambda text: N
     return report
 
 
-def _shedding(scene: Scene, carrier: Carrier, tell: Tell) -> list[Row]:
+def _shedding(scene: Scene, foam: FoamInterpolant, tell: Tell) -> list[CurvePoint]:
     """The computed time-resolved wake of rung ``standard``, on the mesh of all trackers; takes OpenFOAM minutes."""
     _, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"), rung="standard")
-    field = resampled(pipeline.field[1], carrier.field)
+    field = resampled(pipeline.field[1], foam.field)
     rows = []
     for kind in KINDS:
-        rows += _ours_and_explicit(subject(kind, "vortex shedding", scene, field, COUNT), True, tell)[1]
+        rows += _ours_and_explicit(benchmark_case(kind, "vortex shedding", scene, field, COUNT), True, tell)[1]
     return rows
 
 
-def _steady(case: Subject, carrier: Carrier, folder: Path, slow: bool, tell: Tell) -> list[Row]:
+def _steady(case: BenchmarkCase, foam: FoamInterpolant, folder: Path, slow: bool, tell: Tell) -> list[CurvePoint]:
     reference, rows = _ours_and_explicit(case, slow, tell)
-    return rows + _peer(case, reference, carrier, folder, slow, tell)
+    return rows + _peer(case, reference, foam, folder, slow, tell)
 
 
-def _ours_and_explicit(case: Subject, slow: bool, tell: Tell) -> tuple[Reference, list[Row]]:
+def _ours_and_explicit(case: BenchmarkCase, slow: bool, tell: Tell) -> tuple[Reference, list[CurvePoint]]:
     label = f"{case.kind}, {case.air}"
     tell(f"{label}: reference")
     few = case.some(512 if slow else 128)
@@ -111,7 +111,7 @@ def _ours_and_explicit(case: Subject, slow: bool, tell: Tell) -> tuple[Reference
     return reference, rows
 
 
-def _cost(case: Subject, fly: Callable[[Granules], object], few: Granules, least: int) -> dict[str, float]:
+def _cost(case: BenchmarkCase, fly: Callable[[Granules], object], few: Granules, least: int) -> dict[str, float]:
     """Wall and processor seconds a granule, of a run with so many granules that it lasts long enough, and at least
     ``least``.
     """
@@ -123,7 +123,7 @@ def _cost(case: Subject, fly: Callable[[Granules], object], few: Granules, least
     return {"seconds": wall / len(grains), "cpu": cpu / len(grains)}
 
 
-def _ours(case: Subject, reference: Reference, few: Granules, tolerance: float) -> Row:
+def _ours(case: BenchmarkCase, reference: Reference, few: Granules, tolerance: float) -> CurvePoint:
     p = case.problem
 
     def fly(grains: Granules) -> Any:
@@ -143,7 +143,7 @@ def _ours(case: Subject, reference: Reference, few: Granules, tolerance: float) 
     )  # fmt: skip
 
 
-def _steps(case: Subject, slow: bool) -> list[float]:
+def _steps(case: BenchmarkCase, slow: bool) -> list[float]:
     """Steps of the explicit tracker: the usual ones that are stable for this granule, else some in its relaxation
     times.
     """
@@ -152,7 +152,7 @@ def _steps(case: Subject, slow: bool) -> list[float]:
     return steps if len(steps) >= 3 else [share * tau for share in STABLE]
 
 
-def _explicit(case: Subject, reference: Reference, few: Granules, step: float) -> Row:
+def _explicit(case: BenchmarkCase, reference: Reference, few: Granules, step: float) -> CurvePoint:
     p = case.problem
 
     def fly(grains: Granules) -> Any:
@@ -169,23 +169,25 @@ def _explicit(case: Subject, reference: Reference, few: Granules, step: float) -
     )  # fmt: skip
 
 
-def _peer(case: Subject, reference: Reference, carrier: Carrier, folder: Path, slow: bool, tell: Tell) -> list[Row]:
+def _peer(
+    case: BenchmarkCase, reference: Reference, foam: FoamInterpolant, folder: Path, slow: bool, tell: Tell
+) -> list[CurvePoint]:
     """OpenFOAM's tracker over its step and maxCo, on one core: it uses no more."""
     few = case.some(len(reference.landed))
     free = reference.landed & (reference.impacts == 0)
     until = 1.02 * float(reference.time[free].max())
     many, rows = case.some(2048), []
-    begins = [start_up(carrier, grains, folder) for grains in (few, many)]
+    begins = [start_up(foam, grains, folder) for grains in (few, many)]
     for scheme in ("Euler", "analytical"):
         found, ends = [], []
         for step, courant in (*PEER, *(PEER_SLOW if slow else ())):
             name = f"deltaT {step:.0e} s" if step else "deltaT one flight"
             tell(f"{case.kind}: OpenFOAM {scheme}, {name}, maxCo {courant:g}")
             how = {"scheme": scheme, "step": step or until, "courant": courant, "until": until, "folder": folder}
-            run = fly_peer(carrier, few, **how)
+            run = fly_parcels(foam, few, **how)
             seconds = (run.seconds - begins[0]) / len(few)
             if seconds * len(few) < 0.3:  # its clock ticks in hundredths of a second
-                seconds = (fly_peer(carrier, many, **how).seconds - begins[1]) / len(many)
+                seconds = (fly_parcels(foam, many, **how).seconds - begins[1]) / len(many)
             ends.append(Ends(run.position, np.isfinite(run.time), None))
             found.append(score(
                 case, reference, ends[-1], method=f"OpenFOAM {scheme}", setting=f"{name}, maxCo {courant:g}",
@@ -195,7 +197,7 @@ def _peer(case: Subject, reference: Reference, carrier: Carrier, folder: Path, s
     return rows
 
 
-def _own(case: Subject, rows: list[Row], ends: list[Ends]) -> list[float | None]:
+def _own(case: BenchmarkCase, rows: list[CurvePoint], ends: list[Ends]) -> list[float | None]:
     """Median distance (body widths) of every setting's landings from those of the setting nearest to convergence."""
     errors = [np.inf if row.median is None else row.median for row in rows]
     finest = ends[int(np.argmin(errors))]

@@ -1,6 +1,6 @@
 """Measure from how many cells a second MPI rank pays: the shipped rhombus' steady airflow on finer and finer meshes.
 
-.venv/bin/python cases/mpi_ranks.py runs/mpi-ranks
+.venv/bin/python cases/studies/mpi_ranks.py runs/mpi-ranks [--quick]
 
 Prints the table of docs/validation.md: seconds an iteration of simpleFoam on one rank and on two. A machine with
 less than two idle cores says nothing about MPI.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from wakeflow.scene import Scene
 
 SCALES = (0.7, 0.5, 0.4, 0.3)  # of every cell edge of the whole channel's draft
 ITERATIONS, FIRST = 60, 10  # run, and left out
+CASES = Path(__file__).parents[1]
 
 
 @dataclass
@@ -56,11 +57,12 @@ def iteration(spec: FlowSpec, msh: Path, folder: Path) -> float:
     return clock.seconds
 
 
-def main(folder: Path, tell: Callable[[str], None] = print) -> None:
-    scene = Scene.load(Path(__file__).with_name("rhombus.toml"))
+def main(folder: Path, tell: Callable[[str], None] = print, scales: Sequence[float] = SCALES) -> None:
+    """Tell the table's lines, a line a scale of the mesh; cases are made below ``folder``."""
+    scene = Scene.load(CASES / "rhombus.toml")
     plan = make_plan(scene, rung="draft")
     tell("| cells | one rank, s an iteration | two ranks | gain |\n|---|---|---|---|")
-    for scale in SCALES:
+    for scale in scales:
         finer = scene.replace({"numerics.mesh_scale": scale})
         mesh = replace(mesh_spec(finer, plan), half=False)
         here = folder / f"{scale:g}"
@@ -71,4 +73,5 @@ def main(folder: Path, tell: Callable[[str], None] = print) -> None:
 
 
 if __name__ == "__main__":
-    main(Path((sys.argv[1:] or ["runs/mpi-ranks"])[0]))
+    given = [word for word in sys.argv[1:] if word != "--quick"]
+    main(Path((given or ["runs/mpi-ranks"])[0]), scales=(2.0,) if "--quick" in sys.argv else SCALES)

@@ -1,8 +1,8 @@
 """What the compared trackers fly: four kinds of granules, a steady and a time-resolved wake.
 
-Granules enter as in the shipped scene ``rhombus``. So that the peer can follow, the body is at rest afterwards and drag
-is Putnam's law for spheres: a fraction whose law carries a factor (a measured terminal velocity) gets that factor into
-its density instead, which is the same acceleration.
+Granules enter as in the shipped scene ``rhombus``. So that OpenFOAM's tracker can follow, the body is at rest
+afterwards and drag is Putnam's law for spheres: a fraction whose law carries a factor (a measured terminal velocity)
+gets that factor into its density instead, which is the same acceleration.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from ...planning.make import make_plan
 from ...planning.plan import Plan
 from ...scene import Scene
 from ...tracking import Body, Granules
-from ..problems.reference import Problem, distance
+from ..problems.reference import TrackingProblem, distance
 
-__all__ = ["KINDS", "Subject", "resampled", "shipped", "subject", "travelling_wave"]
+__all__ = ["KINDS", "BenchmarkCase", "benchmark_case", "resampled", "shipped", "travelling_wave"]
 
 Array = NDArray[np.float64]
 KINDS = {  # name: (fraction of the scene, changes of the scene)
@@ -41,12 +41,12 @@ PATIENCE = 20.0  # channel heights at air speed
 
 
 @dataclass(frozen=True)
-class Subject:
+class BenchmarkCase:
     """One kind of granule in one airflow; the first ``len(grains)`` of a stream, at rest bodies, edges of bins (m)."""
 
     kind: str
     air: str
-    problem: Problem
+    problem: TrackingProblem
     grains: Granules
     bins: Array
     replicate: NDArray[np.int64]  # which of the independent samples each granule belongs to
@@ -63,9 +63,9 @@ def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Pipel
     return scene, plan, Pipeline(scene, plan, listener)
 
 
-def subject(
+def benchmark_case(
     kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, Any]] | None = None
-) -> Subject:
+) -> BenchmarkCase:
     """``count`` granules of a kind in a field that ends at the scene's floor; ``of`` a fraction of the scene with some
     changes instead of those that the kind stands for.
     """
@@ -81,7 +81,7 @@ def subject(
         density=grains.density / grains.drag_scale,
         drag_scale=1.0,
         sphericity=1.0,
-        inertia=None,  # points: the peer's do not turn
+        inertia=None,  # points: OpenFOAM's parcels do not turn
         spin=0.0,
         time=_phases(field, len(grains)),
     )
@@ -91,9 +91,9 @@ def subject(
     until = PATIENCE * height / changed.air.speed
     floor = [b for b in changed.bin.values() if b.on == "floor" and b.points is None]
     edges = sorted({x for b in floor for x in (b.start, b.to) if x is not None})
-    problem = Problem(field, bodies, until, changed.width)
+    problem = TrackingProblem(field, bodies, until, changed.width)
     free = _free(grains, field, bodies)
-    return Subject(kind, air, problem, grains[free], np.array(edges), feed.replicate[free])
+    return BenchmarkCase(kind, air, problem, grains[free], np.array(edges), feed.replicate[free])
 
 
 def _side_walls(field: FlowField) -> list[Body]:

@@ -1,6 +1,6 @@
 """Print where each fraction lands behind the plain rhombus, with an additional air stream, and with a barrier:
 
-.venv/bin/python cases/paper/compare.py [options of wakeflow run, such as --set numerics.mesh_scale=2]
+.venv/bin/python cases/studies/paper_compare.py [options of wakeflow run, such as --set numerics.mesh_scale=2]
 
 Steady airflows (rung draft). Runs what has not been run yet; results in runs/paper.
 """
@@ -13,13 +13,16 @@ from pathlib import Path
 
 from wakeflow.cli import main as wakeflow
 
-HERE = Path(__file__).parent
+CASES = Path(__file__).parents[1]
 SCENES = {
-    "plain": HERE.parent / "rhombus.toml", "air stream": HERE / "air-stream.toml", "barrier": HERE / "barrier.toml"
-}  # fmt: skip
+    "plain": CASES / "rhombus.toml",
+    "air stream": CASES / "paper" / "air-stream.toml",
+    "barrier": CASES / "paper" / "barrier.toml",
+}
 
 
 def main(options: list[str]) -> int:
+    """Run the scenes with ``options`` and print the table; the exit code of a run that failed, else 0."""
     tables = {}
     for name, scene in SCENES.items():
         out = Path("runs", "paper", scene.stem)

@@ -13,12 +13,20 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from . import bouncing, ensembles, flights, terms
-from .exact import Answer, accepts, fly, numbers, problems
+from .exact import Answer, accepts, exact_numbers, exact_problems, fly
 
 __all__ = [
-    "FLOOR", "TOLERANCES", "Outcome", "ladder", "numbers", "observed_order", "problems", "run_numbers", "run_problems",
-    "table",
-]  # fmt: skip
+    "FLOOR",
+    "TOLERANCES",
+    "FlightErrors",
+    "exact_numbers",
+    "exact_problems",
+    "fly_at_tolerances",
+    "order_in_steps",
+    "problems_markdown",
+    "run_numbers",
+    "run_problems",
+]
 
 Array = NDArray[np.float64]
 FLOOR = 1e-12  # m: errors below it are round-off of coordinates of about 1 m, added up over steps
@@ -27,7 +35,7 @@ MODULES = (flights, terms, ensembles, bouncing)  # importing them registers thei
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class FlightErrors:
     """One flight of a problem at one ``tolerance``, per granule (n,): ``error`` of the end position in m, error of
     the end ``time`` in s, of ``velocity`` in m/s and ``spin`` in rad/s (0 where no answer is known), ``steps`` and
     ``evaluations`` (steps where the tracker does not count them); ``astray``: how many have another fate than the exact
@@ -44,34 +52,34 @@ class Outcome:
     astray: int
 
 
-def ladder(
+def fly_at_tolerances(
     name: str, tolerances: Sequence[float] = TOLERANCES, cells: int | None = None, *, march: bool = True
-) -> list[Outcome]:
+) -> list[FlightErrors]:
     """Fly a problem at each tolerance; without ``march`` in third-order steps alone, whose order can be observed.
 
     Raises SceneError for an unknown problem, or a force that is not computed.
     """
-    setting, answer = problems[name].at(cells)
-    forces = problems[name].forces
+    setting, answer = exact_problems[name].at(cells)
+    forces = exact_problems[name].forces
     missing = [force for force in forces if not accepts(force)]
     if missing:
         raise SceneError(f"problem {name}: the tracker does not compute {', '.join(missing)}")
     return [_outcome(fly(setting, tolerance, march=march), answer, tolerance) for tolerance in tolerances]
 
 
-def _outcome(tracks: Any, answer: Answer, tolerance: float) -> Outcome:
+def _outcome(tracks: Any, answer: Answer, tolerance: float) -> FlightErrors:
     nothing = np.zeros(len(tracks))
     wrong = nothing if answer.fate is None else tracks.fate != answer.fate
     time = nothing if answer.time is None else np.abs(tracks.time - answer.time)
     velocity = nothing if answer.velocity is None else np.linalg.norm(tracks.velocity - answer.velocity, axis=1)
     spin = nothing if answer.spin is None else np.abs(tracks.spin - answer.spin)
-    return Outcome(
+    return FlightErrors(
         tolerance, np.linalg.norm(tracks.position - answer.position, axis=1), time, velocity, spin, tracks.steps,
         getattr(tracks, "evaluations", tracks.steps), int(np.sum(wrong)),
     )  # fmt: skip
 
 
-def observed_order(outcomes: Sequence[Outcome], granule: int, floor: float = FLOOR) -> float | None:
+def order_in_steps(outcomes: Sequence[FlightErrors], granule: int, floor: float = FLOOR) -> float | None:
     """Slope of log error against log mean step of one granule: the least-squares line through the finest five flights
     above ``floor`` (m), since errors at the coarsest steps may be small by chance.
 
@@ -95,11 +103,11 @@ def run_problems(
     expected_order, astray.
     """
     rows = []
-    for done, name in enumerate(names := [n for n in problems if all(map(accepts, problems[n].forces))]):
-        entry, outcomes = problems[name], ladder(name, tolerances)
+    for done, name in enumerate(names := [n for n in exact_problems if all(map(accepts, exact_problems[n].forces))]):
+        entry, outcomes = exact_problems[name], fly_at_tolerances(name, tolerances)
         length = float(entry.at()[0].arguments.get("length", 1.0))
-        alone = ladder(name, tolerances, march=False)
-        orders = [observed_order(alone, i) for i in range(len(alone[0].error))]
+        alone = fly_at_tolerances(name, tolerances, march=False)
+        orders = [order_in_steps(alone, i) for i in range(len(alone[0].error))]
         known = [order for order in orders if order is not None]
         for o in outcomes:
             worst = float(o.error.max())
@@ -115,7 +123,7 @@ def run_problems(
     return rows
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
+def problems_markdown(rows: Sequence[dict[str, Any]]) -> str:
     """Rows of :func:`run_problems` as Markdown: a problem a line, its error and mean steps at each tolerance."""
     tolerances = sorted({row["tolerance"] for row in rows}, reverse=True)
     lines = [
@@ -138,8 +146,8 @@ def run_numbers(progress: Callable[[int, int], object] | None = None, tolerance:
     source.
     """
     rows = []
-    for done, name in enumerate(names := [n for n in numbers if all(map(accepts, numbers[n].forces))]):
-        entry = numbers[name]
+    for done, name in enumerate(names := [n for n in exact_numbers if all(map(accepts, exact_numbers[n].forces))]):
+        entry = exact_numbers[name]
         for k, value in enumerate(entry.measure(tolerance)):
             exact = None if entry.exact is None else float(entry.exact[k])
             rows.append({

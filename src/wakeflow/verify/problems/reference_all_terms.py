@@ -24,7 +24,7 @@ from ...laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
 from ...laws.forces import Granule, Instant, forces
 from .exact import Setting
 
-__all__ = ["Plane", "judge"]
+__all__ = ["Plane", "reference_end_states"]
 
 Array = NDArray[np.float64]
 MOST_PIECES = 20_000
@@ -137,7 +137,9 @@ class _Motion:
         return [vx, vy, ax / inertia, ay / inertia, slowed]
 
 
-def judge(setting: Setting, planes: Sequence[Plane] = (), stiff: bool = False, rtol: float = 1e-12) -> Array:
+def reference_end_states(
+    setting: Setting, planes: Sequence[Plane] = (), stiff: bool = False, rtol: float = 1e-12
+) -> Array:
     """End states (n, 5): position m, velocity m/s and spin rad/s of every granule after ``setting.until``.
 
     Forces: drag, gravity, buoyancy, pressure-gradient, lift, magnus, added-mass. Granules bounce off ``planes`` with
@@ -146,11 +148,11 @@ def judge(setting: Setting, planes: Sequence[Plane] = (), stiff: bool = False, r
     """
     field = setting.field
     if field is None:
-        raise ProgramError("the judge needs a field")
-    return np.array([_judge_one(setting, field, i, planes, stiff, rtol) for i in range(len(setting.grains))])
+        raise ProgramError("the reference integrator needs a field")
+    return np.array([_end_state(setting, field, i, planes, stiff, rtol) for i in range(len(setting.grains))])
 
 
-def _judge_one(
+def _end_state(
     setting: Setting, field: FlowField, i: int, planes: Sequence[Plane], stiff: bool, rtol: float
 ) -> list[float]:
     grains = setting.grains
@@ -171,12 +173,12 @@ def _judge_one(
         elif event < 3:
             triangle = int(field.neighbours[triangle, event])
             if triangle < 0:
-                raise ProgramError(f"judge: granule {i} left the mesh at t = {t:g} s")
+                raise ProgramError(f"reference integrator: granule {i} left the mesh at t = {t:g} s")
         else:
             plane = planes[event - 3]
             after = bounce(z[2:4], plane.normal, (0.0, 0.0), grains.restitution[i], grains.friction[i])
             z = [z[0], z[1], float(after[0]), float(after[1]), z[4]]
-    raise ProgramError(f"judge: granule {i} went through {MOST_PIECES} pieces")
+    raise ProgramError(f"reference integrator: granule {i} went through {MOST_PIECES} pieces")
 
 
 def _piece(
@@ -202,7 +204,7 @@ def _piece(
         event.terminal, event.direction = True, -1
     found = solve_ivp(motion, (t, end), z, events=events, dense_output=True, **options)
     if found.status < 0:
-        raise ProgramError(f"judge: {method} gave up at t = {found.t[-1]:g} s: {found.message}")
+        raise ProgramError(f"reference integrator: {method} gave up at t = {found.t[-1]:g} s: {found.message}")
     which = None
     if found.status == 1:
         which = min((k for k in range(len(events)) if len(found.t_events[k])), key=lambda k: found.t_events[k][0])

@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import ProgramError
-from ...core.process import run
+from ...core.process import run_program
 from ...injection.feed import feedstock
 from ...pipeline.pipeline import Pipeline
 from ...pipeline.tracks import Flight
 from ...scene import Scene
 from ...tracking import Granules
-from .curves import Row, cost_at, timed
-from .subjects import SPEED, travelling_wave
+from .benchmark_cases import SPEED, travelling_wave
+from .curves import CurvePoint, cost_at, timed
 
-__all__ = ["judge"]
+__all__ = ["development_targets"]
 
 CALM = ("drag", "gravity", "buoyancy")
 ERROR = 1e-4  # body widths, where speeds are compared
@@ -37,7 +37,7 @@ CROWD = """
 import json, resource, sys, tempfile, time
 from pathlib import Path
 from wakeflow.pipeline.tracks import Flight, compile_tracker
-from wakeflow.verify.trackers.subjects import shipped
+from wakeflow.verify.trackers.benchmark_cases import shipped
 from wakeflow.planning.make import make_plan
 scene, _, pipeline = shipped(lambda stage, text: None)
 wheat = {**scene.tables()["fraction"]["wheat"], "mass_share": 1.0}
@@ -55,7 +55,9 @@ CROWD_COUNT = 10_000_000
 Goal = dict[str, Any]
 
 
-def judge(rows: Sequence[Row], scene: Scene, pipeline: Pipeline, slow: bool, tell: Callable[[str], None]) -> list[Goal]:
+def development_targets(
+    rows: Sequence[CurvePoint], scene: Scene, pipeline: Pipeline, slow: bool, tell: Callable[[str], None]
+) -> list[Goal]:
     """Every goal: the value wanted, the value measured, and whether the goal is met."""
     found = _ratios(rows)
     tell("flights of the shipped case")
@@ -73,7 +75,7 @@ def _goal(what: str, wanted: str, reached: float | None, unit: str, met: bool, n
     return {"what": what, "wanted": wanted, "reached": reached, "unit": unit, "met": met, "note": note}
 
 
-def _ratios(rows: Sequence[Row]) -> list[Goal]:
+def _ratios(rows: Sequence[CurvePoint]) -> list[Goal]:
     found = []
     for kind, air in dict.fromkeys((row.kind, row.air) for row in rows):
         same = [row for row in rows if (row.kind, row.air) == (kind, air)]
@@ -93,7 +95,7 @@ def _ratios(rows: Sequence[Row]) -> list[Goal]:
     return found
 
 
-def _why(ours: Sequence[Row], theirs: Sequence[Row], wanted: float) -> str:
+def _why(ours: Sequence[CurvePoint], theirs: Sequence[CurvePoint], wanted: float) -> str:
     """For a goal that is missed: what it would need, and what the tracker's cheapest setting gives."""
     best = min(ours, key=lambda row: row.cpu)
     needed = (cost_at(theirs, ERROR) or 0.0) / wanted
@@ -105,7 +107,7 @@ def _why(ours: Sequence[Row], theirs: Sequence[Row], wanted: float) -> str:
     )
 
 
-def _ratio(ours: Sequence[Row], theirs: Sequence[Row], which: str, clock: str) -> float | None:
+def _ratio(ours: Sequence[CurvePoint], theirs: Sequence[CurvePoint], which: str, clock: str) -> float | None:
     mine, other = (cost_at(rows, ERROR, which, clock) for rows in (ours, theirs))
     return None if mine is None or other is None else other / mine
 
@@ -139,7 +141,7 @@ def _shipped_flights(scene: Scene, pipeline: Pipeline) -> list[Goal]:
     return [*found, _goal(what, "<= 2", float(wall), "", bool(wall <= 2.0), f"in processor time {cpu:.2f}")]
 
 
-def _rate(rows: Sequence[Row]) -> Goal:
+def _rate(rows: Sequence[CurvePoint]) -> Goal:
     rates = [rate for row in rows if row.method == "wakeflow" and (rate := row.evaluation_rate) is not None]
     best = max(rates, default=None)
     met = best is not None and best >= 1e7
@@ -173,7 +175,9 @@ def _child(code: str, cache: str | None, *arguments: str) -> str:
         script, log = Path(folder, "script.py"), Path(folder, "log")
         script.write_text(code)
         env = os.environ if cache is None else {**os.environ, "WAKEFLOW_CACHE": cache}
-        run([sys.executable, "-P", str(script), *arguments], cwd=Path.cwd(), log=log, env=env, error=ProgramError)
+        run_program(
+            [sys.executable, "-P", str(script), *arguments], cwd=Path.cwd(), log=log, env=env, error=ProgramError
+        )
         return log.read_text()
 
 

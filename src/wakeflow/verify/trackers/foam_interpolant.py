@@ -22,15 +22,17 @@ from ...foam.prepare import prepare_case
 from ...foam.reconstruction import PlaneMesh
 from ...meshing import MeshSpec, build_mesh
 
-__all__ = ["Carrier", "make_carrier", "vectors", "write_file"]
+__all__ = ["FoamInterpolant", "make_foam_interpolant", "vectors", "write_file"]
 
 Array = NDArray[np.float64]
 HEADER = "FoamFile\n{{\n    version 2.0;\n    format ascii;\n    class {kind};\n    object {name};\n}}\n\n"
 
 
 @dataclass(frozen=True)
-class Carrier:
-    """A case folder ready for the peer (U of a steady airflow in 0/), its interpolant, and the height of a granule."""
+class FoamInterpolant:
+    """A case folder ready for OpenFOAM's tracker (U of a steady airflow in 0/), its interpolant, and the height of a
+    granule.
+    """
 
     case: Path
     field: FlowField
@@ -38,7 +40,7 @@ class Carrier:
     mesh: FoamMesh
 
 
-def make_carrier(field: FlowField, spec: MeshSpec, top: float, bottom: float, folder: Path) -> Carrier:
+def make_foam_interpolant(field: FlowField, spec: MeshSpec, top: float, bottom: float, folder: Path) -> FoamInterpolant:
     """Mesh the channel between ``bottom`` and ``top`` (m) as ``spec`` says, and put ``field``'s velocity on it.
 
     The outlet is then the channel's floor. Raises MeshError and FoamError as meshing and OpenFOAM do.
@@ -55,7 +57,7 @@ def make_carrier(field: FlowField, spec: MeshSpec, top: float, bottom: float, fo
     _write_velocity(case / "0" / "U", mesh, cells, faces)
     height = mesh.thickness
     nodes = point_values(plane, height, cells, faces)
-    return Carrier(case, interpolant(plane, cells, nodes, field), 0.5 * height, mesh)
+    return FoamInterpolant(case, interpolant(plane, cells, nodes, field), 0.5 * height, mesh)
 
 
 def _sampled(field: FlowField, plane: PlaneMesh) -> tuple[Array, Array]:

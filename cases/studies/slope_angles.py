@@ -1,6 +1,6 @@
 """Write one scene a slope angle, to run one by one or in a batch:
 
-.venv/bin/python cases/slope_angles.py runs/angles
+.venv/bin/python cases/studies/slope_angles.py runs/angles
 for scene in runs/angles/*.toml; do .venv/bin/wakeflow run "$scene"; done
 """
 
@@ -16,7 +16,8 @@ ANGLES = (30, 40, 45, 50, 60)  # degrees from the horizontal
 
 
 def main(folder: Path) -> None:
-    base = wf.Scene.load(Path(__file__).with_name("rhombus.toml"))
+    """Write the scenes into ``folder`` and print where."""
+    base = wf.Scene.load(Path(__file__).parents[1] / "rhombus.toml")
     folder.mkdir(parents=True, exist_ok=True)
     for angle in ANGLES:
         path = folder / f"slope-{angle}.toml"

@@ -1,6 +1,6 @@
 """The chain beside the tracker on cases/labyrinth.toml, printed as the tables of docs/validation.md:
 
-.venv/bin/python cases/labyrinth_chain.py [count of granules a fraction, 1024] [mesh_scale of the airflow, 2]
+.venv/bin/python cases/studies/labyrinth_chain.py [count of granules a fraction, 1024] [mesh_scale of the airflow, 2]
 
 Without air both must agree, granule by granule; in the labyrinth's steady airflow they differ by what the air does.
 """
@@ -21,6 +21,7 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import Flight, compile_tracker
 from wakeflow.planning.make import make_plan
 
+CASES = Path(__file__).parents[1]
 SHAKEN = {"vibration.frequency": 30.0, "vibration.gamma": 1.5}
 
 
@@ -80,7 +81,8 @@ def with_air(scene: wf.Scene, mesh_scale: float) -> None:
 
 
 def main(count: int, mesh_scale: float) -> None:
-    scene = wf.Scene.load(Path(__file__).with_name("labyrinth.toml")).replace({"feed.count": count})
+    """Print all tables for ``count`` granules a fraction, the airflow on a mesh ``mesh_scale`` times as coarse."""
+    scene = wf.Scene.load(CASES / "labyrinth.toml").replace({"feed.count": count})
     compile_tracker()
     without_air(scene)
     with_air(scene, mesh_scale)

@@ -1,6 +1,6 @@
-"""Injected granules beside resolved ones, for every scene here: bin shares, their difference, and what makes it.
+"""Injected granules beside resolved ones, for every scene in cases: bin shares, their difference, and what makes it.
 
-.venv/bin/python cases/injection_or_resolved.py [COUNT] [SCENE.toml ...]
+.venv/bin/python cases/studies/injection_or_resolved.py [COUNT] [SCENE.toml ...]
 
 Prints the table of docs/validation.md. Every fraction is flown with the same granules in the steady airflow (rung
 draft): *straight*, all by eq. (1)-(2) as if there were no air before the body; *weighed*, as feed.mode = "injected"
@@ -24,7 +24,7 @@ from wakeflow.planning.plan import Plan
 from wakeflow.results.measured import Share
 from wakeflow.results.separation import separate
 
-HERE = Path(__file__).parent
+CASES = Path(__file__).parents[1]
 
 
 def straight(plan: Plan) -> Plan:
@@ -46,6 +46,7 @@ def shares(scene: wf.Scene, plan: Plan) -> dict[str, dict[str, Share]]:
 
 
 def rows(path: Path, count: int) -> Iterator[str]:
+    """Lines of the table for one scene, flown with ``count`` granules of each fraction."""
     scene = wf.Scene.load(path)
     scene = scene.replace({"feed.count": count} | ({"numerics.rung": "draft"} if scene.air else {}))
     ways = {mode: scene.replace({"feed.mode": mode}) for mode in ("injected", "resolved")}
@@ -73,6 +74,7 @@ def rows(path: Path, count: int) -> Iterator[str]:
 
 
 def main(count: int, scenes: list[Path]) -> None:
+    """Print the table of all ``scenes``."""
     titles = "scene | fraction | efficiency, missed, shift | plan | bin"
     print(f"| {titles} | straight | weighed | weighed, calm | resolved, calm | resolved |\n{10 * '|---'}|")
     for path in scenes:
@@ -81,4 +83,4 @@ def main(count: int, scenes: list[Path]) -> None:
 
 
 if __name__ == "__main__":
-    main(int((sys.argv[1:] or ["4096"])[0]), [Path(p) for p in sys.argv[2:]] or sorted(HERE.glob("*.toml")))
+    main(int((sys.argv[1:] or ["4096"])[0]), [Path(p) for p in sys.argv[2:]] or sorted(CASES.glob("*.toml")))

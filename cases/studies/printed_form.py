@@ -1,6 +1,6 @@
 """What eq. (2) of the paper gives as printed, beside what follows from eq. (1), in the body's frame.
 
-.venv/bin/python cases/printed_form.py
+.venv/bin/python cases/studies/printed_form.py
 
 Spade, Vaicis, Vutukuru & Irbe 2020, doi 10.22616/ERDev.2020.19.TF365. Three forms of the velocity down the slope over
 the closing speed W; the velocity off the slope is R cos(b) W in all. An energy (after over before) above 1 is energy
@@ -34,6 +34,7 @@ def forms(slope_angle: float, restitution: float, friction: float) -> tuple[floa
 
 
 def main() -> None:
+    """Print the table of docs/model.md."""
     print("| b, deg | R | f | derived: v_x / W | energy | eq. (2), printed | energy | eq. (1), printed sign | energy |")
     print("|---|---|---|---|---|---|---|---|---|")
     for degrees, restitution, friction in CASES:

@@ -1,6 +1,6 @@
 """Measure where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100.
 
-.venv/bin/python cases/locked_band.py runs/locked-band [rhombus|prism]
+.venv/bin/python cases/studies/locked_band.py runs/locked-band [rhombus|prism] [--quick]
 
 Every run takes some 10 s of one core and is kept in the folder, so an interrupted series goes on. Prints the table of
 docs/validation.md: for each speed ratio a w / U and frequency ratio f / fs whether the lift repeats with the vibration
@@ -36,7 +36,9 @@ Array = NDArray[np.float64]
 WIDTH, SPEED, REYNOLDS = 0.05, 1.0, 100.0
 SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4)  # a w / U
 FREQUENCIES = (0.5, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.5, 1.8, 1.9, 1.95, 2.0, 2.05, 2.1, 2.2, 3.0)  # f / fs
-BEFORE, WINDOW = 12, 20  # shedding periods before and in the measurement
+PERIODS = (12, 20)  # shedding periods before and in the measurement
+QUICK = (1, 2)
+GUESS = 0.2 * SPEED / WIDTH  # Hz, of the shedding, while the lift has not crossed its mean twice
 AVERAGE = """
 functions {{ average {{
     type fieldAverage; libs ("libfieldFunctionObjects.so"); writeControl onEnd; timeStart {begin:.12g};
@@ -57,9 +59,12 @@ def flow(body: str, vibration: MeshMotion | None) -> FlowSpec:
     return FlowSpec(mesh, **air, turbulence="laminar", stepping="time-resolved", vibration=vibration)  # type: ignore[arg-type]
 
 
-def solve(spec: FlowSpec, folder: Path, msh: Path, start: Path | None, shedding: float) -> dict[str, float]:
+def solve(
+    spec: FlowSpec, folder: Path, msh: Path, start: Path | None, shedding: float, periods: tuple[int, int]
+) -> dict[str, float]:
     """Run through the start-up and the window; mean Cd, rms of Cl, base pressure, frequency of the lift (Hz)."""
-    begin, end = BEFORE / shedding, (BEFORE + WINDOW) / shedding
+    before, window = periods
+    begin, end = before / shedding, (before + window) / shedding
     case = folder / "case"
     shutil.rmtree(case, ignore_errors=True)
     case.mkdir(parents=True)
@@ -73,15 +78,15 @@ def solve(spec: FlowSpec, folder: Path, msh: Path, start: Path | None, shedding:
         "endTime": end, "deltaT": 0.2 * spec.mesh.h_corner / spec.speed, "writeControl": "adjustableRunTime",
         "writeInterval": end, "purgeWrite": 1,
     })  # fmt: skip
-    run_solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda rows: False, expected=end), None)
+    run_solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda _: False, expected=end), None)
     rows = read_table(case, "forceCoefficients", (CD, CL))
     rows = rows[rows[:, 0] >= begin]
-    clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * WINDOW)
+    clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * window)
     drag, lift = (np.interp(clock, rows[:, 0], rows[:, i]) for i in (1, 2))
     crossings = upward_crossings(clock, lift)
     found = {
         "cd": float(drag.mean()), "cl_rms": float(lift.std()), "cp_base": base_pressure(spec, case),
-        "frequency": (len(crossings) - 1) / float(crossings[-1] - crossings[0]) if len(crossings) > 1 else 0.0,
+        "frequency": (len(crossings) - 1) / float(crossings[-1] - crossings[0]) if len(crossings) > 1 else GUESS,
     }  # fmt: skip
     if spec.vibration is not None:
         period = spec.vibration.period
@@ -109,44 +114,49 @@ def mean_shift(one: Path, other: Path) -> float:
     return float(np.linalg.norm(means[0] - means[1], axis=1).max() / SPEED)
 
 
-def at_rest(folder: Path, body: str, msh: Path) -> dict[str, float]:
+def at_rest(folder: Path, body: str, msh: Path, periods: tuple[int, int]) -> dict[str, float]:
     """The body at rest: started with a push on a guessed frequency, then over whole windows of its own."""
     done = folder / "rest" / "found.json"
     if not done.exists():
         spec = flow(body, None)
-        first = solve(spec, folder / "first", msh, None, 0.2 * SPEED / WIDTH)
-        found = solve(spec, folder / "rest", msh, folder / "first" / "case", first["frequency"])
+        first = solve(spec, folder / "first", msh, None, GUESS, periods)
+        found = solve(spec, folder / "rest", msh, folder / "first" / "case", first["frequency"], periods)
         write_json(done, found)
     return json.loads(done.read_text())
 
 
-def one(folder: Path, body: str, msh: Path, speed: float, frequency: float, rest: dict[str, float]) -> dict[str, float]:
+def one(
+    folder: Path, body: str, msh: Path, speed: float, frequency: float, rest: dict[str, float],
+    periods: tuple[int, int],
+) -> dict[str, float]:  # fmt: skip
     """One vibrating run, against the body at rest; kept as found.json."""
     here = folder / f"{speed:g}-{frequency:g}"
     done = here / "found.json"
     if not done.exists():
         omega = 2 * math.pi * frequency * rest["frequency"]
         spec = flow(body, MeshMotion(speed * SPEED / omega, omega))
-        found = solve(spec, here, msh, folder / "rest" / "case", rest["frequency"])
+        found = solve(spec, here, msh, folder / "rest" / "case", rest["frequency"], periods)
         shift = mean_shift(here / "case", folder / "rest" / "case")
         write_json(done, {**found, "shift": shift})
         shutil.rmtree(here / "case")
     return json.loads(done.read_text())
 
 
-def main(folder: Path, body: str) -> None:
+def main(folder: Path, body: str, quick: bool = False) -> None:
+    """Print the table of one body, runs kept below ``folder``; ``quick``: one run, far too short to tell anything."""
     folder = folder / body
+    periods = QUICK if quick else PERIODS
     if not (folder / "mesh.msh").exists():
         build_mesh(replace(flow(body, None)).mesh, folder)
     msh = folder / "mesh.msh"
-    rest = at_rest(folder, body, msh)
+    rest = at_rest(folder, body, msh, periods)
     print(f"at rest: St {rest['frequency'] * WIDTH / SPEED:.4f}, Cd {rest['cd']:.3f}, Cl rms {rest['cl_rms']:.3f}, "
           f"Cp base {rest['cp_base']:.3f}\n")  # fmt: skip
     print("| a w / U | f / fs | a / D | lift / fs | repeats | Cd | Cl rms | Cp base | mean velocity |")
     print("|---|---|---|---|---|---|---|---|---|")
-    for speed in SPEEDS:
-        for frequency in FREQUENCIES:
-            found = one(folder, body, msh, speed, frequency, rest)
+    for speed in SPEEDS[:1] if quick else SPEEDS:
+        for frequency in FREQUENCIES[:1] if quick else FREQUENCIES:
+            found = one(folder, body, msh, speed, frequency, rest, periods)
             kind = "f" if found["one"] > 0.98 else "f/2" if found["two"] > 0.98 else "no"
             amplitude = speed * SPEED / (2 * math.pi * frequency * rest["frequency"] * WIDTH)
             cells = [
@@ -161,4 +171,5 @@ def main(folder: Path, body: str) -> None:
 
 
 if __name__ == "__main__":
-    main(Path((sys.argv[1:] or ["runs/locked-band"])[0]), (sys.argv[2:] or ["rhombus"])[0])
+    given = [word for word in sys.argv[1:] if word != "--quick"]
+    main(Path((given or ["runs/locked-band"])[0]), (given[1:] or ["rhombus"])[0], "--quick" in sys.argv)

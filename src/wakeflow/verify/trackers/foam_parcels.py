@@ -1,4 +1,4 @@
-"""The peer: OpenFOAM's ``icoUncoupledKinematicParcelFoam`` on the same interpolant, with the same granules and laws.
+"""OpenFOAM's ``icoUncoupledKinematicParcelFoam`` on the same interpolant, with the same granules and laws.
 
 The cloud is read from files of a started state instead of being injected: injection would happen within the first time
 step and shift the granules in time.
@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import FoamError
-from ...core.process import run
+from ...core.process import run_program
 from ...foam.case import INSTALL, environment
 from ...tracking import Granules
-from .carrier import Carrier, vectors, write_file
+from .foam_interpolant import FoamInterpolant, vectors, write_file
 
-__all__ = ["PeerRun", "fly_peer", "start_up"]
+__all__ = ["ParcelRun", "fly_parcels", "start_up"]
 
 Array = NDArray[np.float64]
 PROGRAM = "icoUncoupledKinematicParcelFoam"
@@ -69,7 +69,7 @@ PLACE, ORIG_ID, AGE = 6, 15, 25  # columns of a landed parcel
 
 
 @dataclass(frozen=True)
-class PeerRun:
+class ParcelRun:
     """Where granules met the outlet: ``position`` (n, 2) m and ``time`` (n,) s, NaN for those that did not.
 
     ``seconds`` is processor time up to the end of the last step; that of :func:`start_up` is contained in it.
@@ -99,15 +99,15 @@ def _write_run(case: Path, grains: Granules, scheme: str, step: float, courant: 
     write_file(case / "constant" / "kinematicCloudProperties", "dictionary", CLOUD_PROPERTIES % words)
 
 
-def _write_cloud(carrier: Carrier, grains: Granules, case: Path) -> None:
+def _write_cloud(foam: FoamInterpolant, grains: Granules, case: Path) -> None:
     """Write the cloud as a solver that was stopped at time 0 would have left it."""
     count, folder = len(grains), case / "0" / "lagrangian" / CLOUD
-    triangle = carrier.field.locate(grains.position)
+    triangle = foam.field.locate(grains.position)
     if np.any(triangle < 0):
-        raise FoamError(f"{int(np.sum(triangle < 0))} granules begin outside the peer's mesh")
-    cell = carrier.field.triangles[triangle, 2] - len(carrier.mesh.plane.points)
+        raise FoamError(f"{int(np.sum(triangle < 0))} granules begin outside OpenFOAM's mesh")
+    cell = foam.field.triangles[triangle, 2] - len(foam.mesh.plane.points)
     rows = zip(grains.position.tolist(), cell.tolist(), strict=True)
-    places = "\n".join(f"({x:.17g} {y:.17g} {carrier.middle:.17g}) {c}" for (x, y), c in rows)
+    places = "\n".join(f"({x:.17g} {y:.17g} {foam.middle:.17g}) {c}" for (x, y), c in rows)
     write_file(folder / "positions", "Cloud<basicKinematicCollidingParcel>", f"{count}\n(\n{places}\n)\n")
     write_file(folder / "U", "vectorField", vectors(grains.velocity) + "\n")
     write_file(folder / "origId", "labelField", f"{count}\n(\n" + "\n".join(map(str, range(count))) + "\n)\n")
@@ -119,16 +119,17 @@ def _write_cloud(carrier: Carrier, grains: Granules, case: Path) -> None:
         write_file(folder / name, "labelField", f"{count}{{{value}}}\n")
     for name in ("UTurb", "f", "angularMomentum", "torque"):
         write_file(folder / name, "vectorField", f"{count}{{(0 0 0)}}\n")
-    for name, kind in COLLISION_RECORDS.items():  # the peer's parcels can collide; these have not
+    for name, kind in COLLISION_RECORDS.items():  # OpenFOAM's parcels can collide; these have not
         write_file(folder / name, kind + "FieldField", f"{count}\n(\n" + "0()\n" * count + ")\n")
     write_file(folder.parents[1] / "uniform" / "lagrangian" / CLOUD / "cloudProperties", "dictionary",
            f"geometry positions;\nprocessor0 {{ particleCount {count}; }}\n")  # fmt: skip
 
 
-def fly_peer(
-    carrier: Carrier, grains: Granules, *, scheme: str, step: float, courant: float, until: float, folder: Path
-) -> PeerRun:
-    """Fly ``grains`` (all of one density, restitution and friction) with the peer from time 0 to ``until`` (s).
+def fly_parcels(
+    foam: FoamInterpolant, grains: Granules, *, scheme: str, step: float, courant: float, until: float, folder: Path
+) -> ParcelRun:
+    """Fly ``grains`` (all of one density, restitution and friction) with OpenFOAM's tracker, from time 0 to ``until``
+    (s).
 
     ``scheme``: Euler or analytical; ``step`` deltaT (s); ``courant`` its maxCo: the share of a cell, and of the step,
     that it tracks at a time; ``folder`` is made anew. Raises FoamError when OpenFOAM fails or a granule begins outside
@@ -137,21 +138,21 @@ def fly_peer(
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     for name in ("constant", "system", "0"):
-        shutil.copytree(carrier.case / name, folder / name)
+        shutil.copytree(foam.case / name, folder / name)
     _write_run(folder, grains, scheme, step, courant, until)
-    _write_cloud(carrier, grains, folder)
+    _write_cloud(foam, grains, folder)
     log = folder / f"log.{PROGRAM}"
-    run([PROGRAM], cwd=folder, log=log, env=environment(), error=FoamError, hint=INSTALL)
+    run_program([PROGRAM], cwd=folder, log=log, env=environment(), error=FoamError, hint=INSTALL)
     clock = re.findall(r"^ExecutionTime = (\S+) s", log.read_text(), re.M)
     if not clock:
         raise FoamError(f"{PROGRAM} took no step; log: {log}", log=log)
     position, landing = _landings(folder, len(grains))
-    return PeerRun(position, landing, float(clock[-1]))
+    return ParcelRun(position, landing, float(clock[-1]))
 
 
-def start_up(carrier: Carrier, grains: Granules, folder: Path) -> float:
-    """Seconds that the peer needs to read its case and these granules: a run of one very short step."""
-    return fly_peer(carrier, grains, scheme="Euler", step=1e-12, courant=0.3, until=1e-12, folder=folder).seconds
+def start_up(foam: FoamInterpolant, grains: Granules, folder: Path) -> float:
+    """Seconds that OpenFOAM's tracker needs to read its case and these granules: a run of one very short step."""
+    return fly_parcels(foam, grains, scheme="Euler", step=1e-12, courant=0.3, until=1e-12, folder=folder).seconds
 
 
 def _landings(folder: Path, count: int) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """Print the share that upward air carries over against its speed, beside what the measured terminal velocities say:
 
-.venv/bin/python cases/aspirator_curve.py [docs/pictures/aspirator-curve.png]
+.venv/bin/python cases/studies/aspirator_curve.py [docs/pictures/aspirator-curve.png] [--quick]
 
 A verification, not a validation: the terminal velocities go in, and come out again. Calm air carries over what falls
 more slowly than it rises; beside it the same with the scene's turbulence, for speeds at which a fraction is divided.
@@ -20,7 +20,9 @@ from wakeflow.planning.make import make_plan
 from wakeflow.results.separation import separate
 
 SPEEDS = (3.0, 3.25, 3.5, 4.0, 4.5, 4.8, 4.9, 5.5, 6.0, 6.5, 7.0, 7.1, 7.2, 7.3, 7.4, 7.5, 7.6, 7.7, 7.8, 8.0, 9.0)
+CASES = Path(__file__).parents[1]
 CALM = {"dispersion": False}
+FEWEST = 64  # granules a fraction when it is only tried out
 FEWER = 1024  # granules a fraction in turbulence: one that hangs in the air takes thousands of steps of noise
 Shares = dict[str, tuple[float, float, float]]
 
@@ -40,17 +42,19 @@ def expected(scene: wf.Scene, name: str, speed: float) -> float:
     return float(np.mean(speeds < speed))
 
 
-def main(picture: Path | None) -> None:
-    base = wf.Scene.load(Path(__file__).with_name("aspirator.toml"))
+def main(picture: Path | None, quick: bool = False) -> None:
+    """Print the table and draw ``picture``; ``quick``: at three speeds, of few granules."""
+    base = wf.Scene.load(CASES / "aspirator.toml", {"feed.count": FEWEST} if quick else {})
     names, rows = list(base.fraction), []
     print("| air, m/s |" + "".join(f" {name}: exact | calm air | turbulence 5 % |" for name in names))
     print("|---|" + "---|" * (3 * len(names)))
-    for speed in SPEEDS:
+    for speed in SPEEDS[::10] if quick else SPEEDS:
         scene = base.replace({"air.speed": speed})
         exact = {name: expected(scene, name, speed) for name in names}
         calm, cells = carried(scene, CALM), []
         divided = any(0.0 < share < 1.0 for share in exact.values())
-        rough: Shares = carried(scene.replace({"feed.count": FEWER}), {"dispersion": True}) if divided else {}
+        fewer = scene.replace({"feed.count": min(FEWER, base.feed.count)})
+        rough: Shares = carried(fewer, {"dispersion": True}) if divided else {}
         for name in names:
             cells += [f"{100 * exact[name]:.1f}", _percent(calm[name])]
             cells += [_percent(rough[name]) if divided and 0.0 < exact[name] < 1.0 else "–"]
@@ -90,4 +94,5 @@ def draw(path: Path, names: list[str], rows: list[Any], base: wf.Scene) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else None)
+    given = [word for word in sys.argv[1:] if word != "--quick"]
+    main(Path(given[0]) if given else None, "--quick" in sys.argv)

@@ -1,0 +1,75 @@
+"""What several test modules need: folders, shipped scenes, shapes, meshes and fields whose answer is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import Delaunay
+
+from wakeflow.field import FlowField
+from wakeflow.foam.case import FlowSpec
+from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
+from wakeflow.laws.shape import shapes
+from wakeflow.meshing import plan_mesh
+from wakeflow.scene import Scene
+from wakeflow.tracking import Granules
+
+ROOT = Path(__file__).parents[1]
+CASES = ROOT / "cases"
+DOCS = ROOT / "docs"
+
+G = GRAVITY
+DENSITY, VISCOSITY = 1.2, 1.8e-5  # kg/m3 and Pa s, air of the tracker's tests
+AIR = dict(zip(("density", "viscosity"), STANDARD_AIR, strict=True))  # of the airflow's tests
+WIDTH = 0.05  # m, of the bodies below
+RHOMBUS = shapes["rhombus"](width=WIDTH, slope_angle=np.pi / 4)
+FLOOR = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])  # m, a body whose top is y = 0
+
+Flow = Callable[[np.ndarray], np.ndarray]
+
+
+def shipped(name: str, changes: dict[str, Any] | None = None) -> Scene:
+    """The scene ``cases/NAME.toml`` with dotted keys changed."""
+    return Scene.load(CASES / f"{name}.toml", changes or {})
+
+
+def shaken_mesh(
+    n: int, low: float = 0.0, high: float = 1.0, *, seed: int = 1, shift: float = 0.3
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (m, 2) and triangles (t, 3) of the square [low, high]^2: n x n squares, inner nodes shifted at random by
+    up to ``shift`` of a square's edge.
+    """
+    line = np.linspace(0, 1, n + 1)
+    points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    inner = np.all((points > 1e-9) & (points < 1 - 1e-9), axis=1)
+    points[inner] += np.random.default_rng(seed).uniform(-shift, shift, (int(inner.sum()), 2)) / n
+    return low + (high - low) * points, Delaunay(points).simplices
+
+
+def field_of(flow: Flow, n: int = 10, low: float = -1.0, high: float = 1.0, **more: Any) -> FlowField:
+    """The flow (points to velocities) on a shaken mesh of [low, high]^2."""
+    points, cells = shaken_mesh(n, low, high)
+    return FlowField.from_arrays(points, cells, flow(points), density=DENSITY, viscosity=VISCOSITY, **more)
+
+
+def with_tau(tau: float, position: Any, velocity: Any, **more: Any) -> Granules:
+    """Granules whose Stokes relaxation time is ``tau`` (s) in the air of ``field_of``."""
+    density = 1000.0
+    return Granules(position, velocity, diameter=np.sqrt(18 * VISCOSITY * tau / density), density=density, **more)
+
+
+def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distances (n,) of points (n, 2) from an outline (k, 2); written apart from the program's own."""
+    along = np.roll(outline, -1, axis=0) - outline
+    s = np.einsum("nkj,kj->nk", points[:, None] - outline, along) / (along**2).sum(axis=1)
+    foot = outline + np.clip(s, 0, 1)[..., None] * along
+    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
+
+
+def rhombus_spec(**how: Any) -> FlowSpec:
+    """The airflow of a rhombus that blocks a sixth of a short channel; ``how``: what ``plan_mesh`` takes."""
+    mesh = plan_mesh([RHOMBUS], width=0.3, top=0.25, bottom=-0.45, names=["rhombus"], **{"scale": 1.6, **how})
+    return FlowSpec(mesh, 5.0, **AIR, turbulence="kOmegaSST", stepping="steady" if mesh.half else "time-resolved")

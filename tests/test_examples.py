@@ -1,0 +1,51 @@
+"""What README, docs and docstrings show in Python runs, and docstrings give what they say."""
+
+from __future__ import annotations
+
+import doctest
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wakeflow as wf
+from support import CASES, DOCS, ROOT
+
+BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SMALL = {"numerics.rung": "draft", "numerics.mesh_scale": 3.0, "feed.count": 64}  # instead of the minutes of a page
+PAGES = [ROOT / "README.md", *sorted(set(DOCS.glob("*.md")) - {DOCS / "extending.md"})]  # tests/test_extending.py
+AIRFLOW = re.compile(r"wf\.run\(|Pipeline\(")  # what computes one
+SHOWN = [
+    pytest.param(code, id=f"{page.name}-{number}", marks=[pytest.mark.openfoam] if AIRFLOW.search(code) else [])
+    for page in PAGES
+    for number, code in enumerate(BLOCK.findall(page.read_text()), 1)
+]
+SOURCES = ROOT / "src"
+WITH_EXAMPLES = [
+    ".".join(path.relative_to(SOURCES).with_suffix("").parts)
+    for path in sorted(SOURCES.rglob("*.py"))
+    if ">>> " in path.read_text()
+]
+
+
+@pytest.mark.parametrize("code", SHOWN)
+def test_python_on_a_page_runs(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load = wf.Scene.load
+
+    def small(path: Path | str, changes: dict[str, Any] | None = None) -> wf.Scene:
+        scene = load(path, changes or {})
+        return scene if scene.air is None else scene.replace(SMALL)
+
+    monkeypatch.setattr(wf.Scene, "load", small)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cases").symlink_to(CASES)
+    exec(compile(code, "a page", "exec"), {"wf": wf})
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_examples_in_docstrings_hold(name: str) -> None:
+    done = doctest.testmod(import_module(name), report=True)
+    assert done.attempted > 0
+    assert done.failed == 0

@@ -1,0 +1,114 @@
+"""Every study in cases/studies runs, at its smallest setting; tests/laws and tests/foam look at two of them closely."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import aspirator_curve
+import impaction
+import injection_or_resolved
+import kernel_speed
+import labyrinth_chain
+import locked_band
+import mpi_ranks
+import paper_compare
+import slope_angles
+import wakeflow as wf
+from support import CASES, ROOT, shipped
+
+ELSEWHERE = {"printed_form", "robustness"}  # tests/laws/test_collision.py, tests/foam/test_robustness.py
+HERE = {
+    study.__name__
+    for study in (
+        aspirator_curve, impaction, injection_or_resolved, kernel_speed, labyrinth_chain, locked_band, mpi_ranks,
+        paper_compare, slope_angles,
+    )
+}  # fmt: skip
+
+
+def test_every_study_is_tried() -> None:
+    assert {path.stem for path in (CASES / "studies").glob("*.py")} == HERE | ELSEWHERE
+
+
+def table_rows(text: str) -> list[list[str]]:
+    """Cells of the rows, heads apart, of all tables in Markdown."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    rules = [i for i, line in enumerate(lines) if set(line) <= set("| -:")]
+    kept = [line for i, line in enumerate(lines) if i not in rules and i + 1 not in rules]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in kept]
+
+
+def test_aspirator_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    aspirator_curve.main(tmp_path / "curve.png", quick=True)
+    rows = table_rows(capsys.readouterr().out)
+    assert [float(row[0]) for row in rows] == list(aspirator_curve.SPEEDS[::10])
+    assert (tmp_path / "curve.png").stat().st_size > 0
+
+
+def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:
+    impaction.cylinder()
+    assert len(table_rows(capsys.readouterr().out)) == len(impaction.K)
+
+
+@pytest.mark.openfoam
+def test_impaction(capsys: pytest.CaptureFixture[str]) -> None:
+    impaction.main(3.0, quick=True)
+    assert table_rows(capsys.readouterr().out)[-2][0] == next(iter(impaction.BODIES))
+
+
+def test_injection_or_resolved(capsys: pytest.CaptureFixture[str]) -> None:
+    injection_or_resolved.main(64, [CASES / "vacuum.toml"])
+    assert {row[1] for row in table_rows(capsys.readouterr().out)} == {"soft", "hard"}
+
+
+def test_kernel_speed() -> None:
+    """This checkout against itself."""
+    options = ["--against", ROOT / "src", "--pairs", "1", "--only", "contact, captured"]
+    command = [sys.executable, kernel_speed.__file__, *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "1 of 1 flights are identical, bit by bit" in done.stdout
+
+
+def test_labyrinth_chain_without_air(capsys: pytest.CaptureFixture[str]) -> None:
+    scene = shipped("labyrinth", {"feed.count": 64})
+    labyrinth_chain.without_air(scene)
+    assert len(table_rows(capsys.readouterr().out)) == 2 * len(scene.fraction)
+
+
+@pytest.mark.openfoam
+def test_labyrinth_chain(capsys: pytest.CaptureFixture[str]) -> None:
+    labyrinth_chain.main(64, 4.0)
+    assert "stages of the other" in capsys.readouterr().out
+
+
+@pytest.mark.openfoam
+def test_locked_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    locked_band.main(tmp_path, "rhombus", quick=True)
+    assert len(table_rows(capsys.readouterr().out)) == 1
+
+
+@pytest.mark.openfoam
+@pytest.mark.mpi
+def test_mpi_ranks(tmp_path: Path) -> None:
+    told: list[str] = []
+    mpi_ranks.main(tmp_path, told.append, scales=(2.0,))
+    assert len(table_rows("\n".join(told))) == 1
+
+
+@pytest.mark.openfoam
+def test_paper_compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert paper_compare.main(["--set", "numerics.mesh_scale=3", "--set", "feed.count=64"]) == 0
+    assert {row[1] for row in table_rows(capsys.readouterr().out)} == set(paper_compare.SCENES)
+
+
+def test_slope_angles(tmp_path: Path) -> None:
+    slope_angles.main(tmp_path)
+    scenes = sorted(tmp_path.glob("*.toml"))
+    assert len(scenes) == len(slope_angles.ANGLES)
+    for scene in scenes:
+        wf.Scene.load(scene)
