@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from wakeflow.cli import main
+from wakeflow.cli import app, main
+from wakeflow.core.errors import SceneError
+from wakeflow.scene import Scene
 
 
 def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -98,3 +100,32 @@ def test_new_writes_a_scene_that_loads_and_keeps_what_is_there(
 def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out)["title"] == "Scene"
+
+
+def test_a_new_command_is_one_function(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def count(scene: Path, *, body: str | None = None) -> int:
+        """Print how many fractions a scene has.
+
+        Parameters
+        ----------
+        scene
+            A scene file (TOML).
+        body
+            A body that the scene must have.
+        """
+        asked = Scene.load(scene)
+        if body is not None and body not in asked.body:
+            raise SceneError(f"no body {body!r} (known: {', '.join(asked.body)})")
+        print(len(asked.fraction))
+        return 0
+
+    app.command(count)
+    try:
+        assert main(["count", str(cases / "rhombus.toml")]) == 0
+        assert capsys.readouterr().out == "3\n"
+        assert main(["count", str(cases / "rhombus.toml"), "--body", "cone"]) == 2
+        assert capsys.readouterr().err == "wakeflow: no body 'cone' (known: rhombus)\n"
+        assert main(["--help"]) == 0
+        assert "Print how many fractions a scene has." in capsys.readouterr().out
+    finally:
+        del app["count"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -14,6 +16,7 @@ import pytest
 
 import wakeflow as wf
 from support import DOCS
+from wakeflow.cli import app, main
 from wakeflow.core.registry import Registry
 from wakeflow.laws.collision import impact_models
 from wakeflow.laws.drag import drag_laws
@@ -27,6 +30,7 @@ from wakeflow.laws.size import sizes
 from wakeflow.planning.bounds import other_terms
 from wakeflow.planning.impaction import front_of
 from wakeflow.report.pictures import draw_all, pictures
+from wakeflow.scene.rungs import rungs
 from wakeflow.verify.airflow.measured import quantities
 from wakeflow.verify.problems.exact import exact_numbers, exact_problems, fly
 
@@ -34,8 +38,9 @@ PAGE = DOCS / "extending.md"
 Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example
 CHECKS: dict[str, Check] = {}
 REGISTRIES: tuple[Registry[Any], ...] = (
-    drag_laws, exact_numbers, exact_problems, forces, fronts, impact_models, materials, other_terms, pictures,
-    profiles, quantities, restitution_laws, shapes, sizes,
+    drag_laws, forces, fronts, impact_models, materials, exact_numbers, other_terms, pictures,
+    exact_problems, profiles, quantities,
+    restitution_laws, rungs, shapes, sizes,
 )  # fmt: skip
 
 
@@ -167,11 +172,11 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("A kind of picture")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    landings = {name: {"x": np.linspace(0.0, 0.1, 5)} for name in ("soft", "hard")}
+    landings = {name: SimpleNamespace(x=np.linspace(0.0, 0.1, 5)) for name in ("soft", "hard")}
     scene = SimpleNamespace(fraction=landings, picture={"where": names["Heaps"](kind="heaps", fractions=["hard"])})
     drawn = draw_all(folder, SimpleNamespace(scene=scene, landings=landings))["where"]  # type: ignore[arg-type]
-    assert drawn["numbers"]["mean_x_m"] == {"hard": pytest.approx(0.05)}
-    assert all((folder / file).stat().st_size > 0 for file in drawn["files"])
+    assert drawn.numbers["mean_x_m"] == {"hard": pytest.approx(0.05)}
+    assert all((folder / file).stat().st_size > 0 for file in drawn.files)
 
 
 @example("An exact problem")
@@ -189,10 +194,36 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("A quantity of an airflow")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    airflow: Any = SimpleNamespace(table={"suction": {"length": 0.1}}, width=0.05)
+    airflow: Any = SimpleNamespace(found=SimpleNamespace(suction=SimpleNamespace(length=0.1)), width=0.05)
     found = quantities["suction_length"].of(airflow)
     assert found is not None
     assert found.value == 2.0
+
+
+@example("A rung, a kind of airflow")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    scene, still = wf.Scene.load(cases / "rhombus.toml", {"feed.count": 64}), {"basset-history": False}
+    assert wf.plan(scene, rung="coarse", force=still).airflow.scales == (2.0,)
+    result = wf.run(scene, folder, rung="potential", force=still)
+    for name in scene.fraction:
+        assert sum(result.share(name, place)[0] for place in [*scene.bin, "elsewhere"]) == pytest.approx(1.0)
+    assert result.table["airflow"]["verdict"] == "potential flow"
+    unknown = {part["source"] for part in result.table["budget"][0]["parts"] if part["how"] == "unknown"}
+    assert {"mesh", "airflow-model"} <= unknown
+
+
+@example("A command")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    try:
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            assert main(["gamma", str(cases / "rhombus.toml"), "--times", "2"]) == 0
+        strength = wf.Scene.load(cases / "rhombus.toml").vibration.strength  # type: ignore[union-attr]
+        assert float(out.getvalue()) == pytest.approx(2 * strength, rel=0.01)
+        with contextlib.redirect_stderr(io.StringIO()) as told:
+            assert main(["gamma", str(cases / "aspirator.toml")]) == 2
+        assert "nothing vibrates" in told.getvalue()
+    finally:
+        del app["gamma"]
 
 
 def test_every_section_with_an_example_has_a_check() -> None:

@@ -30,8 +30,8 @@ Shares = dict[str, tuple[float, float, float]]
 def carried(scene: wf.Scene, force: dict[str, bool]) -> Shares:
     """Share, low, high of each fraction in the bin ``light``."""
     plan = make_plan(scene, force=force)
-    rows = separate(scene, Pipeline(scene, plan).tracks().landings)["fractions"]
-    return {name: (row["light"]["share"], row["light"]["low"], row["light"]["high"]) for name, row in rows.items()}
+    found = separate(scene, Pipeline(scene, plan).tracks().landings)
+    return {name: found.share(name, "light") for name in found.fractions}
 
 
 def expected(scene: wf.Scene, name: str, speed: float) -> float:

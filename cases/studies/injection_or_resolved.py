@@ -16,12 +16,12 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import wakeflow as wf
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
+from wakeflow.results.measured import Share
 from wakeflow.results.separation import separate
 
 CASES = Path(__file__).parents[1]
@@ -40,9 +40,9 @@ def calm(plan: Plan) -> Plan:
     })  # fmt: skip
 
 
-def shares(scene: wf.Scene, plan: Plan) -> dict[str, Any]:
-    """Shares of every fraction in every bin, {share, low, high}."""
-    return separate(scene, Pipeline(scene, plan).tracks().landings)["fractions"]
+def shares(scene: wf.Scene, plan: Plan) -> dict[str, dict[str, Share]]:
+    """Shares of every fraction in every bin."""
+    return separate(scene, Pipeline(scene, plan).tracks().landings).fractions
 
 
 def rows(path: Path, count: int) -> Iterator[str]:
@@ -65,11 +65,11 @@ def rows(path: Path, count: int) -> Iterator[str]:
         turned = how.impaction
         air = "–" if turned is None else f"{turned.efficiency:.2f}, {turned.missed:.2f}, {turned.shift:.2g}"
         for place in found[0][name]:
-            cells = [f"{100 * one[name][place]['share']:.1f}" for one in found]
+            cells = [f"{100 * one[name][place].value:.1f}" for one in found]
             last = found[-1][name][place]
             if max(float(cell) for cell in cells) < 0.05:
                 continue
-            spread = 50 * (last["high"] - last["low"])
+            spread = 50 * (last.high - last.low)
             yield f"| {path.stem} | {name} | {air} | {how.mode} | {place} | {' | '.join(cells)} ± {spread:.1f} |"
 
 

@@ -35,7 +35,7 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
 def flown(scene: wf.Scene, name: str) -> tuple[Any, float]:
     """Tracks of one fraction without air, by whom the plan says, and the processor time of flying them."""
     plan = make_plan(scene, rung="none")
-    still = scene.flown("none")
+    still = scene.without_air()
     feed = feedstock(still, plan, name, None)
     return timed(lambda: Flight(still, plan, None, scene.numerics.tolerance).fly(name, feed.granules))
 
@@ -65,20 +65,18 @@ def with_air(scene: wf.Scene, mesh_scale: float) -> None:
     print("\n| fraction | bin | chain | in the airflow |\n|---|---|---|---|")
     from wakeflow.results.separation import separate
 
-    air = separate(asked, landed)["fractions"]
-    for name, row in chained.separation["fractions"].items():
+    air = separate(asked, landed)
+    for name, row in chained.shares.fractions.items():
         for place, own in row.items():
-            cells = [
-                f"{100 * e['share']:.1f} ({100 * e['low']:.1f} to {100 * e['high']:.1f})"
-                for e in (own, air[name][place])
-            ]
+            pair = (own, air.fractions[name][place])
+            cells = [f"{100 * e.value:.1f} ({100 * e.low:.1f} to {100 * e.high:.1f})" for e in pair]
             print(f"| {name} | {place} | {' | '.join(cells)} |")
     print("\n| fraction | moved by the air, median | 95 % | bound of the plan (body widths) |\n|---|---|---|---|")
     bounds = {row.fraction: row.bound for row in chained.plan.left_out if row.name == "air"}
     for name, landing in landed.items():
         off = np.linalg.norm(landing.position - chained.landings[name].position, axis=1) / scene.width
         print(f"| {name} | {np.median(off):.2g} | {np.percentile(off, 95):.2g} | {bounds[name]:.2g} |")
-    slow = {stage: f"{row['seconds']:.1f}" for stage, row in whole.seconds.items()}
+    slow = {str(stage): f"{took.seconds:.1f}" for stage, took in whole.seconds.items()}
     print(f"\nchain: {spent:.2f} s of processor; stages of the other, s on the clock: {slow}")
 
 

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from .laws.restitution import Restitution
     from .planning.make import make_plan as plan
     from .planning.plan import Plan
-    from .runs import Result, run
+    from .results.result import Result
+    from .runs import run
     from .scene import Scene
     from .tracking import Body, Fate, Granules, Motion, Tracks, track
 
@@ -56,7 +57,7 @@ _HOME = {
     "Plan": "planning.plan",
     "ProgramError": "core.errors",
     "Restitution": "laws.restitution",
-    "Result": "runs",
+    "Result": "results.result",
     "Scene": "scene",
     "SceneError": "core.errors",
     "Tracks": "tracking",

@@ -5,18 +5,19 @@ from __future__ import annotations
 import errno
 import json
 import sys
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
 from .core.errors import ProgramError, SceneError, WakeflowError
+from .scene.overrides import changes_of, switches_of
+from .scene.rungs import rungs
 
-__all__ = ["main"]
+__all__ = ["app", "main"]
 
-INTERRUPTED = 130
+INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
 
 app = App(
     name="wakeflow",
@@ -27,7 +28,12 @@ app = App(
 )
 
 Stage = Literal["funnel", "mesh", "airflow", "tracks"]
-Rung = Literal["auto", "none", "draft", "standard", "reference"]
+if TYPE_CHECKING:
+    RungName = str
+else:
+    RungName = Literal[tuple(rungs)]
+Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/ and the scene's name.")]
+Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
 Settings = Annotated[
     list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
 ]
@@ -38,6 +44,8 @@ Forced = Annotated[
 Target = Annotated[
     float | None, Parameter(help="Error of a bin's share that is asked for, instead of the scene's own (0.01).")
 ]
+Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
+Quiet = Annotated[bool, Parameter(help="Print nothing but errors.")]
 
 
 def _version() -> str:
@@ -49,46 +57,18 @@ def _version() -> str:
 app.version = _version
 
 
-def _split(text: str, option: str) -> tuple[str, str]:
-    key, sign, value = text.partition("=")
-    if not sign or not key:
-        raise SceneError(f"{option} {text!r}: write it as KEY=VALUE")
-    return key, value
-
-
-def _value(text: str) -> Any:
-    """A TOML value where it is one (numbers, lists, true, quoted strings), else the text itself."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
-
-
-def _changes(settings: Sequence[str]) -> dict[str, Any]:
-    return {key: _value(value) for key, value in (_split(text, "--set") for text in settings)}
-
-
-def _switches(forced: Sequence[str]) -> dict[str, bool]:
-    switches = {}
-    for term, state in (_split(text, "--force") for text in forced):
-        if state not in ("on", "off"):
-            raise SceneError(f"--force {term}={state}: write on or off")
-        switches[term] = state == "on"
-    return switches
-
-
 @app.command
 def run(
     scene: Path,
     *,
-    out: Path | None = None,
+    out: Folder = None,
     until: Stage | None = None,
-    rung: Rung | None = None,
+    rung: Fidelity = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
-    workers: int | None = None,
-    quiet: bool = False,
+    workers: Threads = None,
+    quiet: Quiet = False,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> None:
     """Compute where each fraction of a scene lands; results in runs/NAME (or --out).
@@ -97,16 +77,8 @@ def run(
     ----------
     scene
         A scene file (TOML); make one with: wakeflow new
-    out
-        Folder for the results; default runs/ and the scene's name.
     until
         Stop after this stage.
-    rung
-        Fidelity of the airflow instead of the scene's own.
-    workers
-        Threads of the tracker; default all cores.
-    quiet
-        Print nothing but errors.
     as_json
         Print result.json instead of tables.
     """
@@ -114,10 +86,10 @@ def run(
     from .scene import Scene
     from .terminal import live
 
-    asked = Scene.load(scene, _changes(settings))
+    asked = Scene.load(scene, changes_of(settings))
     with live(enabled=not (quiet or as_json)) as listener:
         result = runs.run(
-            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=_switches(force),
+            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=switches_of(force),
             target_error=target_error, workers=workers, listener=listener,
         )  # fmt: skip
     if as_json:
@@ -135,7 +107,7 @@ def plan(
     out: Path | None = None,
     until: Stage | None = None,
     workers: int | None = None,
-    rung: Rung | None = None,
+    rung: Fidelity = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
@@ -149,16 +121,15 @@ def plan(
         A scene file (TOML).
     out, until, workers
         Taken as by run, so that its command line can be reused; a plan does not depend on them.
-    rung
-        Fidelity of the airflow instead of the scene's own.
     as_json
         Print JSON.
     """
+    del out, until, workers
     from .planning.make import make_plan
     from .scene import Scene
 
-    asked = Scene.load(scene, _changes(settings))
-    made = make_plan(asked, rung=rung, force=_switches(force), target_error=target_error)
+    asked = Scene.load(scene, changes_of(settings))
+    made = make_plan(asked, rung=rung, force=switches_of(force), target_error=target_error)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     else:
@@ -180,18 +151,10 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     overwrite
         Replace an existing file.
     """
-    from .core.files import atomic_write
-    from .core.registry import did_you_mean
-    from .core.resources import scene_templates
+    from .scene.templates import write_template
 
-    known = scene_templates()
-    if kind not in known:
-        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
     target = path or Path(f"{kind}.toml")
-    if target.exists() and not overwrite:
-        raise SceneError(f"{target} exists; choose another name or add --overwrite")
-    with atomic_write(target) as stream:
-        stream.write(known[kind].read_text(encoding="utf-8"))
+    write_template(kind, target, overwrite=overwrite)
     print(f"{target} written; run it with: wakeflow run {target}")
 
 
@@ -286,7 +249,10 @@ def clean(*, everything: bool = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; exit code 0 done, 2 wrong input, 3 a program failed, 130 interrupted."""
+    """Run the command line, by default with the process's own arguments.
+
+    Returns the exit code: 0 done, 2 wrong input, 3 an outside program failed, 130 interrupted.
+    """
     try:
         code = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as problem:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from .core.record import to_json
 from .injection.feed import feedstock
 from .pipeline.landings import Landings
-from .pipeline.tracks import Flight, landed
+from .pipeline.tracks import Flight, landing_columns
 from .planning.make import make_plan
 from .planning.plan import Plan
+from .results.landing_results import Separation
 from .results.separation import separate
 from .scene import Scene
 
@@ -19,17 +21,22 @@ __all__ = ["Chained", "chain"]
 @dataclass(frozen=True)
 class Chained:
     """Where a scene's granules land without its air: the ``plan`` that says what that leaves out, ``landings`` by
-    fraction and the ``separation`` table of result.json.
+    fraction and their ``shares``.
     """
 
     plan: Plan
     landings: dict[str, Landings]
-    separation: dict[str, Any]
+    shares: Separation
+
+    @property
+    def separation(self) -> dict[str, Any]:
+        """The ``separation`` table of result.json."""
+        table: dict[str, Any] = to_json(self.shares)
+        return table
 
     def share(self, fraction: str, place: str) -> tuple[float, float, float]:
         """Share of a fraction in a bin, by mass, with its 95 % interval of sampling: (value, low, high)."""
-        row = self.separation["fractions"][fraction][place]
-        return row["share"], row["low"], row["high"]
+        return self.shares.share(fraction, place)
 
 
 def chain(scene: Scene, *, count: int | None = None) -> Chained:
@@ -41,12 +48,12 @@ def chain(scene: Scene, *, count: int | None = None) -> Chained:
     if count is not None:
         scene = scene.replace({"feed.count": count})
     plan = make_plan(scene, rung="none")
-    flown = scene.flown("none")
+    flown = scene.without_air()
     flight = Flight(flown, plan, None, scene.numerics.tolerance)
     landings = {}
     for name in flown.fraction:
         feed = feedstock(flown, plan, name, None)
-        parts = landed(feed, flight.fly(name, feed.granules), len(flown.bin))
+        parts = landing_columns(feed, flight.fly(name, feed.granules), len(flown.bin))
         parts.pop("injected")
         landings[name] = Landings(**parts)
     return Chained(plan, landings, separate(flown, landings))

@@ -2,67 +2,44 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .core.errors import SceneError
-from .core.files import atomic_write, write_json
+from .core.files import atomic_write
+from .core.record import from_json, to_json
 from .core.store import content_key, digest_files
-from .injection.impact_loads import impact_loads
 from .laws.momentum import momentum_pressure
-from .pipeline.pipeline import Listener, Pipeline, silent
-from .planning.make import make_plan
-from .results.budget import fly_companions, make_budget, together
+from .pipeline.cache import Listener, silent
+from .pipeline.pipeline import Pipeline
+from .planning.make import Planner
+from .results.airflow_summary import Airflow, FieldDivergence, FieldTruncation, MomentumModel, airflow_of
+from .results.budget import fly_again, make_budget, together
 from .results.companions import airflow_on_grids
-from .results.notices import _notices
+from .results.funnel_summary import FunnelSummary, funnel_of
+from .results.impact_summary import impact_of
+from .results.landing_results import LandingResults
+from .results.notices import notices
+from .results.plan_summary import summary_of
+from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, Result, asked_in, key_in
 from .results.separation import separate
+from .results.source import Flights
+from .results.sources import MODEL
 from .scene import Scene
 
 if TYPE_CHECKING:
-    from .pipeline.landings import Tracked
+    from .pipeline.landings import Landings, Tracked
+    from .report import Landed
 
-__all__ = ["Result", "report_again", "run"]
+__all__ = ["report_again", "run"]
 
-SCHEMA = 1
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
-
-
-@dataclass(frozen=True)
-class Result:
-    """A finished run: its folder and what result.json holds."""
-
-    folder: Path
-    table: dict[str, Any]
-
-    @property
-    def separation(self) -> dict[str, Any]:
-        """Bins, shares, purity, recovery and throughput."""
-        return self.table["separation"]
-
-    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
-        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
-        row = self.separation["fractions"][fraction][place]
-        return row["share"], row["low"], row["high"]
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    """What the report draws."""
-
-    scene: Scene
-    field: Any
-    airflow: dict[str, Any] | None
-    tracks: dict[str, list[dict[str, Any]]]
-    landings: dict[str, dict[str, Any]]
-    result: dict[str, Any]
-    shown: dict[str, dict[str, list[dict[str, Any]]]]
+STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
 
 
 def run(
@@ -86,143 +63,170 @@ def run(
     """
     from filelock import FileLock, Timeout
 
-    if until not in (None, "funnel", "mesh", "airflow", "tracks"):
-        raise SceneError(f"until = {until!r}: choose funnel, mesh, airflow or tracks")
-    if until == "funnel" and scene.funnel is None:
-        raise SceneError("until = 'funnel': the scene has no [funnel] table")
-    if workers is not None and workers < 1:
-        raise SceneError(f"workers = {workers}: at least 1")
-    folder = Path(out)
-    if folder.exists() and not folder.is_dir():
-        raise SceneError(f"--out {folder}: is a file; name a folder")
-    make = partial(make_plan, rung=rung, force=force, target_error=target_error)
-    plan = make(scene)
+    folder, request = Path(out), Request(until, rung, dict(force or {}), target_error)
+    _check(scene, folder, request, workers)
+    planner = Planner(scene.fed(), dict(force or {}), target_error)
+    plan = planner.plan(rung)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
-            options = {"until": until, "rung": rung, "force": dict(force or {}), "target_error": target_error}
-            pipeline = Pipeline(scene.flown(plan.rung), plan, listener, workers)
-            poured = pipeline.funnel
+            pipeline = Pipeline(plan.airflow.flown(scene), plan, listener, workers, planner=planner)
+            poured = funnel_of(pipeline.funnel)
             if poured is not None and until != "funnel":
                 fed = _fed(scene, poured)
-                plan = make(fed)  # its bounds on loading follow the rate
-                pipeline = replace(pipeline, scene=fed.flown(plan.rung), plan=plan)
-            return _run(scene, pipeline, poured, folder, options, redraw)
+                planner = planner.at(fed)  # the bounds on loading follow the rate
+                plan = planner.plan(rung)
+                pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+            return _Run(scene, pipeline, poured, folder, request, redraw).result()
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
 
-def _fed(scene: Scene, poured: dict[str, Any]) -> Scene:
+def _check(scene: Scene, folder: Path, request: Request, workers: int | None) -> None:
+    """Raise SceneError where a run cannot be made as it was asked for."""
+    if request.until not in (None, *STOPS):
+        raise SceneError(f"until = {request.until!r}: choose funnel, mesh, airflow or tracks")
+    if request.until == "funnel" and scene.funnel is None:
+        raise SceneError("until = 'funnel': the scene has no [funnel] table")
+    if workers is not None and workers < 1:
+        raise SceneError(f"workers = {workers}: at least 1")
+    if folder.exists() and not folder.is_dir():
+        raise SceneError(f"--out {folder}: is a file; name a folder")
+
+
+def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
     """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
-    if poured["rate"] is None and scene.feed.rate is None:
+    if poured.rate is None and scene.feed.rate is None:
         raise SceneError(
-            f"funnel: the flow stops with {poured['left']} of {poured['beads']} beads inside; widen "
+            f"funnel: the flow stops with {poured.left} of {poured.beads} beads inside; widen "
             "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
         )
-    return scene.fed(None if poured["rate"] is None else poured["rate"]["value"])
+    return scene.fed(None if poured.rate is None else poured.rate.value)
 
 
-def _run(
-    scene: Scene, pipeline: Pipeline, poured: dict[str, Any] | None, folder: Path, options: dict[str, Any], redraw: bool
-) -> Result:
-    """Make the stages that ``options`` ask for, then the report where it is not the one that stands there."""
-    from . import report
+@dataclass(frozen=True)
+class _Run:
+    """One run: the scene as asked for, the pipeline that computes it, and where its answer goes."""
 
-    plan, target, until = pipeline.plan, folder / "result.json", options["until"]
-    asked, scene = scene, pipeline.scene  # flown without its air at rung none, fed by its funnel
-    order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
-    table: dict[str, Any] = {
-        "schema": SCHEMA,
-        "scene": asked.tables(),
-        "options": options,
-        "plan": plan.summary(),
-        "funnel": poured,
-        "airflow": None,
-    }
-    tracked: Tracked | None = None
-    if scene.air is not None and until != "funnel":
-        if until not in ("mesh", "airflow") and plan.rung != "analytic":
+    asked: Scene
+    pipeline: Pipeline
+    poured: FunnelSummary | None
+    folder: Path
+    request: Request
+    redraw: bool
+
+    def result(self) -> Result:
+        """Make the stages that are asked for, then the report where it is not the one that stands there."""
+        mesh, airflow = self._air()
+        tracked = None if self.request.until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
+        if tracked is not None and airflow is not None:
+            airflow = airflow.extended(divergence=_divergence(self.pipeline), truncation=_truncation(self.pipeline))
+        flights = None if tracked is None else self._flights(tracked)
+        landings = None if tracked is None or self.request.until is not None else self._landings(tracked)
+        scene, plan = self.pipeline.scene, self.pipeline.plan
+        warnings = [*plan.warnings, *notices(scene, self.pipeline, airflow, self.poured, tracked)]
+        warnings += together(() if landings is None else landings.budget, plan.target_error)
+        result = Result(
+            schema=SCHEMA,
+            scene=self.asked.tables(),
+            options=self.request,
+            plan=summary_of(plan),
+            funnel=self.poured,
+            airflow=airflow,
+            mesh=mesh,
+            flights=flights,
+            landings=landings,
+            warnings=tuple(warnings),
+            seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
+            versions=_versions(),
+            key=self._key(tracked),
+            pictures=None,
+            folder=self.folder,
+        )
+        result = self._drawn(result, tracked)
+        result.save()
+        return result
+
+    def _air(self) -> tuple[MeshSummary | None, Airflow | None]:
+        """The mesh and the airflow; None without air, and where the run stops before them."""
+        pipeline, scene, until = self.pipeline, self.pipeline.scene, self.request.until
+        if scene.air is None or until == "funnel":
+            return None, None
+        if until not in ("mesh", "airflow") and not pipeline.kind.at_once:
             pipeline.compile_beside()
-        table["mesh"] = pipeline.mesh_quality
-        if until != "mesh":
-            table["airflow"] = pipeline.airflow
-            table["airflow"]["grids"] = airflow_on_grids(pipeline)
-            table["airflow"]["momentum"] = _momentum(scene, table["airflow"]) if scene.body else None
-    if until not in ("funnel", "mesh", "airflow"):
-        tracked = pipeline.tracks()
-        if table["airflow"] is not None:
-            table["airflow"]["divergence"] = pipeline.divergence
-            table["airflow"]["truncation"] = pipeline.truncation
-        table["fates"] = tracked.fates
-        table["met_by_law"] = tracked.injected
-        table["impact"] = impact_loads(scene, plan)
-    if tracked is not None and until is None:
-        table["separation"] = separate(scene, tracked.landings)
-        others = fly_companions(pipeline, tracked)
-        table["bracket"] = None if others.airflows is None else others.airflows.table(list(scene.bin))
-        table["budget"] = make_budget(pipeline, tracked, table["separation"], others)
-    table["warnings"] = [*plan.warnings, *_notices(scene, pipeline, table, tracked)]
-    table["warnings"] += together(table.get("budget", []), plan.target_error)
-    table["seconds"] = pipeline.seconds
-    table["versions"] = _versions()
-    code = digest_files([Path(__file__).parent])
-    made_for = (asked.tables(), order, plan.summary(), options)
-    table["key"] = content_key(*made_for, pipeline.tracks_key if tracked else None, _versions(), code)
-    stands = _key_of(target) == table["key"]
-    if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
-        target.unlink(missing_ok=True)
-        report.clear(folder)
-        (folder / "granules.npz").unlink(missing_ok=True)
-    if tracked is not None:
-        _save_granules(folder / "granules.npz", scene, tracked)
-        if until is None and (redraw or not stands or not report.is_whole(folder, scene.picture)):
-            _report(scene, pipeline, tracked, table, folder)
-        table["pictures"] = report.pictures_of(folder)
-    elif until == "funnel" and poured is not None:
-        report.draw_discharge(folder / "figures" / "discharge.png", poured)
-    write_json(target, table)
-    return Result(folder, table)
+        mesh = from_json(MeshSummary, pipeline.mesh_quality, "mesh.json")
+        if until == "mesh":
+            return mesh, None
+        airflow = airflow_of(pipeline)
+        momentum = _momentum(scene, airflow) if scene.body and airflow.cp_base is not None else None
+        return mesh, airflow.extended(grids=airflow_on_grids(pipeline), momentum=momentum)
+
+    def _flights(self, tracked: Tracked) -> FlightResults:
+        return FlightResults(tracked.fates, tracked.injected, impact_of(self.pipeline.scene, self.pipeline.plan))
+
+    def _landings(self, tracked: Tracked) -> LandingResults:
+        scene, flights = self.pipeline.scene, Flights(self.pipeline, tracked)
+        separation = separate(scene, tracked.landings)
+        fly_again(flights)
+        wakes = flights.of(MODEL)
+        bracket = None if wakes is None else wakes.means(list(scene.bin))
+        return LandingResults(separation, bracket, make_budget(flights, separation))
+
+    def _key(self, tracked: Tracked | None) -> str:
+        """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""
+        scene = self.pipeline.scene  # flown without its air at rung none, fed by its funnel
+        order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
+        code = digest_files([Path(__file__).parent])
+        made_for = (self.asked.tables(), order, self.pipeline.plan.summary(), to_json(self.request))
+        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, _versions(), code)
+
+    def _drawn(self, result: Result, tracked: Tracked | None) -> Result:
+        """The result with the pictures of its report, which is drawn where it does not stand in the folder already."""
+        from . import report
+
+        folder, scene = self.folder, self.pipeline.scene
+        stands = key_in(folder) == result.key
+        if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
+            (folder / FILE).unlink(missing_ok=True)
+            report.clear(folder)
+            (folder / "granules.npz").unlink(missing_ok=True)
+        if tracked is not None:
+            _save_granules(folder / "granules.npz", scene, tracked)
+            if self.request.until is None and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
+                _report(self.pipeline, tracked, result)
+            return replace(result, pictures=report.pictures_of(folder))
+        if self.request.until == "funnel" and self.poured is not None:
+            report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
+        return result
 
 
-def _report(scene: Scene, pipeline: Pipeline, tracked: Tracked, table: dict[str, Any], folder: Path) -> None:
-    from .report import write_report
+def _report(pipeline: Pipeline, tracked: Tracked, result: Result) -> None:
+    from .report import Outcome, write_report
 
     pipeline.listener("report", "drawing")
-    landings = {
-        name: {
-            "x": landing.position[:, 0],
-            "y": landing.position[:, 1],
-            "weight": np.broadcast_to(1.0 / len(landing.bin), landing.bin.shape),
-            "bin": landing.bin,
-        }
-        for name, landing in tracked.landings.items()
-    }
+    scene = pipeline.scene
+    landings = {name: _landed(landing) for name, landing in tracked.landings.items()}
     flow = None if scene.air is None else pipeline.field[1]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
-    write_report(folder, _Outcome(scene, flow, table["airflow"], tracked.drawn, landings, table, shown))
+    write_report(result.folder, Outcome(scene, flow, tracked.drawn, landings, result, shown))
     pipeline.listener("report", "done")
 
 
+def _landed(landing: Landings) -> Landed:
+    from .report import Landed
+
+    weight = np.broadcast_to(1.0 / len(landing.bin), landing.bin.shape)
+    return Landed(landing.position[:, 0], landing.position[:, 1], weight, landing.bin)
+
+
 def report_again(folder: Path | str) -> Path:
-    """Draw the report of a finished run anew, from its result.json and the cache. Returns the path of report.html."""
-    source = Path(folder) / "result.json"
-    try:
-        table = json.loads(source.read_text())
-        options, scene, _ = table["options"], table["scene"], table["separation"]
-    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError, KeyError, TypeError):
-        raise SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}") from None
-    target = options.get("target_error")
-    run(Scene.parse(scene), folder, rung=options["rung"], force=options["force"], target_error=target, redraw=True)
+    """Draw the report of a finished run anew, from its result.json and the cache. Returns the path of report.html.
+
+    Raises SceneError where the folder holds no finished run.
+    """
+    scene, asked = asked_in(folder)
+    run(Scene.parse(scene), folder, rung=asked.rung, force=asked.force, target_error=asked.target_error, redraw=True)
     return Path(folder) / "report.html"
-
-
-def _key_of(path: Path) -> str | None:
-    """What the answer in ``path`` was made for; None when there is none."""
-    try:
-        key = json.loads(path.read_text())["key"]
-    except (FileNotFoundError, json.JSONDecodeError, KeyError, TypeError):
-        return None
-    return key if isinstance(key, str) else None
 
 
 def _versions() -> dict[str, str]:
@@ -237,13 +241,24 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _momentum(scene: Scene, airflow: dict[str, Any]) -> dict[str, float]:
+def _momentum(scene: Scene, airflow: Airflow) -> MomentumModel:
     """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
     base pressure.
     """
     assert scene.air is not None
+    assert airflow.cp_base is not None
+    assert airflow.cp_base.value is not None
     model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.air.direction)
-    return {"cp_front": model.front, "cd": model.drag(airflow["cp_base"]["value"])}
+    return MomentumModel(model.front, model.drag(airflow.cp_base.value))
+
+
+def _divergence(pipeline: Pipeline) -> FieldDivergence:
+    return from_json(FieldDivergence, pipeline.divergence, "divergence")
+
+
+def _truncation(pipeline: Pipeline) -> FieldTruncation | None:
+    lost = pipeline.truncation
+    return None if lost is None else from_json(FieldTruncation, lost, "truncation")
 
 
 def _save_granules(path: Path, scene: Scene, tracked: Tracked) -> None:

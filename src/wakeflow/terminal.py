@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from .report.words import (
+    NONE,
+    TERMS,
+    budget_columns,
+    condensed,
+    error_text,
+    expected,
+    percent,
+    source_seconds,
+)
+from .results.landing_results import SHARE_UNIT, BudgetRow, Separation
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
     from .planning.plan import Plan
     from .planning.terms import LeftOut
-    from .runs import Result
+    from .results.airflow_summary import Airflow
+    from .results.funnel_summary import FunnelSummary
+    from .results.result import Result
 
-__all__ = ["live", "show_plan", "show_result"]
+__all__ = ["budget_table", "live", "separation_table", "show_plan", "show_result"]
 
 PLAIN_EVERY = 10.0  # s between lines when the output is not a terminal
 
@@ -26,7 +41,7 @@ def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
 
     console = Console(stderr=True)
     if not enabled:
-        yield lambda stage, text: None
+        yield lambda *_told: None
     elif console.is_terminal:
         with console.status("starting", spinner="dots") as status:
 
@@ -103,47 +118,119 @@ def _bounds_table(plan: Plan) -> Table:
 
 
 def show_result(result: Result) -> None:
-    """Print the separation and its budget."""
+    """Print the separation and its budget, the funnel, the airflow, and what pictures say."""
     from rich.console import Console
 
     console = Console()
-    table = result.table
-    if "separation" in table:
-        from .report.tables import budget_table, separation_table
-
-        console.print(separation_table(table))
-        console.print(budget_table(table))
-    if table.get("funnel"):
-        console.print(_poured(table["funnel"]), highlight=False)
-    airflow: dict[str, Any] | None = table.get("airflow")
-    if airflow and airflow["cd"] is None:
-        flow, drop = airflow["flow_rate"], airflow["pressure_drop"]
-        console.print(f"airflow: {airflow['verdict']}, {flow:.3g} m²/s, pressure drop {drop:.2g} Pa", highlight=False)
-    elif airflow:
-        cd, base = airflow["cd"], airflow["cp_base"]["value"]
-        console.print(
-            f"airflow: {airflow['verdict']}, Cd {cd['value']:.3f} [{cd['low']:.3f}, {cd['high']:.3f}], "
-            f"base pressure coefficient {base:.2f}, pressure drop {airflow['pressure_drop']:.1f} Pa",
-            highlight=False,
-        )
-    for name, picture in (table.get("pictures") or {}).items():
-        console.print(f"figures/{name}: {picture['text']}", highlight=False, markup=False)
-    _warn(console, table["warnings"])
+    if result.landings is not None:
+        console.print(separation_table(result, result.landings.separation))
+        console.print(budget_table(result.landings.budget))
+    if result.funnel is not None:
+        console.print(_poured(result.funnel), highlight=False)
+    if result.airflow is not None:
+        console.print(_air(result.airflow), highlight=False)
+    for name, picture in (result.pictures or {}).items():
+        console.print(f"figures/{name}: {picture.text}", highlight=False, markup=False)
+    _warn(console, result.warnings)
     console.print(f"results: {result.folder}", highlight=False, soft_wrap=True)
 
 
-def _poured(funnel: dict[str, Any]) -> str:
+def separation_table(result: Result, separation: Separation) -> Table:
+    """Bins by fractions: shares in percent with half their 95 % interval; throughput, purity, recovery."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    title = "share of each fraction's mass, %, with 95 % interval"
+    table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
+    table.add_column("bin")
+    for name in separation.fractions:
+        table.add_column(name, justify="right")
+    table.add_column("kg/h", justify="right")
+    table.add_column("purity", justify="right")
+    for place in separation.bins:
+        cells = [
+            Text(percent(places[place]), style="bold green" if place in result.targets(name) else "")
+            for name, places in separation.fractions.items()
+        ]
+        purest = "\n".join(f"{name} {percent(found)}" for name, found in expected(result, place)) or NONE
+        table.add_row(place, *cells, f"{separation.throughput[place]:.3g}", purest)
+    table.add_section()
+    table.add_row("recovery", *(percent(separation.recovery.get(name)) for name in separation.fractions), "", "")
+    return table
+
+
+def budget_table(budget: Sequence[BudgetRow]) -> Table:
+    """The known errors of every quantity, the run time that knowing them took, and below it what is unknown."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    rows = condensed(budget)
+    known = {part.source for row in rows for part in row.parts if part.error is not None}
+    sources = [source for source in budget_columns(rows) if source in known]
+    title = "budget: error of each share, percentage points"
+    if any(row.measure != SHARE_UNIT for row in rows):
+        title = "budget: errors, of shares in percentage points"
+    table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
+    table.add_column("quantity", no_wrap=True)
+    totals = any(row.total.error is not None for row in rows)  # else the note says why not
+    for source in [*sources, "total"] if totals else sources:
+        table.add_column(source.replace("-", "-\n"), justify="right", overflow="fold")
+    for row in rows:
+        errors = {part.source: part.error for part in row.parts}
+        cells = [_bare(row, errors[source]) if source in errors else NONE for source in sources]
+        unit = "" if row.measure == SHARE_UNIT else f"\n({row.measure})"
+        total = [_bare(row, row.total.error)] if totals else []
+        table.add_row(row.quantity.removeprefix("share.") + unit, *cells, *total)
+    if rows:
+        table.add_section()
+        cost = source_seconds(rows)
+        table.add_row("run time (s)", *(f"{cost[source]:.1f}" for source in sources))
+    table.caption, table.caption_justify = _budget_notes(rows, known), "left"
+    return table
+
+
+def _budget_notes(rows: Sequence[BudgetRow], known: Collection[str]) -> str | None:
+    """Which terms stand behind each sum of terms, and which sources are unknown."""
+    notes: dict[str, None] = {}  # in order, each once
+    for row in rows:
+        for part in row.parts:
+            if part.source in TERMS.values():
+                notes[f"{row.quantity.split('.')[1]}, {part.source}: {part.note}"] = None
+    if unknown := [source for source in budget_columns(rows) if source not in known]:
+        notes[f"unknown, so that no total is claimed: {', '.join(unknown)}"] = None
+    return "\n".join(notes) or None
+
+
+def _bare(row: BudgetRow, error: float | None) -> str:
+    """An error without its unit, for a table that names it elsewhere."""
+    return error_text(row, error).removesuffix(f" {row.measure}")
+
+
+def _air(airflow: Airflow) -> str:
+    """The airflow in one line."""
+    drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
+    if cd is None or base is None:
+        return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
+    interval = "" if cd.low is None or cd.high is None else f" [{cd.low:.3f}, {cd.high:.3f}]"  # none of a given case
+    return (
+        f"airflow: {airflow.verdict}, Cd {cd.value:.3f}{interval}, "
+        f"base pressure coefficient {base.value:.2f}, pressure drop {drop:.1f} Pa"
+    )
+
+
+def _poured(funnel: FunnelSummary) -> str:
     """The feed funnel in one line."""
-    rate, law = funnel["rate"], funnel["beverloo_cone"]
-    if rate is None:
-        return f"funnel: {funnel['verdict']} with {funnel['left']} of {funnel['beads']} beads inside"
-    found = f"funnel: {1e3 * rate['value']:.3g} g/s"
-    if rate["low"] is not None:
-        found += f" [{1e3 * rate['low']:.3g}, {1e3 * rate['high']:.3g}]"
-    empty = "" if funnel["time_to_empty"] is None else f", empty after {funnel['time_to_empty']:.3g} s"
+    rate, law = funnel.rate, funnel.beverloo_cone
+    if rate is None or rate.value is None:
+        return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
+    found = f"funnel: {1e3 * rate.value:.3g} g/s"
+    if rate.low is not None and rate.high is not None:
+        found += f" [{1e3 * rate.low:.3g}, {1e3 * rate.high:.3g}]"
+    empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
     return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
-def _warn(console: Any, warnings: Sequence[str]) -> None:
+def _warn(console: Console, warnings: Sequence[str]) -> None:
     for line in warnings:
         console.print(f"! {line}", highlight=False, markup=False, style="yellow")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -15,7 +16,8 @@ import wakeflow
 from wakeflow import Scene
 from wakeflow.core import sources
 from wakeflow.funnel import CODE as FUNNEL
-from wakeflow.pipeline.pipeline import CODE
+from wakeflow.pipeline.analytic import duct_field
+from wakeflow.pipeline.cache import CODE
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 
@@ -65,9 +67,8 @@ def test_data_files_of_the_funnel_enter_its_key(copied: Path) -> None:
     assert sources.code_key(*FUNNEL) != before
 
 
-def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, tmp_path: Path) -> None:
-    scene = Scene.load(cases / "vacuum.toml").replace({"feed.count": 16})
-    flight = Flight(scene, make_plan(scene), None, 1e-4)
+def _ran(work: Callable[[], object]) -> set[str]:
+    """Modules of the package whose code runs in ``work``."""
     ran: set[str] = set()
 
     def note(frame: FrameType, event: str, argument: Any) -> None:
@@ -75,12 +76,31 @@ def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, t
 
     sys.setprofile(note)
     try:
-        flight.fly_all(tmp_path, drawn=True)
+        work()
     finally:
         sys.setprofile(None)
-    own = {module for module in ran if module.startswith("wakeflow.")}
+    return {module for module in ran if module.startswith("wakeflow.")}
+
+
+def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, tmp_path: Path) -> None:
+    scene = Scene.load(cases / "vacuum.toml").replace({"feed.count": 16})
+    flight = Flight(scene, make_plan(scene), None, 1e-4)
+    own = _ran(lambda: flight.fly_all(tmp_path, drawn=True))
     assert {"wakeflow.pipeline.tracks", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
     assert own <= sources.closure(*CODE["tracks"])
+
+
+def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path) -> None:
+    scene = Scene.load(cases / "aspirator.toml")
+    own = _ran(lambda: duct_field(scene, turbulent=True))
+    assert {"wakeflow.pipeline.analytic", "wakeflow.field.flow"} <= own
+    assert own <= sources.closure(*CODE["duct"])
+
+
+def test_every_stage_that_a_key_names_is_listed() -> None:
+    folder = sources.ROOT / "pipeline"
+    named = {name for path in folder.glob("*.py") for name in re.findall(r'code_of\("([^"]+)"\)', path.read_text())}
+    assert named == set(CODE)
 
 
 def test_a_name_that_is_no_module_is_refused() -> None:

@@ -116,8 +116,8 @@ def test_the_shipped_scene_runs_whole_and_solves_nothing(aspirator: Scene, tmp_p
     ("spread", "cdf"),
     [
         ({"distribution": "uniform", "low": 7.04, "high": 7.74}, lambda u: (u - 7.04) / 0.70),
-        ({"distribution": "normal", "mean": 7.3, "std": 0.25}, lambda u: 0.5),
-        ({"distribution": "lognormal", "median": 7.3, "geometric_std": 1.04}, lambda u: 0.5),
+        ({"distribution": "normal", "mean": 7.3, "std": 0.25}, lambda _: 0.5),
+        ({"distribution": "lognormal", "median": 7.3, "geometric_std": 1.04}, lambda _: 0.5),
     ],
 )
 def test_the_distribution_that_goes_in_comes_out(aspirator: Scene, spread: dict, cdf) -> None:  # type: ignore[no-untyped-def]
@@ -127,8 +127,8 @@ def test_the_distribution_that_goes_in_comes_out(aspirator: Scene, spread: dict,
         {"fraction.wheat.terminal_velocity": spread, "fraction.wheat.size": sizes, "air.speed": 7.3}
     )
     plan = make_plan(scene, force=CALM)
-    shares = separate(scene, Pipeline(scene, plan).tracks().landings)["fractions"]["wheat"]
-    assert shares["light"]["low"] - 2e-3 <= cdf(7.3) <= shares["light"]["high"] + 2e-3
+    shares = separate(scene, Pipeline(scene, plan).tracks().landings).fractions["wheat"]
+    assert shares["light"].low - 2e-3 <= cdf(7.3) <= shares["light"].high + 2e-3
     grains = feedstock(scene, plan, "wheat", None).granules
     settling = terminal_velocity(grains.diameter, grains.density, 1.204, 1.825e-5, drag_scale=grains.drag_scale)
     p = (np.arange(1024) + 0.5) / 1024

@@ -18,7 +18,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import area, distance_between, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.laws.shape import shapes
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.tracks import ends, solids
+from wakeflow.pipeline.tracks import bodies_and_walls, end_lines
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.user_case import air_of
@@ -175,7 +175,7 @@ class TestStreams:
         grains = wf.Granules(
             position=np.array([(-0.1, 0.1), (-0.1, 0.02)]), velocity=(-5.0, 0.0), diameter=3e-3, density=1300.0
         )
-        tracks = wf.track(pipeline.field[1], grains, until=5.0, bodies=solids(scene), lines=ends(scene))
+        tracks = wf.track(pipeline.field[1], grains, until=5.0, bodies=bodies_and_walls(scene), lines=end_lines(scene))
         assert [fate.name for fate in map(wf.Fate, tracks.fate)] == ["ESCAPED", "BINNED"]
         assert tracks.position[0, 0] == pytest.approx(-0.15, abs=1e-6)
         assert tracks.impacts[1] > 0  # it met the wall beside the opening

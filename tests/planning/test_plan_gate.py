@@ -24,7 +24,7 @@ from wakeflow.laws.forces import FlightScales, forces
 from wakeflow.laws.forces.history_force import history_kernel, history_time
 from wakeflow.pipeline import landings
 from wakeflow.pipeline import tracks as flying
-from wakeflow.pipeline.landings import Landings, load
+from wakeflow.pipeline.landings import Landings, load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import bounds
@@ -32,7 +32,9 @@ from wakeflow.planning.flight_scales import flights
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.terms import TYPICAL, LeftOutTerm
-from wakeflow.results.budget import crossing_share, free_ends, left_out_terms, together
+from wakeflow.results.budget import together
+from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
+from wakeflow.results.left_out import crossing_share, free_ends, left_out_terms
 from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate, Granules, Tracks
@@ -468,22 +470,23 @@ def test_the_budgets_share_covers_granules_that_are_shifted(draft: Scene, kind: 
     x = rng.normal(0.0, 0.06, 20_000)
     plan = make_plan(draft)
     terms = left_out_terms(draft, plan, "wheat", landings_at(x, draft))
-    before = separate(draft, dict.fromkeys(FRACTIONS, landings_at(x, draft)))["fractions"]["wheat"]
+    before = separate(draft, dict.fromkeys(FRACTIONS, landings_at(x, draft))).fractions["wheat"]
     direction = {"right": np.ones(len(x)), "outward": np.sign(x), "random": rng.choice([-1.0, 1.0], len(x))}[kind]
     for row in (row for row in plan.left_out if row.fraction == "wheat"):
         shifted = landings_at(x + way * direction * row.bound * draft.width, draft)  # type: ignore[operator]
-        after = separate(draft, dict.fromkeys(FRACTIONS, shifted))["fractions"]["wheat"]
+        after = separate(draft, dict.fromkeys(FRACTIONS, shifted)).fractions["wheat"]
         if row.bound > 0.1:  # type: ignore[operator]
             continue  # more than the window: a density is no local one
         for place, parts in terms.items():
-            (error,) = [part["error"] for part in parts if part["source"] == row.name]
-            assert abs(after[place]["share"] - before[place]["share"]) <= error + 1e-3
+            (error,) = [part.error for part in parts if part.source == row.name]
+            assert error is not None
+            assert abs(after[place].value - before[place].value) <= error + 1e-3
 
 
 def test_terms_that_are_small_alone_are_named_when_they_are_not_together() -> None:
-    parts = [{"source": t, "error": 0.012, "kind": "left-out"} for t in ("lift", "buoyancy")]
-    parts += [{"source": "magnus", "error": 0.9, "kind": "not-computed"}, {"source": "mesh", "error": None}]
-    rows = [{"quantity": "share.chaff.inner.left", "parts": parts}]
+    parts = [BudgetPart(t, 0.012, kind="left-out") for t in ("lift", "buoyancy")]
+    parts += [BudgetPart("magnus", 0.9, kind="not-computed"), BudgetPart("mesh")]
+    rows = [BudgetRow("share.chaff.inner.left", None, tuple(parts), BudgetTotal(None, 0.0))]
     (line,) = together(rows, 0.01)
     assert "chaff" in line
     assert "inner.left by 1.2 points" in line
@@ -516,14 +519,14 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
     scene = shipped("vacuum", {"feed.count": 256})
     whole = Flight(scene, make_plan(scene), None, 1e-6)
     whole.fly_all(tmp_path, drawn=True)
-    at_once = load(tmp_path, scene)
+    at_once = load_tracked(tmp_path, scene)
     held = dict(at_once.landings)
     monkeypatch.setattr(flying, "AT_ONCE", 48)  # three replicates of sixteen at a time
     monkeypatch.setattr(landings, "KEPT", 0)
     parts = tmp_path / "parts"
     parts.mkdir()
     whole.fly_all(parts, drawn=True)
-    in_parts = load(parts, scene)
+    in_parts = load_tracked(parts, scene)
     for name in scene.fraction:
         one, other = at_once.landings[name], in_parts.landings[name]
         for column in ("position", "bin", "replicate", "diameter", "fate", "time", "impacts"):
@@ -540,8 +543,8 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
 # -- the plan as a record ----------------------------------------------------------------------------------------------
 
 
-def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(rhombus: Scene) -> None:
-    plan = make_plan(rhombus)
+def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(draft: Scene) -> None:
+    plan = make_plan(draft)
     for name in ("fractions", "force", "estimate"):
         with pytest.raises(TypeError):
             getattr(plan, name)["wheat"] = None
@@ -549,17 +552,17 @@ def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(rhombus: Scene
         plan.fractions["wheat"].bounds["lift"] = 0.0  # type: ignore[index]
     for name in ("used", "left_out", "warnings", "validity"):
         assert isinstance(getattr(plan, name), tuple)
-    assert plan == make_plan(rhombus)
+    assert plan == make_plan(draft)
     assert plan.with_forces(BASE).fractions["wheat"].bounds == plan.fractions["wheat"].bounds
 
 
-def test_a_planner_makes_each_rungs_plan_once(rhombus: Scene) -> None:
-    planner = Planner(rhombus, force={"lift": True})
+def test_a_planner_makes_each_rungs_plan_once(draft: Scene) -> None:
+    planner = Planner(draft, force={"lift": True})
     assert planner.plan("draft") is planner.plan("draft")
-    assert planner.plan("draft") == make_plan(rhombus, rung="draft", force={"lift": True})
+    assert planner.plan("draft") == make_plan(draft, rung="draft", force={"lift": True})
     assert planner.plan().rung == "draft"
-    assert planner.at(rhombus) is planner
-    faster = planner.at(rhombus.replace({"feed.rate": 900.0}))
+    assert planner.at(draft) is planner
+    faster = planner.at(draft.replace({"feed.rate": 900.0}))
     assert faster.force == {"lift": True}
     assert faster.plan("draft").validity != planner.plan("draft").validity
 

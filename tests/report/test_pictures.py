@@ -18,7 +18,7 @@ from wakeflow.core.geometry import distance_to
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.report import figures
+from wakeflow.report.figures import tracks as figures
 from wakeflow.report.pictures import pictures
 from wakeflow.report.pictures.maps import mass_flux
 from wakeflow.report.pictures.paths import Path2D, displacement

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from wakeflow.core.store import Store
-from wakeflow.pipeline.pipeline import Companion, Pipeline
+from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
+from wakeflow.pipeline.stages import StageKey
+from wakeflow.pipeline.track_stage import Companion
 from wakeflow.pipeline.warm_start import nearest, remember
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
-from wakeflow.results.companions import COMPUTED, Comparison, compared, differences, mesh_error
+from wakeflow.results.companions import Comparison, Grid, Wake, compared, differences, mesh_error
 from wakeflow.scene import Scene
 
 
@@ -31,27 +33,32 @@ def test_a_companion_flies_the_first_replicates_granules_again(pipeline: Pipelin
         assert len(again.bin) == len(whole.landings[name].bin) * COMPARED // REPLICATES
         for column in ("position", "bin", "replicate", "diameter", "time"):
             np.testing.assert_array_equal(getattr(first, column), getattr(again, column))
-    assert {"tracks", "again"} <= set(pipeline.seconds)
+    assert {StageKey("", "tracks"), StageKey("", "again")} <= set(pipeline.seconds)
+    assert pipeline.spent("again") > 0.0
 
 
 def test_differences_are_from_the_answers_own_share() -> None:
     shares = {
-        "steady": {"chaff": np.array([[0.5, 0.5], [0.7, 0.3]])},
-        COMPUTED: {"chaff": np.array([[0.2, 0.8], [0.4, 0.6]])},
+        Wake.STEADY: {"chaff": np.array([[0.5, 0.5], [0.7, 0.3]])},
+        Wake.COMPUTED: {"chaff": np.array([[0.2, 0.8], [0.4, 0.6]])},
     }
     found = Comparison(shares, 1.0)
-    assert dict(differences(found, "chaff", 0)) == {"steady": pytest.approx(0.3)}
-    assert dict(differences(found, "chaff", 1)) == {"steady": pytest.approx(-0.3)}
-    table = found.table(["middle"])
-    assert table["chaff"]["middle"] == {"steady": pytest.approx(0.6), COMPUTED: pytest.approx(0.3)}
+    assert dict(differences(found, "chaff", 0)) == {Wake.STEADY: pytest.approx(0.3)}
+    assert dict(differences(found, "chaff", 1)) == {Wake.STEADY: pytest.approx(-0.3)}
+    table = found.means(["middle"])
+    assert table["chaff"]["middle"] == {"steady": pytest.approx(0.6), "computed": pytest.approx(0.3)}
     assert list(table["chaff"]) == ["middle", "elsewhere"]
 
 
 def test_a_share_that_converges_at_second_order_has_its_mesh_error() -> None:
-    """Shares 0.3 + C h^2 on three grids with little noise between replicates: the interval holds 0.3."""
-    cells = (4500, 2000, 900)  # the answer's own grid is the finest, and last
+    """Shares 0.3 + C h^2 on three grids with little noise between replicates: the interval holds 0.3.
+
+    The answer's own grid is the finest, and last.
+    """
     noise = np.array([-1e-5, 1e-5, -1e-5, 1e-5])
-    shares = {str(n): {"chaff": (0.3 + 50.0 / n + noise)[:, None]} for n in (*cells[1:], cells[0])}
+    shares = {
+        Grid(place, n): {"chaff": (0.3 + 50.0 / n + noise)[:, None]} for place, n in ((1, 2000), (2, 900), (0, 4500))
+    }
     found = mesh_error(Comparison(shares, 1.0), "chaff", 0)
     assert found.kind == "richardson"
     assert found.order == pytest.approx(2.0, abs=0.05)

@@ -36,24 +36,27 @@ def scene(cases: Path) -> Scene:
 def test_shares_purity_recovery_throughput(scene: Scene) -> None:
     soft = np.repeat([0, 1, -1, 0], 160)  # half near, a quarter far, a quarter elsewhere
     hard = np.repeat([1, 1, 1, 0], 160)
-    table = separate(scene, {"soft": landings(soft), "hard": landings(hard)})
-    assert table["bins"] == ["near", "far", "elsewhere"]
-    assert [table["fractions"]["soft"][b]["share"] for b in table["bins"]] == [0.5, 0.25, 0.25]
-    for shares in table["fractions"].values():
-        assert sum(row["share"] for row in shares.values()) == pytest.approx(1.0)
-        assert all(row["low"] <= row["share"] <= row["high"] for row in shares.values())
-    assert table["recovery"]["soft"]["value"] == 0.5
+    found = separate(scene, {"soft": landings(soft), "hard": landings(hard)})
+    assert found.bins == ("near", "far", "elsewhere")
+    assert [found.fractions["soft"][place].value for place in found.bins] == [0.5, 0.25, 0.25]
+    for shares in found.fractions.values():
+        assert sum(share.value for share in shares.values()) == pytest.approx(1.0)
+        assert all(share.low <= share.value <= share.high for share in shares.values())
+    recovery, purity = found.recovery["soft"], found.purity["near"]
+    assert recovery is not None
+    assert recovery.value == 0.5
     near_soft, near_hard = 0.25 * 0.5, 0.75 * 0.25
-    assert table["purity"]["near"]["soft"]["value"] == pytest.approx(near_soft / (near_soft + near_hard))
-    assert table["throughput"]["near"] == pytest.approx(3600 * (near_soft + near_hard))
-    assert sum(table["throughput"].values()) == pytest.approx(3600)
+    assert purity is not None
+    assert purity["soft"].value == pytest.approx(near_soft / (near_soft + near_hard))
+    assert found.throughput["near"] == pytest.approx(3600 * (near_soft + near_hard))
+    assert sum(found.throughput.values()) == pytest.approx(3600)
 
 
 def test_an_empty_bin_has_no_purity_and_still_an_upper_limit(scene: Scene) -> None:
-    table = separate(scene, {"soft": landings(np.zeros(640, int)), "hard": landings(np.zeros(640, int))})
-    assert table["purity"]["far"] is None
-    assert table["fractions"]["soft"]["far"]["share"] == 0.0
-    assert 0.003 < table["fractions"]["soft"]["far"]["high"] < 0.01  # Wilson: z^2 / (n + z^2) = 0.006
+    found = separate(scene, {"soft": landings(np.zeros(640, int)), "hard": landings(np.zeros(640, int))})
+    assert found.purity["far"] is None
+    assert found.fractions["soft"]["far"].value == 0.0
+    assert 0.003 < found.fractions["soft"]["far"].high < 0.01  # Wilson: z^2 / (n + z^2) = 0.006
 
 
 def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
@@ -89,6 +92,10 @@ def test_purity_of_a_nearly_pure_bin_admits_what_was_not_seen(scene: Scene) -> N
     covered = 0
     for _ in range(60):
         soft, hard = (np.where(rng.random(n) < p, 1, 0) for p in (p_soft, p_hard))
-        row = separate(scene, {"soft": landings(soft), "hard": landings(hard)})["purity"]["far"]["soft"]
-        covered += row["low"] <= truth <= row["high"]
+        purity = separate(scene, {"soft": landings(soft), "hard": landings(hard)}).purity["far"]
+        assert purity is not None
+        low, high = purity["soft"].low, purity["soft"].high
+        assert low is not None
+        assert high is not None
+        covered += low <= truth <= high
     assert covered >= 54

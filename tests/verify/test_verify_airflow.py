@@ -17,10 +17,11 @@ from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.make import make_plan
+from wakeflow.results.airflow_summary import Airflow
 from wakeflow.scene import Scene
 from wakeflow.verify import runner
 from wakeflow.verify.airflow import airflow
-from wakeflow.verify.airflow.measured import Measured, quantities
+from wakeflow.verify.airflow.measured import SolvedAirflow, quantities
 from wakeflow.verify.airflow.published import Case, Published, cases, read_cases
 
 VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted"}
@@ -138,13 +139,14 @@ def test_core_seconds_count_every_attempt_restart_and_rank(tmp_path: Path) -> No
     assert core_seconds(tmp_path) == pytest.approx(4.5 + 20 + 4.5 + 3.0)
 
 
-def _airflow(case: Path, **changes: Any) -> Measured:
+def _airflow(case: Path, **changes: Any) -> SolvedAirflow:
     table = {
-        "cd": {"value": 2.0, "low": 1.9, "high": 2.1}, "cl_rms": 0.5, "strouhal": None, "cp_base": -1.0,
-        "cp_front": {"value": 1.0, "low": 0.9, "high": 1.1}, "suction": {"reversal_length": 0.1}, "period": None,
+        "cd": {"value": 2.0, "low": 1.9, "high": 2.1}, "cl_rms": {"value": 0.5, "low": 0.5, "high": 0.5},
+        "strouhal": None, "cp_base": {"value": -1.0, "low": -1.1, "high": -0.9}, "cp_front": 1.0,
+        "suction": {"reversal_length": 0.1}, "period": None,
         "cells": 1000,
     }  # fmt: skip
-    return Measured({**table, **changes}, case, 0.05)
+    return SolvedAirflow(Airflow.read({**table, **changes}), case, 0.05)
 
 
 def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> None:
@@ -276,7 +278,7 @@ def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "airflow.json").write_text("{}")
     answers = {None: ("standard", 0.11), "draft": ("draft", 0.2)}
 
-    def solve(scene: Scene, scale: float, rung: str | None, tell: Any) -> tuple[str, Measured]:
+    def solve(scene: Scene, scale: float, rung: str | None, tell: Any) -> tuple[str, SolvedAirflow]:
         name, length = answers[rung]
         return name, _airflow(tmp_path, suction={"reversal_length": length})
 

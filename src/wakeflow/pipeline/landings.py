@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..scene import Scene
 from ..tracking import Fate
 
-__all__ = ["Landings", "Tracked", "load", "load_drawn"]
+__all__ = ["Landings", "Tracked", "load_drawn_tracks", "load_tracked"]
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Landings:
         place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
         place += self.replicate.astype(np.int64) * (bins + 1)
         table = np.bincount(place, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
-        return table / table.sum(axis=1, keepdims=True)
+        return np.asarray(table / table.sum(axis=1, keepdims=True))
 
 
 KEPT = 2**20  # granules of a fraction whose landings stay in memory
@@ -86,8 +86,8 @@ class _Kept(Mapping[str, Landings]):
         return len(self.names)
 
 
-def load(folder: Path, scene: Scene) -> Tracked:
-    """What ``fly_all`` kept in a folder."""
+def load_tracked(folder: Path, scene: Scene) -> Tracked:
+    """What ``Flight.fly_all`` kept in a folder."""
     landings = _Kept(folder, tuple(scene.fraction), {})
     drawn: dict[str, list[dict[str, Array]]] = {}
     injected: dict[str, int] = {}
@@ -97,11 +97,11 @@ def load(folder: Path, scene: Scene) -> Tracked:
             injected[name] = int(data["injected"].sum())
             fates[name] = {fate.name.lower(): int(np.sum(data["fate"] == fate)) for fate in Fate}
         file = folder / f"{name}.drawn.npz"
-        drawn[name] = load_drawn(file) if file.exists() else []
+        drawn[name] = load_drawn_tracks(file) if file.exists() else []
     return Tracked(landings, drawn, injected, fates)
 
 
-def load_drawn(file: Path) -> list[dict[str, Array]]:
+def load_drawn_tracks(file: Path) -> list[dict[str, Array]]:
     """Tracks for pictures: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, diameter () m of each."""
     with np.load(file) as data:
         cut = data["split"][1:-1]

@@ -25,7 +25,7 @@ from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Fate, Granules, Tracks
 
-__all__ = ["Flight", "compile_tracker", "ends", "landed", "solids"]
+__all__ = ["Flight", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
@@ -43,7 +43,7 @@ class Flight:
     field: FlowField | None
     tolerance: float
     workers: int | None = None
-    tell: Callable[[str], None] = lambda text: None
+    tell: Callable[[str], None] = lambda _: None
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
@@ -66,7 +66,7 @@ class Flight:
             shown += _paths(tracks, feed.granules[here])
             told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
             tracks = told._fly_ensemble(name, feed, first)
-            parts.append(landed(feed, tracks, len(self.scene.bin)))
+            parts.append(landing_columns(feed, tracks, len(self.scene.bin)))
         if drawn:
             _save_drawn(folder / f"{name}.drawn.npz", shown)
         columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
@@ -128,8 +128,8 @@ class Flight:
         until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
         if self.plan.flown_by == "chain":
             return follow(
-                grains, until=until, tolerance=self.tolerance, length=scene.width, bodies=solids(scene),
-                lines=ends(scene), gravity=(0.0, -GRAVITY), record=record > 0,
+                grains, until=until, tolerance=self.tolerance, length=scene.width, bodies=bodies_and_walls(scene),
+                lines=end_lines(scene), gravity=(0.0, -GRAVITY), record=record > 0,
             )  # fmt: skip
         return tracking.track(
             self.field,
@@ -140,8 +140,8 @@ class Flight:
             forces=self.plan.fractions[name].forces,
             drag=self.plan.fractions[name].drag,
             seed=_seed(scene.feed.seed, name, stream),
-            bodies=solids(scene),
-            lines=ends(scene),
+            bodies=bodies_and_walls(scene),
+            lines=end_lines(scene),
             gravity=(0.0, -GRAVITY),
             record=record,
             workers=self.workers,
@@ -174,7 +174,7 @@ def _interleaved(odd: NDArray[np.bool_], even_tracks: Tracks, odd_tracks: Tracks
     return Tracks(**parts)
 
 
-def solids(scene: Scene) -> list[Body]:
+def bodies_and_walls(scene: Scene) -> list[Body]:
     """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
     stream enters.
     """
@@ -202,7 +202,7 @@ def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     return sorted(found)
 
 
-def ends(scene: Scene) -> list[Array]:
+def end_lines(scene: Scene) -> list[Array]:
     """Lines that end a track: the bins in the scene's order, then the floor and the top of the channel."""
     channel = scene.channel
     half, slack = 0.5 * channel.width, 1e-6 * channel.width
@@ -211,7 +211,7 @@ def ends(scene: Scene) -> list[Array]:
     return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
 
 
-def landed(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
+def landing_columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
     """What is kept of each landing, 33 bytes a granule."""
     binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
     return {

@@ -1,14 +1,13 @@
-"""Levels of airflow fidelity: what each computes, where it is the truth, and which one a scene needs.
+"""Which airflow a scene needs, and what it will cost: the plan of its rung (``scene.rungs``).
 
-draft: one steady solution. Below the onset of vortex shedding it is the flow itself; above, its wake is too long and
-its suction too weak. standard: time-resolved in two dimensions, started from the draft. Up to the onset of
-three-dimensional motion it is the flow itself; above, it sheds too coherently and its suction is too strong, so that
-draft and standard bracket the truth. reference: the same on three grids, which gives the error of the mesh. none: no
-air at all; where a scene has some, what that leaves out is stated. Without a body the air is known (analytic).
+Above the onset of three-dimensional motion the steady and the time-resolved solution in two dimensions bracket the
+truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Without a body the air is
+known (analytic); a user's own case is measured, not solved (given).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,6 +17,7 @@ from ..core.geometry import is_symmetric
 from ..core.registry import did_you_mean
 from ..laws.turbulence_models import model_at, turbulence_models
 from ..scene import Scene
+from ..scene.rungs import rungs
 from ..scene.user_case import is_laminar
 
 __all__ = [
@@ -32,16 +32,22 @@ __all__ = [
 ]
 
 Stepping = Literal["steady", "time-resolved"]
-RUNGS = ("auto", "none", "draft", "standard", "reference")
+SOLVED: dict[str | None, Stepping] = {
+    "steady": "steady",
+    "time-resolved": "time-resolved",
+}  # kinds that OpenFOAM solves
 # Reynolds numbers on the body's width and the inlet's mean speed.
 SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle 46.2: Jackson 1987, J. Fluid Mech. 182)
 # walls raise it (36, 60, 91 at blockages of 1/8, 1/4, 1/2: Parveez, Dhiman & Rasool 2014, a trapezoidal prism)
 FLAT_BELOW = 160.0  # two-dimensional below: mode A of a square's wake at 161 (Robichaux 1999), of a circle's near 190
 LAMINAR_BELOW = turbulence_models["laminar"].reynolds[1]  # above it a turbulence model runs
 FINE = 0.005  # accuracy of a share that pays for three grids where the mesh is what limits it
-GRIDS = 1.5  # refinement ratio between the grids of a study
-# of the airflow's statistics: below a third of what grids differ by; as usual; where model errors are tens of per cent
-ACCURACY = {"reference": 0.005, "flat": 0.02, "bracket": 0.05}
+ACCURACY = {
+    "flat": 0.02,
+    "bracket": 0.05,
+}  # of the airflow's statistics: usual; where model errors are tens of per cent
+# Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
+LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
 WORTH_IT = 60_000  # cells from which a second MPI rank pays; each gets half of it at least
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
@@ -56,9 +62,11 @@ class AirflowPlan:
     ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
     time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
+
+    This class plans an airflow that is known without a solver; each other kind of airflow has a class of its own.
     """
 
-    rung: str  # none | analytic (nothing stands in it) | draft | standard | reference | given (a case of the user's)
+    rung: str  # one of ``scene.rungs.rungs``, or what stands in its place: analytic (nothing stands in the air), given
     why: str
     stepping: Stepping | None
     turbulence: str | None  # one of laws.turbulence_models, "decaying" (analytic air), "given" (a case of the user's)
@@ -76,11 +84,109 @@ class AirflowPlan:
         return solved or self.turbulence == "given"
 
     @property
+    def kind(self) -> str:
+        """The name among ``pipeline.airflow_kinds`` of what computes this airflow."""
+        return rungs[self.rung].kind or self.rung
+
+    @property
     def mirrored(self) -> bool:
         """Whether half of the granules fly in the airflow's mirror image: it is as likely where nothing tells left
         from right, and a wake, computed whole, may lean.
         """
         return self.stepping is not None and self.symmetric and not self.half
+
+    @property
+    def computes_streams(self) -> bool:
+        """Whether the scene's secondary streams are added to the main one; else the airflow brings its own."""
+        return True
+
+    @property
+    def resolves(self) -> str | None:
+        """The rung that resolves what this airflow leaves out where the wake sheds; None where nothing is left out."""
+        return rungs[self.rung].resolves if self.rung in rungs else None
+
+    @property
+    def summary(self) -> str | None:
+        """The plan's line on an airflow that is not solved; None where there is nothing to say."""
+        return f"airflow: rung {self.rung}, {rungs[self.rung].meaning} ({self.why})"
+
+    def flown(self, scene: Scene) -> Scene:
+        """The scene that granules are flown through."""
+        return scene
+
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        """A line for each way in which the airflow of ``scene`` differs from the real one."""
+        del scene
+        yield from ()
+
+
+class NoAirPlan(AirflowPlan):
+    """No air, or air that is left out."""
+
+    @property
+    def kind(self) -> str:
+        return "none"
+
+    @property
+    def summary(self) -> str | None:
+        return None
+
+    def flown(self, scene: Scene) -> Scene:
+        return scene.without_air()
+
+
+class AnalyticAirPlan(AirflowPlan):
+    """Air in which nothing stands: known in closed form."""
+
+    @property
+    def kind(self) -> str:
+        return "analytic"
+
+    @property
+    def summary(self) -> str | None:
+        return f"airflow: {self.why}"
+
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
+        if parabolic and reynolds > LAMINAR_CHANNEL:
+            yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
+
+
+class GivenAirPlan(AirflowPlan):
+    """A solved OpenFOAM case of the user's."""
+
+    @property
+    def kind(self) -> str:
+        return "given"
+
+    @property
+    def computes_streams(self) -> bool:
+        return False
+
+    @property
+    def summary(self) -> str | None:
+        return f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({self.why})"
+
+
+class SolvedAirPlan(AirflowPlan):
+    """An airflow that OpenFOAM solves, steady or time-resolved."""
+
+    @property
+    def kind(self) -> str:
+        assert self.stepping is not None
+        return self.stepping
+
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
+            yield (
+                f"{self.rung} airflow: a steady wake is too long and its suction too weak; rung {self.resolves} "
+                "resolves the shedding"
+            )
+        if self.brackets:
+            yield (
+                f"{self.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
+                "truth lies between it and the draft"
+            )
 
 
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
@@ -88,41 +194,47 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
 
     Raises SceneError for a rung that the scene cannot have.
     """
-    if asked not in RUNGS:
-        raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(RUNGS))} (known: {', '.join(RUNGS)})")
-    symmetric = scene.symmetric
+    if asked not in rungs:
+        raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(rungs))} (known: {', '.join(rungs)})")
     if scene.air is None:
-        if asked not in ("auto", "none"):
+        if rungs[asked].needs_air:
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
-        return AirflowPlan("none", "there is no [air]", None, None, symmetric, half=False)
-    if asked == "none":
+        return NoAirPlan("none", "there is no [air]", None, None, scene.symmetric, half=False)
+    if rungs[asked].kind == "none":
         if not scene.body:
-            raise SceneError("rung = 'none' leaves the air out, and without a body nothing is left: choose auto")
-        return AirflowPlan("none", "asked for: the air is left out", None, None, symmetric, half=False)
+            raise SceneError(f"rung = {asked!r} leaves the air out, and without a body nothing is left: choose auto")
+        return NoAirPlan(asked, "asked for: the air is left out", None, None, scene.symmetric, half=False)
     if not scene.body:
         return _analytic(scene, asked)
     if scene.air.case is not None:
         return _given(scene.air.case, asked)
-    reynolds = scene.reynolds
-    assert reynolds is not None
-    rung, why = (asked, "asked for") if asked != "auto" else _auto(reynolds, target_error)
-    sheds = reynolds >= SHEDDING_ABOVE
-    steady = rung == "draft" or (rung == "reference" and not sheds)
-    return AirflowPlan(
-        rung=rung,
+    assert scene.reynolds is not None
+    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(scene.reynolds, target_error)
+    return _at_body(scene, scene.reynolds, name, why)
+
+
+def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
+    """The airflow past the scene's bodies at a rung that names its kind."""
+    rung, sheds, symmetric = rungs[name], reynolds >= SHEDDING_ABOVE, scene.symmetric
+    kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
+    if kind not in SOLVED:
+        return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
+    steady = kind == "steady"
+    return SolvedAirPlan(
+        rung=name,
         why=why,
-        stepping="steady" if steady else "time-resolved",
+        stepping=SOLVED[kind],
         turbulence=model_at(reynolds).name,
         symmetric=symmetric,
         half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
-        scales=(1 / GRIDS, 1.0, GRIDS) if rung == "reference" else (1.0,),
+        scales=rung.scales,
         brackets=not steady and reynolds > FLAT_BELOW,
-        accuracy=ACCURACY["reference" if rung == "reference" else "bracket" if reynolds > FLAT_BELOW else "flat"],
+        accuracy=rung.accuracy or ACCURACY["bracket" if reynolds > FLAT_BELOW else "flat"],
     )
 
 
 def _analytic(scene: Scene, asked: str) -> AirflowPlan:
-    """Nothing stands in the air: nothing is meshed or solved."""
+    """The plan of a channel in which nothing stands: nothing is meshed or solved."""
     if asked != "auto":
         raise SceneError(
             f"rung = {asked!r}: without a body there is nothing to solve; leave the rung out, or add a body"
@@ -132,15 +244,15 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
     assert reynolds is not None
     laminar = air.profile == "parabolic" or reynolds < LAMINAR_BELOW
     why = f"nothing stands in it: {air.profile} everywhere, neither mesh nor solver"
-    return AirflowPlan("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
+    return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
 
 
 def _given(case: str, asked: str) -> AirflowPlan:
-    """A user's own solution: nothing is solved, and nothing is known of its symmetry."""
+    """The plan of a user's own solution: nothing is solved, and nothing is known of its symmetry."""
     if asked != "auto":
         raise SceneError(f"rung = {asked!r}: air.case gives the airflow; leave the rung out, or air.case")
     turbulence = "laminar" if is_laminar(Path(case)) else "given"
-    return AirflowPlan("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
+    return GivenAirPlan("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
 
 
 def _auto(reynolds: float, target_error: float) -> tuple[str, str]:

@@ -11,13 +11,13 @@ from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan, typical_cells, typical_seconds
+from .flights_again import times_again
 from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size
 
 __all__ = ["estimate"]
 
 STARTED = 5.0  # s: importing, reading, writing the report
 SECONDS_A_GRANULE = 150e-6  # s of both cores: one flight with drag and weight
-COMPANIONS = 3  # airflows that COMPARED replicates fly in beside the answer's, where two models bracket the truth
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
 BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
 BYTES_LANDED = 120.0  # bytes of memory a granule: its row of landings
@@ -33,7 +33,7 @@ def estimate(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, Fractio
     count = REPLICATES * replicate_size(scene.feed.count)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
-    again = 1 + (COMPANIONS * airflow.brackets + len(airflow.scales) - 1) * COMPARED / REPLICATES
+    again = 1 + times_again(airflow) * COMPARED / REPLICATES
     tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
     cells = typical_cells(airflow, len(scene.body))
     poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)

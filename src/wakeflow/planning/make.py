@@ -64,7 +64,7 @@ def make_plan(
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
     switches = dict(force or {})
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
-    flown = given.flown(airflow.rung)
+    flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
     decided = {name: _decide(flown, name, airflow, switches, target) for name in flown.fraction}
     fractions = {name: one.plan for name, one in decided.items()}

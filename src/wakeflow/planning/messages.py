@@ -10,7 +10,7 @@ import numpy as np
 from ..core.process import cores
 from ..funnel import summary
 from ..scene import Scene
-from .airflow import SHEDDING_ABOVE, AirflowPlan, ranks_for, typical_cells
+from .airflow import AirflowPlan, ranks_for, typical_cells
 from .coupling import Limit, strained
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
@@ -19,9 +19,6 @@ from .terms import Gate
 
 __all__ = ["missing_lines", "used_lines", "warning_lines"]
 
-# Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
-# Fluid Mech. 38, 181
-LAMINAR_CHANNEL = 1300.0
 LARGE = 0.95  # mass quantile that stands for a fraction's large granules
 POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
 FASTER = 0.9  # factor on a sphere's drag below which data look wrong; chosen: drag laws scatter by some 5 %
@@ -43,7 +40,7 @@ def used_lines(
     yield from _airflow_lines(airflow, len(scene.body))
     if chain:
         yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
-    if scene.air is not None and scene.channel.inlet and airflow.rung != "given":
+    if scene.air is not None and scene.channel.inlet and airflow.computes_streams:
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
@@ -96,11 +93,8 @@ def _spread(scene: Scene, name: str) -> str:
 
 def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
-    if airflow.rung == "given":
-        yield f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({airflow.why})"
-    if airflow.rung == "analytic":
-        yield f"airflow: {airflow.why}"
     if airflow.stepping is None:
+        yield from () if airflow.summary is None else (airflow.summary,)
         return
     part = ", half of the channel mirrored" if airflow.half else ""
     if airflow.mirrored:
@@ -149,7 +143,7 @@ def warning_lines(
         yield from _injected_beyond(name, plan, target)
     yield from standing(scene)
     yield from strained(validity)
-    yield from _airflow_warnings(scene, airflow)
+    yield from airflow.warnings(scene)
 
 
 def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterator[str]:
@@ -163,17 +157,4 @@ def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterat
         yield (
             f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
             f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"
-        )
-
-
-def _airflow_warnings(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
-    reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
-    if airflow.rung == "analytic" and parabolic and reynolds > LAMINAR_CHANNEL:
-        yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
-    if airflow.rung == "draft" and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
-        yield "draft airflow: a steady wake is too long and its suction too weak; rung standard resolves the shedding"
-    if airflow.brackets:
-        yield (
-            f"{airflow.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
-            "truth lies between it and the draft"
         )

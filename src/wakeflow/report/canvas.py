@@ -174,7 +174,7 @@ def triangulation(field: FlowField) -> Triangulation:
 def inside(points: Array, window: Window) -> NDArray[np.bool_]:
     """Which points (n, 2) m lie in a window."""
     x, y = points.T
-    return (x >= window[0]) & (x <= window[1]) & (y >= window[2]) & (y <= window[3])
+    return np.asarray((x >= window[0]) & (x <= window[1]) & (y >= window[2]) & (y <= window[3]))
 
 
 @dataclass(frozen=True)

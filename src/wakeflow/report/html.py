@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.files import atomic_write
+from ..results.measured import Measured
+from .csv import IMPACT_COLUMNS, impact_cells
+from .figures import captions
 from .pictures import found
-from .tables import (
-    IMPACT_COLUMNS,
+from .words import (
     NONE,
-    UNKNOWN,
-    budget_sources,
+    UNKNOWN_ERROR,
+    budget_columns,
     condensed,
     error_text,
     expected,
-    impact_rows,
     percent,
     source_seconds,
-    targets,
-)  # fmt: skip
+)
+
+if TYPE_CHECKING:
+    from ..results.airflow_summary import Airflow
+    from ..results.funnel_summary import FunnelSummary
+    from ..results.result import MeshSummary, Result
 
 __all__ = ["render", "write_html"]
 
-Result = Mapping[str, Any]
-
-FIGURES = {  # file name: what it shows
-    "pressure": "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
-    "tracks": "Tracks through the channel; bins are the bars.",
-    "discharge": "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",
-    "landing": "Where the mass of each fraction lands; percent with 95 % interval.",
-}
-AIRFLOW = (  # key, name, unit
+Lines = tuple[tuple[str, str, str], ...]
+AIRFLOW: Lines = (  # attribute, name, unit
     ("reynolds", "Reynolds number on the body's width", ""),
     ("turbulence", "turbulence model", ""),
     ("cells", "mesh cells", ""),
@@ -70,9 +68,11 @@ FUNNEL = (
     ("contact_time", "duration of the quickest collision", "us"),
     ("time_step", "time step", "us"),
 )
-QUALITY = (
+MESH = (
     ("min_angle", "mesh: smallest angle of a cell", "°"),
     ("max_aspect", "mesh: largest ratio of edges of a cell", ""),
+)
+CHECK_MESH = (
     ("non_orthogonality", "mesh: largest non-orthogonality (checkMesh)", "°"),
     ("skewness", "mesh: largest skewness (checkMesh)", ""),
 )
@@ -89,6 +89,8 @@ TRUNCATION = (
     ("velocity", "time-resolved field: velocity cut off, rms over rms of its fluctuation", ""),
     ("pressure", "time-resolved field: pressure cut off, rms over rms of its fluctuation", ""),
 )
+IN_FULL = (1e3, 1e7)  # numbers between them are written without exponent
+MINUTES_FROM = 120.0  # s: longer run times are written in minutes
 SCALE = {"mm": 1e3, "cm²": 1e4, "g/s": 1e3, "g": 1e3, "us": 1e6}
 HOW = {
     "measured": "from this run",
@@ -99,22 +101,23 @@ HOW = {
 
 
 def write_html(folder: Path | str, result: Result) -> Path:
-    """Write ``folder/report.html`` from result.json's dict and the PNG files in ``folder/figures``."""
+    """Write ``folder/report.html`` from a result and the PNG files in ``folder/figures``."""
     folder = Path(folder)
     path = folder / "report.html"
     asked = found(folder / "figures")
-    texts = {**FIGURES, **{name: row["text"] or name for name, row in asked.items()}}
+    texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
     with atomic_write(path) as stream:
         stream.write(render(result, _pictures(folder / "figures", texts), folder.resolve().name, texts))
     return path
 
 
 def render(
-    result: Result, pictures: Mapping[str, str], title: str = "result", texts: Mapping[str, str] = FIGURES
+    result: Result, pictures: Mapping[str, str], title: str = "result", texts: Mapping[str, str] | None = None
 ) -> str:
-    """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order.
+    """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order, the
+    standard figures' captions by default.
 
-    Raises jinja2.UndefinedError when the result lacks a key.
+    Raises jinja2.UndefinedError when the page asks for what a result has not.
     """
     import tomlkit
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -127,31 +130,58 @@ def render(
         lstrip_blocks=True,
     )
     environment.filters.update(percent=percent, number=_number, seconds=_seconds)
-    template = environment.get_template("report.html.j2")
-    budget = {"budget": condensed(result.get("budget") or [])}
-    return template.render(
+    shown = captions() if texts is None else texts
+    return environment.get_template("report.html.j2").render(
         result=result,
         title=title,
-        separation=result.get("separation"),
-        answers=list(_answers(result)),
-        targets={name: targets(result, name) for name in result["scene"]["fraction"]},
-        expected=lambda place: expected(result, place),
-        pictures=[(name, pictures[name], text) for name, text in texts.items() if name in pictures],
-        airflow=_airflow_rows(result.get("airflow"), result.get("mesh")),
-        funnel=_funnel_rows(result.get("funnel")),
-        grids=(result.get("airflow") or {}).get("grids") or [],
-        bracket=result.get("bracket") or {},
-        impacts=impact_rows(result),
-        impact_columns=IMPACT_COLUMNS,
-        budget=budget["budget"],
-        sources=budget_sources(budget),
-        spent=source_seconds(budget),
-        error_text=error_text,
-        unknown=UNKNOWN,
+        pictures=[(name, pictures[name], text) for name, text in shown.items() if name in pictures],
+        airflow=_airflow_rows(result.airflow, result.mesh),
+        funnel=_funnel_rows(result.funnel),
+        grids=() if result.airflow is None else result.airflow.grids or (),
+        plan=result.plan,
+        scene=tomlkit.dumps(_rounded(result.scene)),
+        **_shares(result),
+        **_impacts(result),
+        **_budget(result),
+        unknown=UNKNOWN_ERROR,
         dash=NONE,
-        how=HOW,
-        scene=tomlkit.dumps(_rounded(result["scene"])),
     )
+
+
+def _shares(result: Result) -> dict[str, Any]:
+    """What the page says of the separation."""
+    landings = result.landings
+    return {
+        "separation": None if landings is None else landings.separation,
+        "bracket": {} if landings is None else landings.bracket or {},
+        "answers": list(_answers(result)),
+        "targets": {name: result.targets(name) for name in result.scene["fraction"]},
+        "expected": lambda place: expected(result, place),
+    }
+
+
+def _impacts(result: Result) -> dict[str, Any]:
+    """What the page says of first impacts and of fates."""
+    flights = result.flights
+    impact = None if flights is None else flights.impact
+    return {
+        "impact": impact,
+        "impacts": impact_cells(impact),
+        "impact_columns": IMPACT_COLUMNS,
+        "fates": {} if flights is None else flights.fates,
+    }
+
+
+def _budget(result: Result) -> dict[str, Any]:
+    """What the page says of the budget."""
+    rows = condensed(result.budget)
+    return {
+        "budget": rows,
+        "sources": budget_columns(rows),
+        "spent": source_seconds(rows),
+        "error_text": error_text,
+        "how": HOW,
+    }
 
 
 def _rounded(value: Any) -> Any:
@@ -168,53 +198,63 @@ def _pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
     return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
 
 
-def _answers(result: Result) -> list[tuple[str, str, tuple[str, ...]]]:
+def _answers(result: Result) -> Iterator[tuple[str, str, tuple[str, ...]]]:
     """(fraction, recovery in percent, its target bins) for every fraction that has a target."""
-    recovery = (result.get("separation") or {}).get("recovery", {})
-    return [(name, percent(row), targets(result, name)) for name, row in recovery.items() if row is not None]
+    recovery = {} if result.landings is None else result.landings.separation.recovery
+    return ((name, percent(row), result.targets(name)) for name, row in recovery.items() if row is not None)
 
 
-def _airflow_rows(airflow: Mapping[str, Any] | None, mesh: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
+def _airflow_rows(airflow: Airflow | None, mesh: MeshSummary | None) -> list[tuple[str, str, str]]:
     """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
     if airflow is None:
         return []
-    quality = {**(mesh or {}), **(airflow.get("mesh") or {})}
-    parts = (
+    parts: tuple[tuple[object, Lines], ...] = (
         (airflow, AIRFLOW),
-        (airflow.get("suction") or {}, SUCTION),
-        (airflow.get("momentum") or {}, MOMENTUM),
-        (quality, QUALITY),
-        (airflow.get("divergence") or {}, DIVERGENCE),
-        (airflow.get("truncation") or {}, TRUNCATION),
+        (airflow.suction, SUCTION),
+        (airflow.momentum, MOMENTUM),
+        (mesh, MESH),
+        (airflow.mesh, CHECK_MESH),
+        (airflow.divergence, DIVERGENCE),
+        (airflow.truncation, TRUNCATION),
     )
-    found = [(name, values.get(key), unit) for values, rows in parts for key, name, unit in rows]
-    return [(name, _measured(value, SCALE.get(unit, 1.0)), unit) for name, value, unit in found if value is not None]
+    return [row for record, lines in parts for row in _rows(record, lines)]
 
 
-def _funnel_rows(funnel: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
+def _funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, str, str]]:
     """(name, value with interval, unit) of the feed funnel; nothing without one."""
-    found = [(name, (funnel or {}).get(key), unit) for key, name, unit in FUNNEL]
-    return [(name, _measured(value, SCALE.get(unit, 1)), unit) for name, value, unit in found if value is not None]
+    return list(_rows(funnel, FUNNEL))
 
 
-def _measured(value: Any, scale: float) -> str:
+def _rows(record: object, lines: Lines) -> Iterator[tuple[str, str, str]]:
+    """(name, value with interval, unit) of every attribute in ``lines`` that a record has; nothing without a record."""
+    for attribute, name, unit in lines if record is not None else ():
+        value = getattr(record, attribute)
+        if value is not None:
+            yield name, _measured(value, SCALE.get(unit, 1.0)), unit
+
+
+def _measured(value: str | float | Measured | Sequence[float], scale: float) -> str:
     if isinstance(value, str):
         return value
-    if isinstance(value, list | tuple):
-        return " to ".join(_number(member * scale) for member in value)
-    if not isinstance(value, Mapping):
+    if isinstance(value, Measured):
+        return _interval(value, scale)
+    if isinstance(value, float | int):
         return _number(value * scale)
-    text = _number(value["value"] * scale)
-    if value["low"] is None or value["high"] is None:
+    return " to ".join(_number(member * scale) for member in value)
+
+
+def _interval(number: Measured, scale: float) -> str:
+    text = NONE if number.value is None else _number(number.value * scale)
+    if number.low is None or number.high is None:
         return text
-    return f"{text} [{_number(value['low'] * scale)}, {_number(value['high'] * scale)}]"
+    return f"{text} [{_number(number.low * scale)}, {_number(number.high * scale)}]"
 
 
 def _number(value: float | None) -> str:
     """Four significant digits, thousands in full; a dash for None."""
     if value is None:
         return NONE
-    if isinstance(value, int) or (value and 1e3 <= abs(value) < 1e7):
+    if isinstance(value, int) or (value and IN_FULL[0] <= abs(value) < IN_FULL[1]):
         return f"{value:.0f}"
     return f"{value:.4g}"
 
@@ -222,4 +262,4 @@ def _number(value: float | None) -> str:
 def _seconds(value: float | None) -> str:
     if value is None:
         return NONE
-    return f"{value:.1f} s" if value < 120 else f"{value / 60:.1f} min"
+    return f"{value:.1f} s" if value < MINUTES_FROM else f"{value / 60:.1f} min"

@@ -1,4 +1,4 @@
-"""What another step, airflow or grid makes of the same granules: the measured parts of a scene's budget.
+"""Granules flown again with another step, airflow or grid, and what that changes of their shares.
 
 Each comparison flies the granules of the first replicates again, with the same random numbers, so that the difference
 shows the change and not another sample. A share's part of the error is that difference.
@@ -7,17 +7,22 @@ shows the change and not another sample. A share's part of the error is that dif
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.record import from_json, to_json
 from ..pipeline.landings import Landings
-from ..pipeline.pipeline import Companion, Pipeline
+from ..pipeline.pipeline import Pipeline
+from ..pipeline.track_stage import Companion
 from ..planning.plan import COMPARED
 from ..scene import RESERVED_BIN
+from .airflow_summary import Airflow, GridStudy, airflow_of
 from .grid_convergence import GridEstimate, estimate
+from .measured import Measured
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -25,6 +30,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FINER",
     "Comparison",
+    "Grid",
+    "Wake",
     "airflow_on_grids",
     "airflows",
     "compared",
@@ -38,22 +45,41 @@ Array = NDArray[np.float64]
 Shares = dict[str, Array]  # a fraction's share in every bin and elsewhere, (replicates, bins + 1)
 FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
 HALF = 0.5  # of the fluctuation, between the mean wake and the computed one
-STEADY, MEAN, HALVED, COMPUTED = "steady", "mean", "half", "computed"
+LEVEL = 0.975  # quantile of Student's t that bounds a 95 % interval
+
+
+class Wake(StrEnum):
+    """The wakes in which the granules of a comparison fly."""
+
+    STEADY = "steady"
+    MEAN = "mean"
+    HALF = "half"
+    COMPUTED = "computed"  # the answer's own
+
+
+class Grid(NamedTuple):
+    """A grid of the plan: its ``place`` among them, 0 the answer's, and its number of ``cells``."""
+
+    place: int
+    cells: int
+
+
+Key = TypeVar("Key", bound=Wake | Grid)
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """Shares by airflow or grid, the answer's own last, and the run time (s) of the others."""
+class Comparison(Generic[Key]):
+    """Shares by wake or by grid, the answer's own last, and the run time (s) of the others."""
 
-    shares: dict[str, Shares]
+    shares: dict[Key, Shares]
     seconds: float
 
-    def table(self, bins: list[str]) -> dict[str, Any]:
-        """Mean shares {fraction: {bin: {airflow: share}}}, for result.json."""
+    def means(self, bins: list[str]) -> dict[str, dict[str, dict[str, float]]]:
+        """Mean shares {fraction: {bin: {wake or grid: share}}}."""
         names = list(next(iter(self.shares.values())))
         return {
             name: {
-                place: {which: float(found[name][:, i].mean()) for which, found in self.shares.items()}
+                place: {str(which): float(found[name][:, i].mean()) for which, found in self.shares.items()}
                 for i, place in enumerate([*bins, RESERVED_BIN])
             }
             for name in names
@@ -74,76 +100,93 @@ def _shares(pipeline: Pipeline, tracked: Tracked) -> Shares:
 def finer_steps(pipeline: Pipeline) -> tuple[Tracked, float]:
     """The same granules at a hundredth of the tolerance, and the run time (s)."""
     finer = Companion("companion", tolerance=FINER * pipeline.scene.numerics.tolerance)
-    return pipeline.tracks(finer), pipeline.seconds[f"{pipeline.label}companion"]["seconds"]
+    return pipeline.tracks(finer), pipeline.spent(finer.name)
 
 
-def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison | None:
-    """The ends between which the truth lies, and what is between: steady wake, mean wake, half of the fluctuation, all
-    of it. None where the computed airflow is the flow itself, or is the steady end.
+def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
+    """The shares in the two wakes between which the truth lies, and in what is between them.
+
+    None where the computed airflow is the flow itself, or is the steady end.
     """
     if not pipeline.plan.airflow.brackets or pipeline.field[1].times is None:
         return None
-    others: list[tuple[str, Pipeline, Companion]] = [
-        (STEADY, pipeline.draft, Companion("steady wake")),
-        (MEAN, pipeline, Companion("mean wake", blend=0.0)),
-        (HALVED, pipeline, Companion("half fluctuation", blend=HALF)),
+    others: list[tuple[Wake, Pipeline, Companion]] = [
+        (Wake.STEADY, pipeline.draft, Companion("steady wake")),
+        (Wake.MEAN, pipeline, Companion("mean wake", blend=0.0)),
+        (Wake.HALF, pipeline, Companion("half fluctuation", blend=HALF)),
     ]
     shares, seconds = {}, 0.0
-    for name, where, change in others:
-        shares[name] = _shares(pipeline, where.tracks(change))
-        seconds += where.seconds[where.label + change.name]["seconds"]
-    return Comparison({**shares, COMPUTED: _shares(pipeline, tracked)}, seconds)
+    for wake, where, change in others:
+        shares[wake] = _shares(pipeline, where.tracks(change))
+        seconds += where.spent(change.name)
+    return Comparison({**shares, Wake.COMPUTED: _shares(pipeline, tracked)}, seconds)
 
 
-def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison | None:
-    """The same granules in the airflow on every grid of the plan, by its cells; None where the plan has one."""
+def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
+    """The same granules in the airflow on every grid of the plan; None where the plan has one."""
     own, *others = (pipeline.on_grid(i) for i in range(len(pipeline.plan.airflow.scales)))
     if not others:
         return None
     shares, seconds = {}, 0.0
     for other in others:
-        shares[str(other.airflow["cells"])] = _shares(pipeline, other.tracks(Companion("tracks")))
-        seconds += sum(other.seconds[other.label + stage]["seconds"] for stage in ("airflow", "tracks"))
-    return Comparison({**shares, str(own.airflow["cells"]): _shares(pipeline, tracked)}, seconds)
+        shares[_grid(other)] = _shares(pipeline, other.tracks(Companion("tracks")))
+        seconds += sum(other.spent(stage) for stage in ("airflow", "tracks"))
+    return Comparison({**shares, _grid(own): _shares(pipeline, tracked)}, seconds)
 
 
-def mesh_error(comparison: Comparison, name: str, place: int) -> GridEstimate:
+def _grid(pipeline: Pipeline) -> Grid:
+    cells = airflow_of(pipeline).cells
+    assert cells is not None
+    return Grid(pipeline.grid, cells)
+
+
+def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> GridEstimate:
     """A share with its mesh error, from :func:`grids`; 95 % half widths over the replicates are its noise."""
     from scipy.stats import t
 
     values = [shares[name][:, place] for shares in comparison.shares.values()]
-    noise = [float(t.ppf(0.975, len(v) - 1) * v.std(ddof=1) / np.sqrt(len(v))) for v in values]
-    sizes = [int(cells) ** -0.5 for cells in comparison.shares]
+    noise = [float(t.ppf(LEVEL, len(v) - 1) * v.std(ddof=1) / np.sqrt(len(v))) for v in values]
+    sizes = [grid.cells**-0.5 for grid in comparison.shares]
     return estimate(sizes, [float(v.mean()) for v in values], noise)
 
 
-def airflow_on_grids(pipeline: Pipeline) -> list[dict[str, Any]] | None:
+def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:
     """Cd, base pressure and reversal length with their mesh error, and what each grid gave; None with one grid."""
     if len(pipeline.plan.airflow.scales) < 2:
         return None
-    found = [pipeline.on_grid(i).airflow for i in range(len(pipeline.plan.airflow.scales))]
-    sizes = [row["cells"] ** -0.5 for row in found]
-    measured = {name: [row[name] for row in found] for name in ("cd", "cp_base")}
-    table = {
-        name: ([row["value"] for row in rows], [0.5 * (row["high"] - row["low"]) for row in rows])
-        for name, rows in measured.items()
-    }
-    lengths = [row["suction"]["reversal_length"] for row in found]
-    drag, noise = table["cd"]
-    table["reversal_length"] = (
-        lengths,
-        [at * half / drag_ for at, half, drag_ in zip(lengths, noise, drag, strict=True)],
+    found = [airflow_of(pipeline.on_grid(i)) for i in range(len(pipeline.plan.airflow.scales))]
+    drag, drag_noise = _column([row.cd for row in found])
+    base, base_noise = _column([row.cp_base for row in found])
+    lengths = [_known(None if row.suction is None else row.suction.reversal_length) for row in found]
+    length_noise = [at * half / mean for at, half, mean in zip(lengths, drag_noise, drag, strict=True)]
+    return (
+        _study("cd", found, drag, drag_noise),
+        _study("cp_base", found, base, base_noise),
+        _study("reversal_length", found, lengths, length_noise),
     )
-    return [
-        {"quantity": name, "cells": [row["cells"] for row in found], "values": values}
-        | asdict(estimate(sizes, values, halves))
-        for name, (values, halves) in table.items()
-    ]
 
 
-def differences(comparison: Comparison, name: str, place: int) -> Iterator[tuple[str, float]]:
-    """How far each other airflow's share of fraction ``name`` in bin number ``place`` lies from the answer's own."""
-    *others, own = comparison.shares
-    here = comparison.shares[own][name][:, place].mean()
-    for which in others:
-        yield which, float(comparison.shares[which][name][:, place].mean() - here)
+def _column(numbers: list[Measured | None]) -> tuple[list[float], list[float]]:
+    """The values of one quantity on every grid, and half their 95 % intervals."""
+    known = [number for number in numbers if number is not None]
+    return [_known(number.value) for number in known], [_known(number.half) for number in known]
+
+
+def _known(value: float | None) -> float:
+    assert value is not None  # every solved airflow has it
+    return value
+
+
+def _study(quantity: str, found: list[Airflow], values: list[float], halves: list[float]) -> GridStudy:
+    cells = [row.cells for row in found if row.cells is not None]
+    told = estimate([count**-0.5 for count in cells], values, halves)
+    table = {"quantity": quantity, "cells": cells, "values": values, **vars(told)}
+    return from_json(GridStudy, to_json(table), "grids")
+
+
+def differences(comparison: Comparison[Key], name: str, place: int) -> Iterator[tuple[Key, float]]:
+    """How far each other wake's or grid's share of a fraction in bin number ``place`` lies from the answer's own."""
+    *others, (_, own) = comparison.shares.items()
+    here = own[name][:, place].mean()
+    for which, shares in others:
+        yield which, float(shares[name][:, place].mean() - here)

@@ -67,7 +67,7 @@ def observed_order(sizes: Sequence[float], values: Sequence[float]) -> float | N
     a, b, wanted = math.log(h2 / h1), math.log(h3 / h2), far / near
 
     def growth(p: float) -> float:  # rises with p from b/a at p = 0
-        return math.exp(a * p) * math.expm1(b * p) / math.expm1(a * p)
+        return float(math.exp(a * p) * math.expm1(b * p) / math.expm1(a * p))
 
     low, high = 1e-6, 1.0
     if growth(low) >= wanted:
@@ -83,7 +83,7 @@ def observed_order(sizes: Sequence[float], values: Sequence[float]) -> float | N
 def extrapolate(sizes: Sequence[float], values: Sequence[float], order: float) -> float:
     """Richardson's value at cells of no size from the two finest grids: (r^p f1 - f2)/(r^p - 1), r = h2/h1."""
     fine, coarse = float(values[0]), float(values[1])
-    return fine + (fine - coarse) / ((sizes[1] / sizes[0]) ** order - 1)
+    return float(fine + (fine - coarse) / ((sizes[1] / sizes[0]) ** order - 1))
 
 
 def estimate(

@@ -8,18 +8,20 @@ quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
 from ..scene import RESERVED_BIN, Scene
+from .landing_results import Separation
+from .measured import Measured, Share
 
-__all__ = ["interval", "separate"]
+__all__ = ["interval", "separate", "upper_limit"]
 
 Array = NDArray[np.float64]
-LEVEL = 0.95
+LEVEL = 0.95  # of every interval
+HOUR = 3600.0  # s
 
 
 def interval(samples: Array, count: int) -> tuple[float, float, float]:
@@ -40,15 +42,17 @@ def interval(samples: Array, count: int) -> tuple[float, float, float]:
     return value, max(0.0, value - half), min(1.0, value + half)
 
 
-def _share(samples: Array, count: int, name: str = "value") -> dict[str, float]:
-    value, low, high = interval(samples, count)
-    return {name: value, "low": low, "high": high}
+def upper_limit(count: int, total: int) -> float:
+    """Upper 95 % limit (Wilson) of a share of which ``count`` of ``total`` were found."""
+    from scipy.stats import binomtest
+
+    return float(binomtest(count, total).proportion_ci(LEVEL, method="wilson").high)
 
 
-def _purity(name: str, masses: dict[str, Array], shares: dict[str, dict[str, float]]) -> dict[str, float]:
+def _purity(name: str, masses: Mapping[str, Array], limits: Mapping[str, tuple[float, float]]) -> Measured:
     """Share of fraction ``name`` in a bin's mass: ratio of means over replicates, and its 95 % interval.
 
-    ``masses``: mass of every fraction in the bin, a replicate each; ``shares``: {low, high} of the same as masses. The
+    ``masses``: mass of every fraction in the bin, one a replicate; ``limits``: (low, high) of the same masses. The
     interval holds the one of the linearised ratio (delta method) and, where a fraction's granules are too few to spread
     over the replicates, what the intervals of the shares allow.
     """
@@ -60,46 +64,52 @@ def _purity(name: str, masses: dict[str, Array], shares: dict[str, dict[str, flo
     half = float(t.ppf(0.5 + LEVEL / 2, len(total) - 1) * spread)
     low, high = value - half, value + half
     if any(np.ptp(mass) == 0.0 or np.any(mass == 0.0) for mass in masses.values()):
-        others = [row for other, row in shares.items() if other != name]
-        own = shares[name]
-        least, most = sum(row["low"] for row in others), sum(row["high"] for row in others)
-        low = min(low, own["low"] / (own["low"] + most) if own["low"] + most > 0 else 0.0)
-        high = max(high, own["high"] / (own["high"] + least) if own["high"] + least > 0 else 1.0)
-    return {"value": value, "low": max(0.0, low), "high": min(1.0, high)}
+        others = [ends for other, ends in limits.items() if other != name]
+        least_own, most_own = limits[name]
+        least, most = sum(ends[0] for ends in others), sum(ends[1] for ends in others)
+        low = min(low, least_own / (least_own + most) if least_own + most > 0 else 0.0)
+        high = max(high, most_own / (most_own + least) if most_own + least > 0 else 1.0)
+    return Measured(value, max(0.0, low), min(1.0, high))
 
 
-def separate(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Any]:
-    """The ``separation`` table of result.json: shares, purity, recovery, throughput (kg/h) per bin."""
+def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
+    """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction."""
     bins = [*scene.bin, RESERVED_BIN]
-    mass = scene.mass_shares()
-    shares, count = {}, {}
+    shares: dict[str, Array] = {}  # (replicates, bins)
+    count: dict[str, int] = {}
     for name in landings:
         landing = landings[name]
-        shares[name] = landing.counts(len(scene.bin))  # (replicates, bins)
+        shares[name] = landing.counts(len(scene.bin))
         count[name] = len(landing.bin)
     fractions = {
-        name: {b: _share(table[:, i], count[name], "share") for i, b in enumerate(bins)}
+        name: {place: Share(*interval(table[:, i], count[name])) for i, place in enumerate(bins)}
         for name, table in shares.items()
     }
-    recovery = {
-        name: _share(np.sum([shares[name][:, bins.index(t)] for t in targets], axis=0), count[name])
-        if (targets := scene.fraction[name].targets)
-        else None
-        for name in landings
-    }
-    purity: dict[str, dict[str, Any] | None] = {}
+    purity, throughput = _contents(scene, bins, shares, fractions)
+    recovery = {name: _recovery(scene, name, bins, table, count[name]) for name, table in shares.items()}
+    return Separation(tuple(bins), fractions, purity, recovery, throughput)
+
+
+def _recovery(scene: Scene, name: str, bins: list[str], shares: Array, count: int) -> Measured | None:
+    """Share of a fraction in its target bins; None where the scene names none."""
+    targets = scene.fraction[name].targets
+    if not targets:
+        return None
+    return Measured(*interval(np.sum([shares[:, bins.index(target)] for target in targets], axis=0), count))
+
+
+def _contents(
+    scene: Scene, bins: list[str], shares: Mapping[str, Array], fractions: Mapping[str, Mapping[str, Share]]
+) -> tuple[dict[str, dict[str, Measured] | None], dict[str, float]]:
+    """Purity of every fraction in every bin, None where it is empty, and every bin's throughput (kg/h)."""
+    mass = scene.mass_shares()
+    purity: dict[str, dict[str, Measured] | None] = {}
     throughput: dict[str, float] = {}
-    for i, b in enumerate(bins):
+    for i, place in enumerate(bins):
         masses = {name: mass[name] * table[:, i] for name, table in shares.items()}
-        limits = {name: {end: mass[name] * fractions[name][b][end] for end in ("low", "high")} for name in shares}
+        found = {name: fractions[name][place] for name in shares}
+        limits = {name: (mass[name] * share.low, mass[name] * share.high) for name, share in found.items()}
         inside = float(np.mean(np.sum(list(masses.values()), axis=0)))
-        throughput[b] = 3600.0 * scene.feed.mass_flow * inside
-        purity[b] = {name: _purity(name, masses, limits) for name in shares} if inside > 0 else None
-    return {
-        "bins": bins,
-        "fractions": fractions,
-        "purity": purity,
-        "recovery": recovery,
-        "throughput": throughput,
-        "cut": [],
-    }
+        throughput[place] = HOUR * scene.feed.mass_flow * inside
+        purity[place] = {name: _purity(name, masses, limits) for name in shares} if inside > 0 else None
+    return purity, throughput

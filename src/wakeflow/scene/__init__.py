@@ -1,16 +1,48 @@
-"""What can be asked: a scene and its tables, what their keys mean, their units and ranges. TOML in, SI numbers out."""
+"""What can be asked: a scene and its tables, what their keys mean, their units and ranges. TOML in, SI numbers out.
 
-from .bins import Bin
-from .consistency import RESERVED_BIN
-from .feed import Feed, Profile
-from .fraction import Fraction, Rebound, Size, Speeds
-from .funnel import Funnel
-from .pictures import Picture, picture_tables
-from .scene import Scene
-from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
-from .table import Table
-from .whole import Numerics, SceneTables
+Names are loaded on first use: the command line reads the list of rungs and needs nothing else of this package.
+"""
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .bins import Bin
+    from .consistency import RESERVED_BIN
+    from .feed import Feed, Profile
+    from .fraction import Fraction, Rebound, Size, Speeds
+    from .funnel import Funnel
+    from .pictures import Picture, picture_tables
+    from .scene import Scene
+    from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
+    from .table import Table
+    from .whole import Numerics, SceneTables
+
+_HOMES = {
+    "RESERVED_BIN": "consistency",
+    "Air": "surroundings",
+    "Bin": "bins",
+    "Body": "surroundings",
+    "Channel": "surroundings",
+    "Feed": "feed",
+    "Fraction": "fraction",
+    "Funnel": "funnel",
+    "Inlet": "surroundings",
+    "Numerics": "whole",
+    "Picture": "pictures",
+    "Profile": "feed",
+    "Rebound": "fraction",
+    "Samples": "surroundings",
+    "Scene": "scene",
+    "SceneTables": "whole",
+    "Size": "fraction",
+    "Speeds": "fraction",
+    "Table": "table",
+    "Vibration": "surroundings",
+    "picture_tables": "pictures",
+}
 __all__ = [
     "RESERVED_BIN",
     "Air",
@@ -34,3 +66,9 @@ __all__ = [
     "Vibration",
     "picture_tables",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)

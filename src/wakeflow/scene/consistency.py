@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from ..core.geometry import contains, distance_between, edges, segments_cross
 from ..core.registry import did_you_mean
-from .pictures import Streamlines
+from .pictures import STANDARD_FIGURES, Streamlines
+from .rungs import rungs
 from .whole import SceneTables
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
 RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
-RESERVED_PICTURES = ("pressure", "tracks", "landing")
 Array = NDArray[np.float64]
 
 
@@ -194,7 +194,7 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
     known = list(scene.fraction)
     for name, picture in scene.picture.items():
         key = f"picture.{name}"
-        if name in RESERVED_PICTURES:
+        if name in STANDARD_FIGURES:
             yield f"{key}: every run draws one of this name; choose another"
         for one in picture.fractions or []:
             if one not in known:
@@ -208,7 +208,7 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
 
 
 def _rung_fits(scene: SceneTables) -> Iterator[str]:
-    if scene.air is None and scene.numerics.rung not in ("auto", "none"):
+    if scene.air is None and rungs[scene.numerics.rung].needs_air:
         yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
 
 

@@ -13,8 +13,19 @@ from ..core.errors import SceneError
 from .table import Table
 from .units import Duration, Length, Speed
 
-__all__ = ["DRAWN", "Animation", "AnyPicture", "Curves", "Density", "Picture", "Streamlines", "picture_tables"]
+__all__ = [
+    "DRAWN",
+    "STANDARD_FIGURES",
+    "Animation",
+    "AnyPicture",
+    "Curves",
+    "Density",
+    "Picture",
+    "Streamlines",
+    "picture_tables",
+]
 
+STANDARD_FIGURES = ("pressure", "tracks", "discharge", "landing")  # modules of report.figures: no picture takes a name
 DRAWN = 48  # tracks of each fraction that are drawn one by one
 Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]
 

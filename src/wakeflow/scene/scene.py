@@ -78,9 +78,9 @@ class Scene(SceneTables):
         found = self.funnel.expected_rate if rate is None else rate
         return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": found})})
 
-    def flown(self, rung: str) -> Scene:
-        """The scene that granules are flown through at a rung: without its air at ``none``, else itself."""
-        return self.model_copy(update={"air": None}) if rung == "none" and self.air is not None else self
+    def without_air(self) -> Scene:
+        """The scene in a vacuum; itself where it has no air."""
+        return self if self.air is None else self.model_copy(update={"air": None})
 
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,17 +15,23 @@ from .feed import Feed
 from .fraction import Fraction
 from .funnel import Funnel
 from .pictures import AnyPicture
+from .rungs import rungs
 from .surroundings import Air, Body, Channel, Vibration
 from .table import Array, Table
 from .units import Name
 
 __all__ = ["Numerics", "SceneTables"]
 
+if TYPE_CHECKING:
+    RungName = str
+else:
+    RungName = Literal[tuple(rungs)]
+
 
 class Numerics(Table):
     """[numerics]: how it is computed."""
 
-    rung: Literal["auto", "none", "draft", "standard", "reference"] = "auto"
+    rung: RungName = "auto"
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(
         1e-4, description="landing error in body widths; channel widths without a body"
     )

@@ -1,22 +1,24 @@
 """The pictures that a scene asks for by [picture.NAME]: each a PNG and its data as CSV, an animation a GIF as well.
 
-A kind is one function here, registered under the name of its table in ``tables.pictures``.
+A kind is one function here, registered under the name of its table in ``scene.pictures``.
 """
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...core.files import write_json
+from ...core.record import from_json, to_json
+from ...results.result import PictureSummary
 from .animation import draw_animation
 from .curves import draw_curves
 from .maps import draw_density, draw_streamlines
 from .view import Drawn, View, pictures
 
 if TYPE_CHECKING:
-    from .. import Outcome
+    from ..outcome import Outcome
 
 __all__ = ["Drawn", "View", "clear", "draw_all", "found", "pictures"]
 
@@ -31,44 +33,41 @@ for _name, _draw in (
     pictures.add(_name, _draw)
 
 
-def draw_all(folder: Path, outcome: Outcome) -> dict[str, Any]:
+def draw_all(folder: Path, outcome: Outcome) -> dict[str, PictureSummary]:
     """Draw every picture of the scene into ``folder``.
 
-    Returns name to kind, files, ``text`` (a sentence with the picture's numbers) and ``numbers``, what result.json
-    holds of them. Raises SceneError where a picture cannot be drawn of what was computed.
+    Returns what result.json holds of each, by name. Raises SceneError where a picture cannot be drawn of what was
+    computed.
     """
-    table: dict[str, Any] = {}
+    drawn: dict[str, PictureSummary] = {}
     for name, picture in outcome.scene.picture.items():
-        view = View(name, folder, picture, outcome)
-        drawn = pictures[picture.kind](view)
-        table[name] = {
-            "kind": picture.kind,
-            "files": [path.name for path in drawn.files],
-            "text": " ".join(part for part in (picture.caption, drawn.text) if part),
-            "numbers": drawn.numbers,
-        }
-    if table:
-        write_json(folder / LIST, table)
-    return table
+        made = pictures[picture.kind](View(name, folder, picture, outcome))
+        text = " ".join(part for part in (picture.caption, made.text) if part)
+        files = tuple(path.name for path in made.files)
+        drawn[name] = PictureSummary(picture.kind, files, text, to_json(made.numbers))
+    if drawn:
+        write_json(folder / LIST, to_json(drawn))
+    return drawn
 
 
-def found(folder: Path) -> dict[str, Any]:
+def found(folder: Path) -> dict[str, PictureSummary]:
     """What ``draw_all`` left in a folder; empty where it left nothing or a file of it is gone."""
-    try:
-        table: dict[str, Any] = json.loads((folder / LIST).read_text())
-    except (FileNotFoundError, json.JSONDecodeError):
-        return {}
-    whole = all((folder / file).exists() for row in table.values() for file in row["files"])
-    return table if whole else {}
+    drawn = _listed(folder)
+    whole = all((folder / file).exists() for picture in drawn.values() for file in picture.files)
+    return drawn if whole else {}
 
 
 def clear(folder: Path) -> None:
     """Remove what ``draw_all`` left in a folder."""
+    for picture in _listed(folder).values():
+        for file in picture.files:
+            (folder / file).unlink(missing_ok=True)
+    (folder / LIST).unlink(missing_ok=True)
+
+
+def _listed(folder: Path) -> dict[str, PictureSummary]:
     try:
         table = json.loads((folder / LIST).read_text())
     except (FileNotFoundError, json.JSONDecodeError):
-        return
-    for row in table.values():
-        for file in row["files"]:
-            (folder / file).unlink(missing_ok=True)
-    (folder / LIST).unlink()
+        return {}
+    return {name: from_json(PictureSummary, picture, LIST) for name, picture in table.items()}

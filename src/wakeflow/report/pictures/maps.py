@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import SceneError
+from ...core.record import to_json
 from ...scene.pictures import Density
 from ..canvas import (
     INK,
@@ -25,7 +26,7 @@ from ..canvas import (
     streams,
     triangulation,
 )
-from ..figures import SUCTION_LEVEL, draw_pressure, pressure_coefficient
+from ..figures.pressure import SUCTION_LEVEL, draw_pressure, pressure_coefficient
 from .paths import Path2D
 from .view import Drawn, View
 
@@ -52,13 +53,14 @@ def draw_streamlines(view: View) -> Drawn:
     grid = Grid.sample(triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
     columns = ("x (m)", "y (m)", "air vx (m/s)", "air vy (m/s)", "Cp")
     data = view.write_csv(columns, _grid_rows(grid))
-    suction = outcome.airflow["suction"]
+    suction = outcome.airflow.suction
+    assert suction is not None
+    size = [MM * (length or 0.0) for length in (suction.length, suction.width)]
     text = (
         "1 direction of the air, 2 pressing zone, 3 body, 4 suction zone "
-        f"(Cp < {SUCTION_LEVEL:g}: lowest {suction['cp_min']:.2f}, {MM * suction['length']:.0f} mm long, "
-        f"{MM * suction['width']:.0f} mm wide)."
+        f"(Cp < {SUCTION_LEVEL:g}: lowest {suction.cp_min:.2f}, {size[0]:.0f} mm long, {size[1]:.0f} mm wide)."
     )
-    return Drawn([view.file(".png"), data], text, {"suction": dict(suction)})
+    return Drawn([view.file(".png"), data], text, {"suction": to_json(suction)})
 
 
 def _grid_rows(grid: Grid) -> Iterator[tuple[float, ...]]:

@@ -15,7 +15,7 @@ from .paths import Path2D
 
 if TYPE_CHECKING:
     from ...scene import Picture, Scene
-    from .. import Outcome
+    from ..outcome import Outcome
 
 __all__ = ["Drawn", "View", "pictures"]
 

@@ -19,7 +19,7 @@ from ...pipeline.pipeline import Pipeline
 from ...planning.make import make_plan
 from ...results.grid_convergence import GridEstimate, cell_size, estimate
 from ...scene import Scene
-from .measured import Measured, QuantityValue, measured, quantities
+from .measured import QuantityValue, SolvedAirflow, measured, quantities
 from .published import Case, Published, cases
 
 __all__ = ["ComparedValue", "compare_case", "grid_study", "momentum", "run_airflow", "run_scene"]
@@ -133,7 +133,7 @@ def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple
     return rows, momentum(case, scene, finest)
 
 
-def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, Measured]:
+def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, SolvedAirflow]:
     """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
     changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
     plan = make_plan(changed, rung=rung)
@@ -141,12 +141,12 @@ def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str
     return plan.rung, measured(pipeline)
 
 
-def grid_study(airflows: Sequence[Measured], names: Sequence[str], scene: Scene) -> dict[str, GridEstimate]:
+def grid_study(airflows: Sequence[SolvedAirflow], names: Sequence[str], scene: Scene) -> dict[str, GridEstimate]:
     """Grid convergence of the quantities that all grids have; empty for one grid."""
     if len(airflows) < 2:
         return {}
     area = scene.channel.width * (scene.channel.top - scene.channel.bottom)  # of any size: only ratios count
-    sizes = [cell_size(area, airflow.table["cells"]) for airflow in airflows]
+    sizes = [cell_size(area, airflow.cells) for airflow in airflows]
     studies = {}
     for name in names:
         found = [quantities[name].of(airflow) for airflow in airflows]
@@ -157,14 +157,14 @@ def grid_study(airflows: Sequence[Measured], names: Sequence[str], scene: Scene)
 
 
 def _plain(
-    case: Case, rung: str, airflow: Measured, name: str, number: QuantityValue | None, study: GridEstimate | None
+    case: Case, rung: str, airflow: SolvedAirflow, name: str, number: QuantityValue | None, study: GridEstimate | None
 ) -> ComparedValue:
     shown = study or number
     return ComparedValue(
         case=case.name, title=case.title, rung=rung, quantity=quantities[name].label,
         ours=None if shown is None else shown.value, low=None if shown is None else shown.low,
         high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, met=None,
-        cells=airflow.table["cells"], core_seconds=airflow.cost, date=airflow.day,
+        cells=airflow.cells, core_seconds=airflow.cost, date=airflow.day,
         error="one grid" if study is None else study.kind, order=None if study is None else study.order,
         source="", status="",
     )  # fmt: skip
@@ -173,7 +173,7 @@ def _plain(
 def _row(
     case: Case,
     rung: str,
-    airflow: Measured,
+    airflow: SolvedAirflow,
     known: Published,
     number: QuantityValue | None,
     study: GridEstimate | None,
@@ -187,7 +187,9 @@ def _row(
     return ComparedValue(**{**row, **known_of, "deviation": deviation, "within": within, "met": met})
 
 
-def _order_row(case: Case, rung: str, airflow: Measured, studies: dict[str, GridEstimate]) -> Iterator[ComparedValue]:
+def _order_row(
+    case: Case, rung: str, airflow: SolvedAirflow, studies: dict[str, GridEstimate]
+) -> Iterator[ComparedValue]:
     for name, least in case.order.items():
         study = studies[name]
         row = asdict(_plain(case, rung, airflow, name, None, study))
@@ -210,7 +212,7 @@ def _beside_rows(case: Case, scene: Scene, own: Sequence[ComparedValue], tell: T
         yield ComparedValue(**{**table, "met": distances[0] < distances[1]})
 
 
-def momentum(case: Case, scene: Scene, airflow: Measured) -> dict[str, Any]:
+def momentum(case: Case, scene: Scene, airflow: SolvedAirflow) -> dict[str, Any]:
     """The paper's momentum model beside the computed front pressure and drag of the first body."""
     assert scene.air is not None
     model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.air.direction)

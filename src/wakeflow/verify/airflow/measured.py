@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from ...core.registry import Registry
 from ...foam.cost import core_seconds
 from ...pipeline.pipeline import Pipeline
+from ...results.airflow_summary import Airflow, airflow_of
+from ...results.measured import Measured
 
-__all__ = ["Measured", "Quantity", "QuantityValue", "measured", "quantities"]
+__all__ = ["Quantity", "QuantityValue", "SolvedAirflow", "measured", "quantities"]
 
 HISTORY_CD, HISTORY_CL = 1, 3  # columns of OpenFOAM's coefficient.dat
 
@@ -36,15 +38,21 @@ class QuantityValue:
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A solved airflow: its ``airflow`` table, its OpenFOAM case, the body's projected width (m), and the case of the
+class SolvedAirflow:
+    """A solved airflow: what was ``found``, its OpenFOAM case, the body's projected width (m), and the case of the
     draft that a time-resolved one starts from.
     """
 
-    table: dict[str, Any]
+    found: Airflow
     case: Path
     width: float
     start: Path | None = None
+
+    @property
+    def cells(self) -> int:
+        """Cells of its mesh."""
+        assert self.found.cells is not None
+        return self.found.cells
 
     @cached_property
     def cost(self) -> float:
@@ -62,7 +70,7 @@ class Measured:
         from ...foam.history import read_table
 
         rows = read_table(self.case, "forceCoefficients", (HISTORY_CD, HISTORY_CL))
-        period = self.table["period"]
+        period = self.found.period
         return rows if period is None else rows[rows[:, 0] >= rows[-1, 0] - period]
 
 
@@ -71,52 +79,55 @@ class Quantity:
     """``label`` as printed in tables; ``of`` a solved airflow: the number, None where it has none."""
 
     label: str
-    of: Callable[[Measured], QuantityValue | None]
+    of: Callable[[SolvedAirflow], QuantityValue | None]
 
 
 quantities: Registry[Quantity] = Registry("quantity")
 
 
-def measured(pipeline: Pipeline) -> Measured:
+def measured(pipeline: Pipeline) -> SolvedAirflow:
     """The airflow of a scene, solved or from the cache."""
     start = pipeline.draft.solution[1] / "case" if pipeline.plan.airflow.stepping == "time-resolved" else None
-    return Measured(pipeline.airflow, pipeline.solution[1] / "case", pipeline.scene.width, start)
+    return SolvedAirflow(airflow_of(pipeline), pipeline.solution[1] / "case", pipeline.scene.width, start)
 
 
-def _number(entry: Any, scale: float = 1.0) -> QuantityValue | None:
-    """A value of the ``airflow`` table, with or without its interval."""
-    if entry is None:
+def _number(found: Measured | float | None, scale: float = 1.0) -> QuantityValue | None:
+    """A number of an airflow, with or without its interval."""
+    if found is None:
         return None
-    low, value, high = (entry[k] for k in ("low", "value", "high")) if isinstance(entry, dict) else (entry,) * 3
+    low, value, high = (found.low, found.value, found.high) if isinstance(found, Measured) else (found,) * 3
+    if value is None or low is None or high is None:
+        return None
     return QuantityValue(scale * value, scale * low, scale * high)
 
 
-def _entry(name: str) -> Callable[[Measured], QuantityValue | None]:
-    return lambda airflow: _number(airflow.table[name])
-
-
-def _pressures(airflow: Measured) -> QuantityValue | None:
-    front, base = _number(airflow.table["cp_front"]), _number(airflow.table["cp_base"])
+def _pressures(airflow: SolvedAirflow) -> QuantityValue | None:
+    front, base = _number(airflow.found.cp_front), _number(airflow.found.cp_base)
     assert front is not None
     assert base is not None
     return QuantityValue(front.value - base.value, front.low - base.high, front.high - base.low)
 
 
-def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[Measured], QuantityValue | None]:
-    def of(airflow: Measured) -> QuantityValue | None:
-        return None if airflow.table["period"] is None else _number(float(what(airflow.last_periods[:, column])))
+def _reversal(airflow: SolvedAirflow) -> QuantityValue | None:
+    zone = airflow.found.suction
+    return None if zone is None else _number(zone.reversal_length, 1 / airflow.width)
+
+
+def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[SolvedAirflow], QuantityValue | None]:
+    def of(airflow: SolvedAirflow) -> QuantityValue | None:
+        return None if airflow.found.period is None else _number(float(what(airflow.last_periods[:, column])))
 
     return of
 
 
 for _name, _label, _of in (
-    ("cd", "mean Cd", _entry("cd")),
-    ("cl_rms", "Cl rms", _entry("cl_rms")),
-    ("strouhal", "St", _entry("strouhal")),
-    ("cp_base", "base Cp", _entry("cp_base")),
-    ("cp_front", "front Cp", _entry("cp_front")),
+    ("cd", "mean Cd", lambda a: _number(a.found.cd)),
+    ("cl_rms", "Cl rms", lambda a: _number(a.found.cl_rms)),
+    ("strouhal", "St", lambda a: _number(a.found.strouhal)),
+    ("cp_base", "base Cp", lambda a: _number(a.found.cp_base)),
+    ("cp_front", "front Cp", lambda a: _number(a.found.cp_front)),
     ("dp", "front less base Cp", _pressures),
-    ("reversal", "reversal length / D", lambda a: _number(a.table["suction"]["reversal_length"], 1 / a.width)),
+    ("reversal", "reversal length / D", _reversal),
     ("cd_max", "largest Cd", _swing(1, np.max)),
     ("cd_min", "least Cd", _swing(1, np.min)),
     ("cl_swing", "Cl peak to peak", _swing(2, np.ptp)),

@@ -17,7 +17,8 @@ from ...core.resources import scene_templates
 from ...field import FlowField
 from ...injection.feed import feedstock
 from ...injection.first_contact import motion_of
-from ...pipeline.pipeline import Listener, Pipeline
+from ...pipeline.cache import Listener
+from ...pipeline.pipeline import Pipeline
 from ...planning.make import make_plan
 from ...planning.plan import Plan
 from ...scene import Scene

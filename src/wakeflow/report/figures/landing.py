@@ -1,4 +1,4 @@
-"""The landing picture: mass-weighted histograms of each fraction along every wall that has bins."""
+"""The landing figure: mass-weighted histograms of each fraction along every wall that has bins."""
 
 from __future__ import annotations
 
@@ -6,23 +6,25 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .canvas import MM, fraction_colours, new_figure, save, text_width
-from .tables import percent
+from ..canvas import MM, fraction_colours, new_figure, save, text_width
+from ..words import percent
+from .figure import Figure, figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..scene import Scene
+    from ...results.landing_results import Separation
+    from ...scene import Scene
+    from ..outcome import Landed, Outcome
 
 __all__ = ["draw_landing"]
 
 Array = NDArray[np.float64]
-Landing = Mapping[str, NDArray[Any]]
 CELLS = 60  # of a histogram along one wall
 SHADES = ("#e6ebf1", "#f6f7f9")
 HEADROOM = 1.4  # above the highest cell, for the shares
@@ -47,13 +49,12 @@ class _Wall:
 
 
 def draw_landing(
-    path: Path | str, scene: Scene, landings: Mapping[str, Landing], separation: Mapping[str, Any] | None = None
+    path: Path | str, scene: Scene, landings: Mapping[str, Landed], separation: Separation | None = None
 ) -> None:
     """Histograms of where each fraction lands, one row a fraction, one column a wall that has bins; PNG.
 
-    ``landings``: fraction name to x, y (n,) m, weight (n,) mass, bin (n,) index into the scene's bins, -1 elsewhere.
-    ``separation`` (the table of result.json) brings the shares and intervals that are written; without it shares are
-    those of ``landings``, without interval.
+    ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are
+    written; without it shares are those of ``landings``, without interval.
     """
     names, walls = list(landings), list(_walls_with_bins(scene))
     wide = 6.2 if len(walls) == 1 else 4.2
@@ -102,16 +103,16 @@ def _walls_with_bins(scene: Scene) -> Iterator[_Wall]:
             yield _Wall(f"along {name} (mm)", (0.0, length), {i: (0.0, length)})
 
 
-def _along(wall: _Wall, scene: Scene, landing: Landing) -> tuple[Array, Array]:
+def _along(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
     """Coordinate along the wall (m) and weight of the granules that ended in its bins."""
-    here = np.isin(landing["bin"], list(wall.bins))
-    points = np.stack([np.asarray(landing["x"])[here], np.asarray(landing["y"])[here]], axis=1)
+    here = np.isin(landing.bin, list(wall.bins))
+    points = np.stack([np.asarray(landing.x)[here], np.asarray(landing.y)[here]], axis=1)
     bin_ = list(scene.bin.values())[next(iter(wall.bins))]
     if bin_.points is None:
         where = points[:, 0 if bin_.on in ("floor", "top") else 1]
     else:
         where = _arc_length(bin_.line(scene.channel), points)
-    return np.clip(where, *wall.span), np.asarray(landing["weight"], dtype=float)[here]
+    return np.clip(where, *wall.span), np.asarray(landing.weight, dtype=float)[here]
 
 
 def _arc_length(line: Array, points: Array) -> Array:
@@ -122,14 +123,14 @@ def _arc_length(line: Array, points: Array) -> Array:
     gap = np.linalg.norm(points[:, None] - start - part[..., None] * step, axis=2)
     best = np.argmin(gap, axis=1)
     before = np.concatenate([[0.0], np.cumsum(size)[:-1]])
-    return before[best] + part[np.arange(len(points)), best] * size[best]
+    return np.asarray(before[best] + part[np.arange(len(points)), best] * size[best])
 
 
-def _histogram(axes: Axes, wall: _Wall, scene: Scene, landing: Landing, colour: str) -> float:
+def _histogram(axes: Axes, wall: _Wall, scene: Scene, landing: Landed, colour: str) -> float:
     """Draw one panel; its highest value (% of the fraction's mass per cm)."""
     edges = wall.edges()
     where, weight = _along(wall, scene, landing)
-    total = float(np.sum(landing["weight"]))
+    total = float(np.sum(landing.weight))
     mass, _ = np.histogram(where, bins=edges, weights=weight)
     share = 100.0 * mass / total if total > 0 else np.zeros(len(mass))
     height = share / (100.0 * np.diff(edges))
@@ -143,12 +144,12 @@ def _histogram(axes: Axes, wall: _Wall, scene: Scene, landing: Landing, colour: 
     return float(height.max(initial=0.0))
 
 
-def _shares(scene: Scene, name: str, landing: Landing, separation: Mapping[str, Any] | None) -> dict[str, str]:
+def _shares(scene: Scene, name: str, landing: Landed, separation: Separation | None) -> dict[str, str]:
     """What is written over every bin: its share in percent, with half its interval where known."""
     if separation is not None:
-        rows = separation["fractions"][name]
+        rows = separation.fractions[name]
         return {place: percent(row).replace(" ±", "\n±") + " %" for place, row in rows.items()}
-    weight, places = np.asarray(landing["weight"], dtype=float), np.asarray(landing["bin"])
+    weight, places = np.asarray(landing.weight, dtype=float), np.asarray(landing.bin)
     total = float(weight.sum())
     names = {**dict(enumerate(scene.bin)), -1: "elsewhere"}
     return {n: f"{100 * weight[places == i].sum() / total:.1f} %" if total > 0 else "–" for i, n in names.items()}
@@ -173,3 +174,11 @@ def _name_bins(axes: Axes, wall: _Wall, scene: Scene, wide: float) -> None:
             names[i], (MM * sum(ends) / 2, 1.0), xytext=(0, 3), xycoords=("data", "axes fraction"),
             textcoords="offset points", fontsize=8, ha="center", va="bottom", rotation=90 if upright else 0,
         )  # fmt: skip
+
+
+def _draw(path: Path, outcome: Outcome) -> None:
+    landings = outcome.result.landings
+    draw_landing(path, outcome.scene, outcome.landings, None if landings is None else landings.separation)
+
+
+figures.add("landing", Figure("Where the mass of each fraction lands; percent with 95 % interval.", _draw, always=True))

@@ -1,0 +1,298 @@
+"""The kinds of airflow: how the air of a scene comes about, and what is known and not known of it.
+
+Each kind is one class here. It gives the field that granules fly through with its cache key, the ``airflow`` and the
+``mesh`` table of result.json, what was lost when the field was stored, and which parts of its error nobody measures.
+The plan names the kind (``planning.airflow.AirflowPlan.kind``); nothing else asks which one it is.
+"""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ..core.errors import SceneError
+from ..core.files import atomic_write, write_json
+from ..core.process import cores
+from ..core.registry import Registry
+from ..core.resources import case_template
+from ..core.store import content_key, digest_files
+from ..planning.airflow import SHEDDING_ABOVE, ranks_for
+from ..planning.plan import Plan
+from ..scene import Scene
+from .cache import StageCache, code_of, version_of
+from .specs import flow_spec, mesh_spec
+from .warm_start import nearest, remember
+
+if TYPE_CHECKING:
+    from ..field import FlowField
+    from ..foam import FlowSpec
+    from ..meshing import MeshSpec
+
+__all__ = ["AirflowKind", "CaseAir", "airflow_kinds"]
+
+
+@dataclass
+class AirflowKind(ABC):
+    """The airflow of one scene under one plan.
+
+    ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the case folder of the scene's steady
+    airflow, which is solved where it is not yet.
+    """
+
+    scene: Scene
+    plan: Plan
+    cache: StageCache
+    grid: int
+    steady: Callable[[], Path]
+    at_once: ClassVar[bool] = False  # known without meshing, solving or reading files
+
+    @abstractmethod
+    def make_field(self) -> tuple[str, FlowField] | None:
+        """Cache key and field of the whole channel; None where there is no air."""
+
+    @abstractmethod
+    def make_table(self) -> dict[str, Any]:
+        """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json, but its rung."""
+
+    @cached_property
+    def field(self) -> tuple[str, FlowField] | None:
+        """:meth:`make_field`, made once."""
+        return self.make_field()
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """The ``airflow`` table of result.json."""
+        return {"rung": self.plan.rung, **self.make_table()}
+
+    @property
+    def mesh_quality(self) -> dict[str, Any]:
+        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees); empty without one."""
+        return {}
+
+    @property
+    def truncation(self) -> dict[str, Any] | None:
+        """What the field lost when it was stored as a mean and modes; None for a field that is stored whole."""
+        lost = None if self.field is None else self.field[1].truncation
+        return None if lost is None else lost._asdict()
+
+    def unknown_parts(self) -> tuple[str, ...]:
+        """Sources of error of the airflow that stay unknown unless flying again in another airflow measures them:
+        mesh, airflow-model (how far the airflow is from the real one), airflow-statistics (a finite sample of it).
+        """
+        return ()
+
+
+airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow")
+
+
+@airflow_kinds.register("none")
+class NoAir(AirflowKind):
+    """No air: granules fly in a vacuum."""
+
+    at_once = True
+
+    def make_field(self) -> None:
+        return None
+
+    def make_table(self) -> dict[str, Any]:
+        raise SceneError("the granules fly in a vacuum: there is no airflow to tell of")
+
+
+@airflow_kinds.register("analytic")
+class AnalyticAir(AirflowKind):
+    """The air of a channel in which nothing stands; made in no time, so not kept."""
+
+    at_once = True
+
+    def make_field(self) -> tuple[str, FlowField]:
+        from .analytic import duct_field
+
+        air, channel, turbulence = self.scene.air, self.scene.channel, self.plan.airflow.turbulence
+        asked = (repr(air), channel.width, channel.top, channel.bottom, turbulence)
+        key = content_key("duct", asked, code_of("duct"))
+        return key, duct_field(self.scene, turbulent=turbulence == "decaying")
+
+    def make_table(self) -> dict[str, Any]:
+        from .analytic import duct_airflow
+
+        return {"turbulence": self.plan.airflow.turbulence, **duct_airflow(self.scene)}
+
+    def unknown_parts(self) -> tuple[str, ...]:
+        return ("airflow-model",)  # nothing is solved; how far a real duct's air is from it nobody says
+
+
+class CaseAir(AirflowKind):
+    """An airflow that stands in an OpenFOAM case."""
+
+    @cached_property
+    def mesh_spec(self) -> MeshSpec:
+        """What the plan wants meshed, or what a given case must hold."""
+        return mesh_spec(self.scene, self.plan, self.grid)
+
+    @cached_property
+    def flow_spec(self) -> FlowSpec:
+        """The airflow that the plan wants through the mesh, or that a given case must be."""
+        return flow_spec(self.scene, self.plan, self.mesh_spec)
+
+    @cached_property
+    def solution(self) -> tuple[str, Path]:
+        """Cache key and folder of the airflow; its numbers are in case/airflow.json."""
+        return self.make_solution()
+
+    @abstractmethod
+    def make_solution(self) -> tuple[str, Path]:
+        """Solve or measure the airflow, or take it from the cache: key and folder."""
+
+    @property
+    def case(self) -> Path:
+        """The OpenFOAM case that the field is read from."""
+        return self.solution[1] / "case"
+
+    @property
+    def half(self) -> bool:
+        """Whether the case is the right half of a symmetric channel."""
+        return self.mesh_spec.half
+
+    def make_table(self) -> dict[str, Any]:
+        table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
+        return table
+
+    def make_field(self) -> tuple[str, FlowField]:
+        from ..field import FlowField
+        from .case_field import case_field
+
+        key = content_key("field", self.solution[0], code_of("field"), version_of("foamlib"))
+        air, table = self.scene.air, self.make_table()
+        assert air is not None
+
+        def work(part: Path) -> None:
+            self.cache.tell("field", "reading the airflow")
+            field = case_field(self.case, table["field_time"], air.density, half=self.half)
+            field.save(part / "field.npz")
+
+        return key, FlowField.load(self.cache.make("field", key, work) / "field.npz")
+
+    def unknown_parts(self) -> tuple[str, ...]:
+        statistics = () if self.make_table()["period"] is None else ("airflow-statistics",)
+        return ("mesh", *(("airflow-model",) if self.model_is_unknown else ()), *statistics)
+
+    @property
+    def model_is_unknown(self) -> bool:
+        """Whether nobody says how far the airflow is from the real one."""
+        return False
+
+
+@airflow_kinds.register("given")
+class GivenAir(CaseAir):
+    """A solved OpenFOAM case of the user's: it is measured, not solved."""
+
+    @property
+    def case(self) -> Path:
+        assert self.scene.air is not None
+        assert self.scene.air.case is not None
+        return Path(self.scene.air.case)
+
+    @property
+    def half(self) -> bool:
+        return bool(self.make_table()["half"])
+
+    def make_solution(self) -> tuple[str, Path]:
+        """Its files are in the key: a new solution counts."""
+        from ..foam.user_case import case_files, measure_given
+
+        assert self.scene.air is not None
+        time = self.scene.air.time or "latest"
+        files = digest_files(case_files(self.case, time))
+        key = content_key("given", repr(self.flow_spec), time, files, code_of("given"))
+
+        def work(part: Path) -> None:
+            self.cache.tell("airflow", f"measuring {self.case}")
+            (part / "case").mkdir(exist_ok=True)
+            write_json(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
+
+        return key, self.cache.make("airflow", key, work)
+
+    @property
+    def mesh_quality(self) -> dict[str, Any]:
+        return {"cells": self.make_table()["cells"]}
+
+    @property
+    def model_is_unknown(self) -> bool:
+        return True
+
+
+class SolvedAir(CaseAir):
+    """An airflow that Gmsh meshes and OpenFOAM solves."""
+
+    @cached_property
+    def mesh(self) -> tuple[str, Path]:
+        """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
+        from ..meshing import build_mesh
+
+        key = content_key("mesh", repr(self.mesh_spec), code_of("mesh"), version_of("gmsh"))
+        folder = self.cache.make("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
+        _publish(folder / "mesh.msh", Path("meshes"), key)
+        return key, folder
+
+    @property
+    def mesh_quality(self) -> dict[str, Any]:
+        table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
+        return table
+
+    def make_solution(self) -> tuple[str, Path]:
+        from ..foam import solve_airflow
+        from ..foam.version import openfoam_version
+
+        (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
+        code = content_key(code_of("airflow"), digest_files([case_template()]), openfoam_version())
+        asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
+        key = content_key("airflow", mesh_key, asked, code)
+        ranks = 1 if spec.vibration else ranks_for(self.mesh_quality["cells"], cores())[0]
+
+        def work(part: Path) -> None:
+            solve_airflow(
+                replace(spec, ranks=ranks),
+                mesh_folder / "mesh.msh",
+                part / "case",
+                start=self.start(),
+                listener=lambda now: self.cache.tell("airflow", str(now)),
+            )
+            remember(part, mesh_key, spec)
+
+        return key, self.cache.make("airflow", key, work)
+
+    def start(self) -> Path | None:
+        """The case folder of the solved airflow that this one starts from; None: from a uniform stream."""
+        return None
+
+
+@airflow_kinds.register("steady")
+class SteadyAir(SolvedAir):
+    """One steady solution: the flow itself where the wake does not shed."""
+
+    @property
+    def model_is_unknown(self) -> bool:
+        return (self.scene.reynolds or 0.0) >= SHEDDING_ABOVE
+
+
+@airflow_kinds.register("time-resolved")
+class TimeResolvedAir(SolvedAir):
+    """A solution in time: whole periods of the shedding wake, repeated."""
+
+    def start(self) -> Path | None:
+        """A solved airflow near to this one, else the steady wake."""
+        found = nearest(self.cache.store, self.mesh[0], self.flow_spec)
+        return found if found is not None else self.steady()
+
+
+def _publish(file: Path, folder: Path, key: str) -> None:
+    """Show a cached mesh under its key in the project's own ``meshes`` folder, where there is one."""
+    target = folder / f"{key}.msh"
+    if folder.is_dir() and not target.exists():
+        with atomic_write(target, "wb") as stream:
+            stream.write(file.read_bytes())

@@ -1,0 +1,85 @@
+"""The cached stages of a run: what computes them, where they are kept, how long they took, who hears of them.
+
+A stage's key is made of the scene's fields that it reads, the key of the stage before, the sources of the code that
+computes it and the versions of outside programs; a change of anything else answers from what is there.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.files import write_json
+from ..core.sources import code_key
+from ..core.store import Store
+from .stages import StageKey, StageTime
+
+__all__ = ["CODE", "Listener", "StageCache", "code_of", "silent", "version_of"]
+
+Listener = Callable[[str, str], None]  # (stage, text): hears of progress
+# What computes each stage: its key covers these modules and everything that they import.
+CODE = {
+    "mesh": ("wakeflow.meshing.build",),
+    "airflow": ("wakeflow.foam.airflow",),
+    "given": ("wakeflow.foam.user_case",),
+    "field": ("wakeflow.pipeline.case_field",),
+    "duct": ("wakeflow.pipeline.analytic",),
+    "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
+}
+
+
+def silent(stage: str, text: str) -> None:
+    """The listener that hears nothing."""
+
+
+def code_of(stage: str) -> str:
+    """sha256 (hex) of all sources that compute a stage of :data:`CODE`."""
+    return code_key(*CODE[stage])
+
+
+def version_of(package: str) -> str:
+    """The version of an installed Python package."""
+    from importlib.metadata import version
+
+    return version(package)
+
+
+@dataclass(frozen=True)
+class StageCache:
+    """The stages of one airflow of a run; ``seconds`` is shared by all airflows of the run.
+
+    ``label`` tells the stages of another airflow of the same scene apart in ``seconds`` and to the listener; it is
+    empty for the answer's own.
+    """
+
+    store: Store
+    listener: Listener
+    seconds: dict[StageKey, StageTime]
+    label: str = ""
+
+    def tell(self, stage: str, text: str) -> None:
+        """Let the listener hear of a stage."""
+        self.listener(f"{self.label}{stage}", text)
+
+    def make(self, stage: str, key: str, work: Callable[[Path], Any]) -> Path:
+        """The folder of a stage, from the cache or by ``work(folder)``; the seconds it took to compute are noted."""
+
+        def timed(part: Path) -> None:
+            spent, started = part / "seconds.json", time.monotonic()
+            before = json.loads(spent.read_text()) if spent.exists() else 0.0
+            try:
+                work(part)
+            finally:  # an interrupted stage goes on later; its time counts
+                write_json(spent, before + time.monotonic() - started)
+
+        folder, cached = self.store.make(
+            stage, key, timed, on_wait=lambda: self.tell(stage, "another run is computing this; waiting for it")
+        )
+        seconds = json.loads((folder / "seconds.json").read_text())
+        self.seconds[StageKey(self.label, stage)] = StageTime(seconds, cached)
+        self.tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
+        return folder

@@ -1,0 +1,146 @@
+"""The stage of the tracks: every granule's landing from the cache, or flown; and the tracker's compilation."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+from ..core.errors import ProgramError
+from ..core.process import call_in_child, cores
+from ..core.store import content_key
+from ..planning.plan import COMPARED, REPLICATES, Plan
+from ..scene import Scene
+from .airflow_kinds import AirflowKind
+from .cache import StageCache, code_of, version_of
+from .stages import StageKey, StageTime
+
+if TYPE_CHECKING:
+    from ..field import FlowField
+    from ..scene import Picture
+    from .landings import Tracked
+
+__all__ = ["Companion", "Compilation", "TrackStage"]
+
+COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+
+
+@dataclass(frozen=True)
+class Companion:
+    """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
+
+    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``blend`` of a time-resolved
+    airflow, u = mean + blend u' (0: the mean wake, 1: as computed).
+    """
+
+    name: str
+    tolerance: float | None = None
+    blend: float = 1.0
+
+
+@dataclass
+class Compilation:
+    """The tracker's compilation, which a run waits for at most once: beside OpenFOAM, or before the first tracks."""
+
+    children: list[Thread] = field(default_factory=list)
+
+    def begin(self, log: Path) -> None:
+        """Have the tracker compiled into its cache by another process, where a core is free for it."""
+        if not self.children and cores() > 1:
+            self.children.append(Thread(target=_compile_in_child, args=(log,), daemon=True))
+            self.children[0].start()
+
+    def finish(self, cache: StageCache) -> None:
+        """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
+        from .tracks import compile_tracker
+
+        started = time.monotonic()
+        cache.tell("compile", "the tracker is compiled, once for each version of it")
+        for child in self.children:
+            child.join()
+        compile_tracker()
+        cache.seconds[COMPILED] = StageTime(time.monotonic() - started, cached=False)
+
+
+def _compile_in_child(log: Path) -> None:
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(ProgramError):  # only time is lost: the tracker compiles where it is first used
+        call_in_child("wakeflow.pipeline.tracks:compile_tracker", None, log=log)
+
+
+@dataclass
+class TrackStage:
+    """The tracks of one scene under one plan through one airflow."""
+
+    scene: Scene
+    plan: Plan
+    cache: StageCache
+    air: AirflowKind
+    compilation: Compilation
+    workers: int | None = None
+
+    @cached_property
+    def key(self) -> str:
+        """Everything the tracks depend on; mass shares, targets and the feed rate do not touch them."""
+        tables = self.scene.model_dump(mode="json", by_alias=True)
+        for fraction in tables["fraction"].values():
+            del fraction["mass_share"], fraction["target"]
+        for name in ("rate", "depth"):
+            del tables["feed"][name]
+        del tables["numerics"], tables["picture"], tables["funnel"]
+        upstream = None if self.air.field is None else self.air.field[0]
+        how = {name: row.tracked for name, row in self.plan.fractions.items()}
+        versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
+        order = list(self.scene.bin)  # landings hold the bin's place in it
+        mirrored = self.plan.airflow.mirrored
+        return content_key(
+            "tracks", tables, order, self.plan.flown_by, mirrored, repr(how), upstream, code_of("tracks"), versions
+        )
+
+    def fly(self, companion: Companion | None = None) -> Tracked:
+        """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
+        from .landings import load_tracked
+        from .tracks import Flight
+
+        change = companion or Companion("tracks")
+        tolerance = change.tolerance or self.scene.numerics.tolerance
+        replicates = REPLICATES if companion is None else COMPARED
+        key = content_key(self.key, tolerance, change.blend, replicates)
+        field = self._blended(change.blend)
+        tell = partial(self.cache.tell, change.name)
+        flight = Flight(self.scene, self.plan, field, tolerance, self.workers, tell, replicates)
+        if self._must_compile(change.name, key):
+            self.compilation.finish(self.cache)
+        folder = self.cache.make(change.name, key, lambda part: flight.fly_all(part, drawn=companion is None))
+        return load_tracked(folder, self.scene)
+
+    def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
+        """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
+        from .landings import load_drawn_tracks
+        from .tracks import Flight
+
+        names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
+        tolerance = self.scene.numerics.tolerance
+        if flown is None:
+            return {}
+        key = content_key(self.key, tolerance, names, flown)
+        tell = partial(self.cache.tell, "shown")
+        flight = Flight(self.scene, self.plan, self._blended(1.0), tolerance, self.workers, tell)
+        folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
+        return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
+
+    def _blended(self, blend: float) -> FlowField | None:
+        """The field with ``blend`` of its fluctuation, where it has one; None in a vacuum."""
+        if self.air.field is None:
+            return None
+        field = self.air.field[1]
+        return field if field.times is None or blend == 1.0 else field.blended(blend)
+
+    def _must_compile(self, stage: str, key: str) -> bool:
+        """Whether the stage will be flown by the tracker, for the first time in this run."""
+        first = self.plan.flown_by == "tracker" and COMPILED not in self.cache.seconds
+        return first and not self.cache.store.holds(stage, key)

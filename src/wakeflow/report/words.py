@@ -1,0 +1,101 @@
+"""The numbers of a result as words: what the page and the terminal say of shares, purities and errors alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
+from ..results.measured import Measured, Share
+
+if TYPE_CHECKING:
+    from ..results.result import Result
+
+__all__ = [
+    "NONE",
+    "TERMS",
+    "UNKNOWN_ERROR",
+    "budget_columns",
+    "condensed",
+    "error_text",
+    "expected",
+    "percent",
+    "source_seconds",
+]
+
+NONE = "–"
+UNKNOWN_ERROR = "unknown"
+TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
+MOST_DIGITS = 4  # after the point of a percentage, however narrow its interval
+ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
+
+
+def percent(number: Measured | Share | None) -> str:
+    """``"62.1 ± 0.8"`` from a measured number in 0..1: percent and half its 95 % interval; a dash for none.
+
+    The number of decimals follows the interval, so that it never shows as zero unless it is.
+    """
+    if number is None or number.value is None:
+        return NONE
+    if number.low is None or number.high is None:
+        return f"{100 * number.value:.1f}"
+    half = 50.0 * (number.high - number.low)
+    digits = 1 if half <= 0 else min(MOST_DIGITS, max(1, -math.floor(math.log10(half))))
+    return f"{100 * number.value:.{digits}f} ± {half:.{digits}f}"
+
+
+def expected(result: Result, place: str) -> list[tuple[str, Measured]]:
+    """Whose purity matters in a bin: the fractions that have it as target, else the one that makes up most of it."""
+    purity = None if result.landings is None else result.landings.separation.purity.get(place)
+    if not purity:
+        return []
+    wanted = [(name, found) for name, found in purity.items() if place in result.targets(name)]
+    return wanted or [max(purity.items(), key=lambda item: item[1].value or 0.0)]
+
+
+def condensed(budget: Sequence[BudgetRow]) -> list[BudgetRow]:
+    """The budget with the terms that are left out added up, parts of unknown size last.
+
+    One part stands for the terms that were left out as small enough for the accuracy asked for, one for those that
+    could matter and are not computed; their notes name the terms.
+    """
+    rows = []
+    for row in budget:
+        parts = [part for part in row.parts if part.kind is None]
+        for kind, title in TERMS.items():
+            terms = [part for part in row.parts if part.kind == kind]
+            if terms:
+                parts.append(_sum(terms, title))
+        known = [part for part in parts if part.error is not None]
+        rows.append(replace(row, parts=(*known, *(part for part in parts if part.error is None))))
+    return rows
+
+
+def _sum(terms: Sequence[BudgetPart], title: str) -> BudgetPart:
+    error = min(1.0, sum(term.error or 0.0 for term in terms))
+    return replace(terms[0], source=title, error=error, note=", ".join(term.source for term in terms))
+
+
+def budget_columns(budget: Sequence[BudgetRow]) -> list[str]:
+    """Every source of error in the budget, in order of appearance."""
+    return list(dict.fromkeys(part.source for row in budget for part in row.parts))
+
+
+def error_text(row: BudgetRow, error: float | None) -> str:
+    """An error as shown: percentage points for shares, the quantity's own unit otherwise."""
+    if error is None:
+        return UNKNOWN_ERROR
+    if row.measure == SHARE_UNIT:
+        return "0" if error == 0 else f"{100 * error:.0f}" if error >= ROUGH else f"{100 * error:.2g}"
+    return f"{error:.2g} {row.measure}"
+
+
+def source_seconds(budget: Sequence[BudgetRow]) -> dict[str, float]:
+    """The run time (s) behind each source; the same run serves all quantities, so the largest counts."""
+    spent: dict[str, float] = {}
+    for row in budget:
+        for part in row.parts:
+            spent[part.source] = max(spent.get(part.source, 0.0), part.seconds)
+    return spent

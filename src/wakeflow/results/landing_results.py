@@ -1,0 +1,95 @@
+"""What the landings say: shares, what the airflow could change of them, and the budget of their errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..core.record import Partial, column
+from .measured import Measured, Share
+
+__all__ = [
+    "CALIBRATED",
+    "COMPANION",
+    "LEFT_OUT",
+    "MEASURED",
+    "NOT_COMPUTED",
+    "SHARE_UNIT",
+    "UNKNOWN",
+    "BudgetPart",
+    "BudgetRow",
+    "BudgetTotal",
+    "LandingResults",
+    "Separation",
+]
+
+SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
+# How an error is known: from this run, from flying granules again, from a bound and what was found, or not at all.
+MEASURED, COMPANION, CALIBRATED, UNKNOWN = "measured", "companion", "calibrated", "unknown"
+LEFT_OUT, NOT_COMPUTED = "left-out", "not-computed"  # kinds of a term: small enough for the accuracy, or not
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Which share of each fraction lands in which bin, by mass; ``elsewhere`` is the last bin."""
+
+    bins: tuple[str, ...] = column("", "bins in the scene's order, then elsewhere")
+    fractions: dict[str, dict[str, Share]] = column("1", "share of each fraction in each bin; they sum to 1")
+    purity: dict[str, dict[str, Measured] | None] = column("1", "share of each fraction in a bin's mass; null if empty")
+    recovery: dict[str, Measured | None] = column("1", "share of each fraction in its targets; null without a target")
+    throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
+    cut: tuple[str, ...] = column("", "empty: kept for cut sizes", default=())
+
+    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
+        """Share of a fraction in a bin, by mass, with its 95 % interval of sampling: (value, low, high)."""
+        found = self.fractions[fraction][place]
+        return found.value, found.low, found.high
+
+
+@dataclass(frozen=True)
+class BudgetPart(Partial):
+    """One source's part of an error."""
+
+    source: str = column("", "name of the source", default="")
+    error: float | None = column("1 or the row's unit", "size of the error; null where unknown", default=None)
+    seconds: float = column("s", "run time that knowing it took", default=0.0)
+    how: str = column("", "measured, companion, calibrated or unknown", default=UNKNOWN)
+    kind: str | None = column(
+        "", "of a term: left-out (small enough) or not-computed; else left out", absent=True, default=None
+    )
+    note: str | None = column(
+        "", "what stands behind the error; left out where nothing does", absent=True, default=None
+    )
+
+
+@dataclass(frozen=True)
+class BudgetTotal:
+    """The sum of a row."""
+
+    error: float | None = column("1 or the row's unit", "null: a sum that leaves parts out is no total")
+    seconds: float = column("s", "run time of everything that the row rests on")
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """The error of one quantity by its sources."""
+
+    quantity: str = column("", "share.FRACTION.BIN or landing.FRACTION")
+    unit: str | None = column("", "of the errors; left out where it is 1", absent=True)
+    parts: tuple[BudgetPart, ...] = column("", "what each source contributes")
+    total: BudgetTotal = column("", "the sum")
+
+    @property
+    def measure(self) -> str:
+        """The unit of the row's errors: "1" for shares."""
+        return SHARE_UNIT if self.unit is None else self.unit
+
+
+@dataclass(frozen=True)
+class LandingResults:
+    """What the landings of all granules amount to."""
+
+    separation: Separation = column("", "the answer")
+    bracket: dict[str, dict[str, dict[str, float]]] | None = column(
+        "1", "share by fraction, bin and wake: steady, mean, half, computed; null where the wakes are not compared"
+    )
+    budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")

@@ -1,0 +1,185 @@
+"""The answer of a run as a whole: what result.json holds, and the one way to write and to read it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+from ..core.errors import SceneError
+from ..core.files import write_json
+from ..core.record import Partial, column, from_json, to_json
+from ..pipeline.stages import StageTime
+from .airflow_summary import Airflow
+from .funnel_summary import FunnelSummary
+from .impact_summary import ImpactSummary
+from .landing_results import BudgetRow, LandingResults
+from .plan_summary import PlanSummary
+
+__all__ = [
+    "FILE",
+    "SCHEMA",
+    "FlightResults",
+    "MeshSummary",
+    "PictureSummary",
+    "Request",
+    "Result",
+    "asked_in",
+    "key_in",
+]
+
+SCHEMA = 1
+FILE = "result.json"
+
+
+@dataclass(frozen=True)
+class Request:
+    """How the run was asked for, beside its scene."""
+
+    until: str | None = column("", "the last stage; null for all")
+    rung: str | None = column("", "instead of the scene's own; null for that")
+    force: dict[str, bool] = column("", "terms switched by hand")
+    target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
+
+
+@dataclass(frozen=True)
+class MeshSummary(Partial):
+    """Counts and quality of the mesh. Empty where the air is known without one; only cells of a given case."""
+
+    cells: int | None = column("1", "cells", default=None)
+    points: int | None = column("1", "points", default=None)
+    quads: int | None = column("1", "quadrangles", default=None)
+    triangles: int | None = column("1", "triangles", default=None)
+    min_angle: float | None = column("deg", "smallest angle of a cell", default=None)
+    max_angle: float | None = column("deg", "largest angle of a cell", default=None)
+    max_aspect: float | None = column("1", "largest ratio of edges of a cell", default=None)
+    smallest_edge: float | None = column("m", "smallest edge of a cell", default=None)
+    boundary: dict[str, int] | None = column("1", "edges of each patch", default=None)
+
+
+@dataclass(frozen=True)
+class FlightResults:
+    """How the flights of all granules began and ended."""
+
+    fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
+    met_by_law: dict[str, int] = column("1", "granules of each fraction whose first impact follows eq. (2)")
+    impact: ImpactSummary | None = column("", "what the stream does to the first body; null without one")
+
+
+@dataclass(frozen=True)
+class PictureSummary:
+    """A picture that the scene asked for."""
+
+    kind: str = column("", "kind of picture")
+    files: tuple[str, ...] = column("", "in figures/, the PNG first")
+    text: str = column("", "what it shows, with its numbers")
+    numbers: dict[str, Any] = column("as the picture", "its numbers, by the kind of picture")
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished run: its folder and what result.json holds, as types; ``table`` is the same as plain JSON.
+
+    Read one with :meth:`load`. Parts that a run with ``until`` did not reach are None.
+    """
+
+    folder: Path = field(default=Path(), kw_only=True)
+    schema: int = column("1", "version of this table")
+    scene: dict[str, Any] = column("SI", "the scene as asked for, in SI units: docs/scenes.md")
+    options: Request = column("", "how the run was asked for")
+    plan: PlanSummary = column("", "what is computed and what is not")
+    funnel: FunnelSummary | None = column("", "the feed funnel; null without one")
+    airflow: Airflow | None = column("", "the airflow; null at rung none and until it is there")
+    mesh: MeshSummary | None = column("", "the mesh; left out without air", absent=True)
+    flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
+    landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
+    warnings: tuple[str, ...] = column("", "what a user must know")
+    seconds: dict[str, StageTime] = column("", "every stage by name, with the label of its airflow before it")
+    versions: dict[str, str] = column("", "of python and of the packages")
+    key: str = column("", "fingerprint of all that the answer depends on")
+    pictures: dict[str, PictureSummary] | None = column("", "what the scene asked for; left out before the tracks",
+                                                        absent=True)  # fmt: skip
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Self:
+        """The finished run in ``folder``. Raises SceneError where there is none, or one of another version."""
+        return cls.from_json(folder, _read(folder))
+
+    @classmethod
+    def from_json(cls, folder: Path | str, table: Any) -> Self:
+        """The result whose result.json holds ``table``. Raises SceneError, naming the key, where it is not one."""
+        return replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
+
+    def to_json(self) -> dict[str, Any]:
+        """What result.json holds."""
+        table: dict[str, Any] = to_json(self)
+        return table
+
+    def save(self) -> None:
+        """Write result.json into the folder."""
+        write_json(self.folder / FILE, self.to_json())
+
+    @cached_property
+    def table(self) -> dict[str, Any]:
+        """What result.json holds, as plain JSON."""
+        return self.to_json()
+
+    @property
+    def separation(self) -> dict[str, Any]:
+        """Bins, shares, purity, recovery and throughput, as plain JSON. Raises KeyError before there are any."""
+        found: dict[str, Any] = self.table["separation"]
+        return found
+
+    @property
+    def budget(self) -> tuple[BudgetRow, ...]:
+        """The error of every share and landing place; empty before there are any."""
+        return () if self.landings is None else self.landings.budget
+
+    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares.
+        """
+        if self.landings is None:
+            raise SceneError(f"{self.folder} holds no shares: the run ended before them")
+        return self.landings.separation.share(fraction, place)
+
+    def targets(self, fraction: str) -> tuple[str, ...]:
+        """The bins where a fraction should land; empty when the scene names none."""
+        target = self.scene["fraction"].get(fraction, {}).get("target") or ()
+        return (target,) if isinstance(target, str) else tuple(target)
+
+
+def _read(folder: Path | str) -> Any:
+    try:
+        return json.loads((Path(folder) / FILE).read_text())
+    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError):
+        raise _unfinished(folder) from None
+
+
+def _unfinished(folder: Path | str) -> SceneError:
+    return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}")
+
+
+def asked_in(folder: Path | str) -> tuple[dict[str, Any], Request]:
+    """The scene and the request of the finished run in ``folder``, which may be one of an older version.
+
+    Raises SceneError where there is none.
+    """
+    table = _read(folder)
+    try:
+        scene, options, _ = table["scene"], table["options"], table["separation"]
+        return scene, Request(None, options["rung"], options["force"], options.get("target_error"))
+    except (KeyError, TypeError):
+        raise _unfinished(folder) from None
+
+
+def key_in(folder: Path | str) -> str | None:
+    """What the answer in ``folder`` was made for; None when there is none."""
+    try:
+        key = _read(folder)["key"]
+    except (SceneError, KeyError, TypeError):
+        return None
+    return key if isinstance(key, str) else None

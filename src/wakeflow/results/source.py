@@ -1,0 +1,111 @@
+"""A source of the budget: what may make a share or a landing place wrong, and how far, as a registered object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+from ..core.registry import Registry
+from ..pipeline.landings import Landings
+from ..pipeline.pipeline import Pipeline
+from .airflow_summary import Airflow, airflow_of
+from .companions import compared
+from .landing_results import BudgetPart
+from .measured import Share
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Tracked
+
+__all__ = ["Flights", "Fraction", "Source", "budget_sources"]
+
+Flown = TypeVar("Flown")
+
+
+class Source(Generic[Flown]):
+    """What may make an answer wrong. A subclass says how far, for a share, for a landing place, or for both.
+
+    ``name``: in the budget; ``how`` the error is known: measured (from this run), companion (from flying granules
+    again), calibrated (from a bound and what was found) or unknown; ``place``: sources stand in a row of the budget by
+    growing place; ``fills``: whether an error of this source gives a row to a bin in which nothing landed.
+    """
+
+    name: ClassVar[str]
+    how: ClassVar[str]
+    place: ClassVar[int]
+    fills: ClassVar[bool] = False
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Flown | None:
+        """What this source flies again to know its error; None where it flies nothing.
+
+        It is called once a run, through :meth:`Flights.of`. What it costs stands in ``planning.flights_again``.
+        """
+        del pipeline, tracked  # for subclasses
+        return None
+
+    def shares(self, fraction: Fraction) -> Mapping[str, Sequence[BudgetPart]]:
+        """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
+        del fraction  # for subclasses
+        return {}
+
+    def landing(self, fraction: Fraction) -> Sequence[BudgetPart]:
+        """Parts of the error of where the fraction's granules land, in body widths."""
+        del fraction  # for subclasses
+        return ()
+
+    def part(self, error: float | None, seconds: float = 0.0, note: str | None = None) -> BudgetPart:
+        """A part of the budget in this source's name."""
+        return BudgetPart(self.name, error, seconds, self.how, note=note)
+
+
+@dataclass(frozen=True)
+class Flights:
+    """What the sources of one run fly again; each flies at most once."""
+
+    pipeline: Pipeline
+    tracked: Tracked
+    _made: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def of(self, source: Source[Flown]) -> Flown | None:
+        """What ``source`` flew again."""
+        if source.name not in self._made:
+            self._made[source.name] = source.fly(self.pipeline, self.tracked)
+        found: Flown | None = self._made[source.name]
+        return found
+
+    @cached_property
+    def airflow(self) -> Airflow:
+        """What is known of the airflow."""
+        return airflow_of(self.pipeline)
+
+    @property
+    def tracking(self) -> float:
+        """Run time (s) of the answer's own tracks."""
+        return self.pipeline.spent("tracks")
+
+
+@dataclass(frozen=True)
+class Fraction:
+    """A fraction whose errors are asked for: its name, its landings, and its share in every bin."""
+
+    name: str
+    landings: Landings
+    shares: Mapping[str, Share]
+    flights: Flights
+
+    @property
+    def pipeline(self) -> Pipeline:
+        return self.flights.pipeline
+
+    @cached_property
+    def compared(self) -> Landings:
+        """The landings of the granules that fly again in comparisons."""
+        return compared(self.landings)
+
+    def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
+        """The same part for every bin."""
+        return {place: [part] for place in self.shares}
+
+
+budget_sources: Registry[Source[Any]] = Registry("source of the budget")

@@ -1,0 +1,186 @@
+"""The sources of the budget.
+
+Measured: sampling (spread of independent replicates). By companions, the same granules flown again: integration (at a
+hundredth of the tolerance), the airflow's model (in the steady wake and with less of the fluctuation) and the mesh (on
+other grids). Calibrated: each term that is left out, by the plan's bound on its landing shift times the landing density
+found at a bin's ends; the airflow's statistics, by what the fluctuation changes. The rest is named and unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..pipeline.pipeline import Pipeline
+from .companions import Comparison, Grid, Wake, airflows, differences, finer_steps, grids, mesh_error
+from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
+from .left_out import left_out_terms
+from .separation import upper_limit
+from .source import Fraction, Source, budget_sources
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Tracked
+
+__all__ = [
+    "AirflowModel",
+    "AirflowStatistics",
+    "ImpactParameters",
+    "Integration",
+    "LeftOutTerms",
+    "Mesh",
+    "Sampling",
+]
+
+Parts = Mapping[str, Sequence[BudgetPart]]
+LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
+STILL = 1e-12  # Cl rms: below it the lift does not fluctuate
+INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
+
+
+class Sampling(Source[None]):
+    """The finite number of granules: half of the 95 % interval over independent replicates."""
+
+    name, how, place = "sampling", MEASURED, 10
+
+    def shares(self, fraction: Fraction) -> Parts:
+        spent = fraction.flights.tracking
+        return {
+            bin_: [self.part(0.5 * (share.high - share.low), spent)] for bin_, share in fraction.shares.items()
+        }  # fmt: skip
+
+
+class Integration(Source["tuple[Tracked, float]"]):
+    """The tracker's steps: the same granules at a hundredth of the tolerance."""
+
+    name, how, place = "integration", COMPANION, 20
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[Tracked, float]:
+        del tracked  # the answer's landings are compared fraction by fraction
+        return finer_steps(pipeline)
+
+    def shares(self, fraction: Fraction) -> Parts:
+        """Upper 95 % limit of the share of granules that the finer steps put into another bin."""
+        finer, seconds = self._flown(fraction)
+        same, fine = fraction.compared.bin, finer.landings[fraction.name].bin
+        changed = upper_limit(int(np.sum(same != fine)), len(same))
+        return fraction.everywhere(self._part(changed, seconds))
+
+    def landing(self, fraction: Fraction) -> Sequence[BudgetPart]:
+        finer, seconds = self._flown(fraction)
+        moved = fraction.compared.position - finer.landings[fraction.name].position
+        shift = np.linalg.norm(moved, axis=1) / fraction.pipeline.scene.width
+        return [self._part(float(np.percentile(shift, LANDED_WITHIN)), seconds)]
+
+    def _flown(self, fraction: Fraction) -> tuple[Tracked, float]:
+        flown = fraction.flights.of(self)
+        assert flown is not None
+        return flown
+
+    def _part(self, error: float, seconds: float) -> BudgetPart:
+        return replace(self.part(error, seconds), told=INTEGRATION_KEYS)
+
+
+class LeftOutTerms(Source[None]):
+    """Every term that is not computed, each a part of its own name."""
+
+    name, how, place = "terms-left-out", CALIBRATED, 30
+
+    def shares(self, fraction: Fraction) -> Parts:
+        pipeline = fraction.pipeline
+        return left_out_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+
+
+class AirflowModel(Source[Comparison[Wake]]):
+    """The airflow's model: the farthest of the steady wake, the mean wake and half of the fluctuation."""
+
+    name, how, place, fills = "airflow-model", COMPANION, 50, True
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
+        return airflows(pipeline, tracked)
+
+    def shares(self, fraction: Fraction) -> Parts:
+        wakes = fraction.flights.of(self)
+        if wakes is None:
+            return _unless_known(self.name, fraction)
+        return {bin_: [self._farthest(wakes, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
+
+    def _farthest(self, wakes: Comparison[Wake], name: str, number: int) -> BudgetPart:
+        moved = dict(differences(wakes, name, number))
+        which = max(moved, key=lambda wake: abs(moved[wake]))
+        return self.part(abs(moved[which]), wakes.seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
+
+
+class AirflowStatistics(Source[None]):
+    """The finite sample of the shedding: what the whole fluctuation changes more than half of it, per relative error of
+    its strength.
+    """
+
+    name, how, place, fills = "airflow-statistics", CALIBRATED, 60, True
+
+    def shares(self, fraction: Fraction) -> Parts:
+        wakes = fraction.flights.of(MODEL)
+        if wakes is None:
+            return _unless_known(self.name, fraction)
+        strength = fraction.flights.airflow.cl_rms
+        assert strength is not None
+        assert strength.value is not None
+        relative = (strength.half or 0.0) / max(strength.value, STILL)
+        note = f"strength of the fluctuation (Cl rms) known within {100 * relative:.2g} %"
+        return {
+            bin_: [self.part(min(1.0, 2.0 * abs(moved[Wake.HALF]) * relative), note=note)]
+            for bin_, moved in _moved(wakes, fraction)
+        }
+
+
+class Mesh(Source[Comparison[Grid]]):
+    """The cells of the airflow's mesh: the same granules in the airflow on other grids."""
+
+    name, how, place, fills = "mesh", COMPANION, 40, True
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
+        return grids(pipeline, tracked)
+
+    def shares(self, fraction: Fraction) -> Parts:
+        flown = fraction.flights.of(self)
+        if flown is None:
+            return _unless_known(self.name, fraction)
+        return {bin_: [self._part(flown, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
+
+    def _part(self, flown: Comparison[Grid], name: str, number: int) -> BudgetPart:
+        found = mesh_error(flown, name, number)
+        half = max(found.high - found.value, found.value - found.low)
+        return self.part(half, flown.seconds, found.why)
+
+
+class ImpactParameters(Source[None]):
+    """Restitution and friction as measured elsewhere, on other granules: nobody says how far they are off."""
+
+    name, how, place = "impact-parameters", UNKNOWN, 90
+
+    def shares(self, fraction: Fraction) -> Parts:
+        return fraction.everywhere(unknown(self.name))
+
+
+def unknown(source: str) -> BudgetPart:
+    """The part of a source whose error is not known."""
+    return BudgetPart(source, None, 0.0, UNKNOWN)
+
+
+def _unless_known(source: str, fraction: Fraction) -> Parts:
+    """The part of a source that no companion measured: unknown, unless the kind of airflow knows it."""
+    unknown_parts = fraction.pipeline.kind.unknown_parts()
+    return fraction.everywhere(unknown(source)) if source in unknown_parts else {}
+
+
+def _moved(wakes: Comparison[Wake], fraction: Fraction) -> Iterator[tuple[str, dict[Wake, float]]]:
+    for number, bin_ in enumerate(fraction.shares):
+        yield bin_, dict(differences(wakes, fraction.name, number))
+
+
+MODEL = AirflowModel()
+# In the order in which they fly; each is named in the budget and run once.
+for _source in (Sampling(), Integration(), MODEL, Mesh(), AirflowStatistics(), LeftOutTerms(), ImpactParameters()):
+    budget_sources.add(_source.name, _source)

@@ -1,0 +1,72 @@
+"""The rungs: levels of airflow fidelity that a scene can ask for, listed once.
+
+The scene's key ``numerics.rung``, the option ``--rung`` and the plan take their lists from here. A rung is a record:
+what it computes is a kind of airflow (``pipeline.airflow_kinds``), on grids of its own, to an accuracy of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..core.registry import Registry
+
+__all__ = ["Rung", "rungs"]
+
+GRIDS = 1.5  # refinement ratio between the grids of a study: three grids span 1.5^4 = 5 times the cells
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One level of airflow fidelity.
+
+    ``meaning``: what it computes, in words. ``kind``: the kind of airflow, None where the plan chooses another rung;
+    ``kind_below_shedding``: the kind where the wake does not shed, None for the same. ``scales``: cell edges over the
+    usual ones of the kind, one a grid; the answer is that of the first. ``accuracy``: relative half width of the 95 %
+    intervals of drag, base pressure and shedding frequency at which a time-resolved solution may end, None for the
+    usual one. ``resolves``: the rung that resolves what this one leaves out where the wake sheds, None where it leaves
+    nothing out.
+    """
+
+    meaning: str
+    kind: str | None
+    kind_below_shedding: str | None = None
+    scales: tuple[float, ...] = (1.0,)
+    accuracy: float | None = None
+    resolves: str | None = None
+
+    @property
+    def needs_air(self) -> bool:
+        """Whether the rung means nothing in a vacuum."""
+        return self.kind not in (None, "none")
+
+
+rungs: Registry[Rung] = Registry("rung")
+rungs.add("auto", Rung("the rung that the Reynolds number and the accuracy asked for need", None))
+rungs.add("none", Rung("no air at all; the plan states what that leaves out", "none"))
+rungs.add(
+    "draft",
+    Rung(
+        "one steady solution: the flow itself below the onset of shedding; above, its wake is too long and its suction "
+        "too weak",
+        "steady",
+        resolves="standard",
+    ),
+)
+rungs.add(
+    "standard",
+    Rung(
+        "time-resolved in two dimensions, started from the draft: the flow itself up to the onset of three-dimensional "
+        "motion; above, it sheds too coherently and its suction is too strong",
+        "time-resolved",
+    ),
+)
+rungs.add(
+    "reference",
+    Rung(
+        "the same on three grids, which give the error of the mesh; steady where the wake does not shed",
+        "time-resolved",
+        kind_below_shedding="steady",
+        scales=(1 / GRIDS, 1.0, GRIDS),
+        accuracy=0.005,  # below a third of what the grids differ by
+    ),
+)

@@ -1,0 +1,26 @@
+"""Scene files to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..core.errors import SceneError
+from ..core.files import atomic_write
+from ..core.registry import did_you_mean
+from ..core.resources import scene_templates
+
+__all__ = ["write_template"]
+
+
+def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:
+    """Write the shipped scene called ``kind`` to the file ``target``.
+
+    Raises SceneError for an unknown kind, and where the file exists and ``overwrite`` does not allow replacing it.
+    """
+    known = scene_templates()
+    if kind not in known:
+        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
+    if target.exists() and not overwrite:
+        raise SceneError(f"{target} exists; choose another name or add --overwrite")
+    with atomic_write(target) as stream:
+        stream.write(known[kind].read_text(encoding="utf-8"))

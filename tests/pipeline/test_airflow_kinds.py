@@ -1,0 +1,157 @@
+"""Rungs and kinds of airflow: each listed once, and a new one is added with one record and one class."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from wakeflow.core.errors import SceneError
+from wakeflow.core.store import Store, content_key
+from wakeflow.field import FlowField
+from wakeflow.pipeline.airflow_kinds import AirflowKind, airflow_kinds
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning import make
+from wakeflow.planning.airflow import choose_airflow, typical_cells
+from wakeflow.planning.make import Planner, make_plan
+from wakeflow.planning.plan import Plan
+from wakeflow.scene import Scene
+from wakeflow.scene.rungs import Rung, rungs
+
+OFF = {"basset-history": False}
+
+
+class UniformAir(AirflowKind):
+    """A uniform stream through the whole channel, as if nothing stood in it."""
+
+    at_once = True
+
+    def make_field(self) -> tuple[str, FlowField]:
+        air, channel = self.scene.air, self.scene.channel
+        assert air is not None
+        key = content_key("uniform", repr(air), channel.width, channel.top, channel.bottom)
+        half, low, high = 0.501 * channel.width, channel.bottom - 1e-3, channel.top + 1e-3
+        corners = np.array([(-half, low), (half, low), (half, high), (-half, high)])
+        velocity = np.tile([0.0, air.speed if air.direction == "up" else -air.speed], (4, 1))
+        field = FlowField.from_arrays(
+            corners, [(0, 1, 2), (0, 2, 3)], velocity, np.zeros(4), density=air.density, viscosity=air.viscosity
+        )
+        return key, field
+
+    def make_table(self) -> dict[str, Any]:
+        assert self.scene.air is not None
+        rate = self.scene.air.speed * self.scene.channel.width
+        known = {"turbulence": "laminar", "verdict": "uniform", "reynolds": self.scene.reynolds}
+        return {**known, "pressure_drop": 0.0, "flow_rate": rate}
+
+    def unknown_parts(self) -> tuple[str, ...]:
+        return ("airflow-model",)
+
+
+@pytest.fixture
+def extended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rungs and a kind of airflow more, for one test."""
+    monkeypatch.setattr(rungs, "_entries", dict(rungs._entries))
+    monkeypatch.setattr(airflow_kinds, "_entries", dict(airflow_kinds._entries))
+    rungs.add("coarse", Rung("the draft at twice the cell size", "steady", scales=(2.0,), resolves="standard"))
+    rungs.add("uniform", Rung("a uniform stream, as if no body stood in it", "uniform"))
+    airflow_kinds.add("uniform", UniformAir)
+
+
+@pytest.fixture
+def rhombus(cases: Path) -> Scene:
+    return Scene.load(cases / "rhombus.toml", {"feed.count": 64})
+
+
+@pytest.mark.usefixtures("extended")
+def test_a_new_rung_is_a_record(rhombus: Scene, tmp_path: Path) -> None:
+    coarse, draft = (make_plan(rhombus, rung=rung, force=OFF) for rung in ("coarse", "draft"))
+    assert any("rung coarse, steady, kOmegaSST" in line for line in coarse.used)
+    assert any(line.startswith("coarse airflow: a steady wake is too long") for line in coarse.warnings)
+    assert typical_cells(coarse.airflow, 1) == typical_cells(draft.airflow, 1) / 4
+    wide, fine = (Pipeline(rhombus, plan, store=Store(tmp_path)) for plan in (coarse, draft))
+    assert wide.mesh_spec.h_body == pytest.approx(2 * fine.mesh_spec.h_body)
+    assert wide.mesh_quality["cells"] < 0.5 * fine.mesh_quality["cells"]
+    with pytest.raises(SceneError, match="known: auto, none, draft, standard, reference, coarse"):
+        choose_airflow(rhombus, "coarce", 0.01)
+
+
+@pytest.mark.usefixtures("extended")
+def test_a_scene_runs_to_its_shares_in_a_new_kind_of_airflow(rhombus: Scene, tmp_path: Path) -> None:
+    result = wf.run(rhombus, tmp_path, rung="uniform", force=OFF)
+    table = json.loads((tmp_path / "result.json").read_text())
+    assert (table["airflow"]["rung"], table["airflow"]["verdict"]) == ("uniform", "uniform")
+    assert {"mesh", "airflow", "field"}.isdisjoint(table["seconds"])
+    for name in rhombus.fraction:
+        assert sum(result.share(name, place)[0] for place in [*rhombus.bin, "elsewhere"]) == pytest.approx(1.0)
+    parts = {part["source"]: part for part in table["budget"][0]["parts"]}
+    assert parts["airflow-model"]["how"] == "unknown"
+    assert "mesh" not in parts
+    assert (tmp_path / "report.html").stat().st_size > 10_000
+
+
+@pytest.mark.usefixtures("extended")
+def test_tracks_follow_the_air_of_a_new_kind(rhombus: Scene) -> None:
+    plan = make_plan(rhombus, rung="uniform", force=OFF)
+    keys = {Pipeline(scene, plan).tracks_key for scene in (rhombus, rhombus.replace({"air.speed": 6.0}))}
+    assert len(keys) == 2
+
+
+@pytest.mark.parametrize("name", list(rungs))
+def test_every_rung_names_a_kind_of_airflow(name: str) -> None:
+    rung = rungs[name]
+    assert rung.meaning
+    assert rung.kind is None or rung.kind in airflow_kinds
+    assert rung.kind_below_shedding is None or rung.kind_below_shedding in airflow_kinds
+    assert rung.resolves is None or rung.resolves in rungs
+
+
+@pytest.mark.parametrize(
+    ("case", "rung", "kind", "unknown"),
+    [
+        ("vacuum", None, "none", ()),
+        ("labyrinth", "none", "none", ()),
+        ("aspirator", None, "analytic", ("airflow-model",)),
+    ],
+)
+def test_what_needs_no_solver_tells_what_it_leaves_unknown(
+    cases: Path, case: str, rung: str | None, kind: str, unknown: tuple[str, ...]
+) -> None:
+    scene = Scene.load(cases / f"{case}.toml")
+    plan = make_plan(scene, rung=rung)
+    pipeline = Pipeline(plan.airflow.flown(scene), plan)
+    assert plan.airflow.kind == kind
+    assert pipeline.kind.at_once
+    assert pipeline.kind.unknown_parts() == unknown
+    assert pipeline.mesh_quality == {}
+    with pytest.raises(SceneError, match="neither mesh nor OpenFOAM case"):
+        _ = pipeline.solution
+
+
+def test_a_vacuum_has_no_airflow(cases: Path) -> None:
+    scene = Scene.load(cases / "vacuum.toml")
+    pipeline = Pipeline(scene, make_plan(scene))
+    with pytest.raises(SceneError, match="vacuum"):
+        _ = pipeline.field
+    with pytest.raises(SceneError, match="vacuum"):
+        _ = pipeline.airflow
+
+
+def test_every_grid_starts_from_one_draft_that_is_planned_once(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = rhombus.replace({"air.speed": 0.03})  # Re 100
+    planned: list[str | None] = []
+
+    def counted(scene: Scene, *, rung: str | None = None, **options: Any) -> Plan:
+        planned.append(rung)
+        return make_plan(scene, rung=rung, **options)
+
+    monkeypatch.setattr(make, "make_plan", counted)
+    planner = Planner(scene, OFF)
+    pipeline = Pipeline(scene, planner.plan("reference"), planner=planner)
+    drafts = [pipeline.on_grid(grid).draft for grid in range(3)]
+    assert all(draft.plan.airflow.stepping == "steady" for draft in drafts)
+    assert planned == ["reference", "draft"]

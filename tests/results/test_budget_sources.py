@@ -1,0 +1,92 @@
+"""Sources of the budget are registered objects: what each of them owes, and one that is added from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from wakeflow.pipeline.landings import Tracked
+from wakeflow.pipeline.pipeline import Companion, Pipeline
+from wakeflow.planning.flights_again import flights_again, times_again
+from wakeflow.planning.make import make_plan
+from wakeflow.results.landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
+from wakeflow.results.source import Fraction, Source, budget_sources
+from wakeflow.results.sources import MODEL
+from wakeflow.scene import Scene
+
+
+class CoarserSteps(Source[Tracked]):
+    """Granules flown again at ten times the tolerance: an example of a source, as docs/extending.md shows it."""
+
+    name, how, place = "coarser-steps", COMPANION, 70
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
+        return pipeline.tracks(Companion(self.name, tolerance=10 * pipeline.scene.numerics.tolerance))
+
+    def shares(self, fraction: Fraction) -> Mapping[str, Sequence[BudgetPart]]:
+        coarse = fraction.flights.of(self)
+        assert coarse is not None
+        bins = len(fraction.pipeline.scene.bin)
+        moved = coarse.landings[fraction.name].counts(bins) - fraction.compared.counts(bins)
+        errors = np.abs(moved.mean(axis=0))
+        seconds = fraction.pipeline.spent(self.name)
+        return {place: [self.part(float(error), seconds)] for place, error in zip(fraction.shares, errors, strict=True)}
+
+
+@pytest.fixture
+def coarser() -> Iterator[CoarserSteps]:
+    """The example, registered as any source is, and taken out again."""
+    source = budget_sources.add(CoarserSteps.name, CoarserSteps())
+    flights_again.add(source.name, lambda airflow: 1)
+    yield source
+    del budget_sources._entries[source.name]
+    del flights_again._entries[source.name]
+
+
+def test_a_new_source_stands_in_the_budget_of_a_run(coarser: CoarserSteps, cases: Path, tmp_path: Path) -> None:
+    result = wf.run(Scene.load(cases / "vacuum.toml", {"feed.count": 256}), tmp_path)
+    shares = [row for row in result.budget if row.quantity.startswith("share.")]
+    assert shares
+    for row in shares:
+        names = [part.source for part in row.parts]
+        assert names.index("integration") < names.index("coarser-steps") < names.index("impact-parameters")
+        (part,) = [part for part in row.parts if part.source == coarser.name]
+        assert part.error is not None
+        assert part.seconds > 0.0
+    assert "coarser-steps" in result.table["seconds"]
+    assert "coarser-steps" in (tmp_path / "budget.csv").read_text()
+    assert "coarser-steps" in (tmp_path / "report.html").read_text()
+
+
+def test_a_new_source_that_flies_again_is_in_the_plans_cost(cases: Path, request: pytest.FixtureRequest) -> None:
+    scene = Scene.load(cases / "vacuum.toml")
+    before = make_plan(scene)
+    times = times_again(before.airflow)
+    request.getfixturevalue("coarser")
+    assert times_again(before.airflow) == times + 1
+    assert make_plan(scene).estimate["seconds"] > before.estimate["seconds"]
+
+
+@pytest.mark.parametrize("name", list(budget_sources))
+def test_a_source_says_what_it_is(name: str) -> None:
+    source: Source[Any] = budget_sources[name]
+    assert source.name == name
+    assert source.how in (MEASURED, COMPANION, CALIBRATED, UNKNOWN)
+    assert type(source).__doc__
+
+
+def test_every_source_that_flies_granules_again_is_in_the_plans_cost() -> None:
+    flying = {name for name in budget_sources if type(budget_sources[name]).fly is not Source.fly}
+    assert flying == set(flights_again)
+    assert {name for name in flying if budget_sources[name].how != COMPANION} == set()
+
+
+def test_no_two_sources_share_a_place_in_a_row() -> None:
+    assert budget_sources[MODEL.name] is MODEL
+    places = [budget_sources[name].place for name in budget_sources]
+    assert len(set(places)) == len(places)

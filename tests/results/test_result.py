@@ -1,0 +1,151 @@
+"""The answer's types: what they hold comes back byte for byte, and the page says what they hold."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from result_page import records, rows
+
+import wakeflow as wf
+from wakeflow.core.errors import SceneError
+from wakeflow.core.record import columns, to_json
+from wakeflow.foam.measure import AirflowResult
+from wakeflow.foam.measure import Suction as MeasuredSuction
+from wakeflow.meshing.quality import MeshReport
+from wakeflow.planning.make import make_plan
+from wakeflow.report.csv import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS
+from wakeflow.results.airflow_summary import Airflow, SuctionZone
+from wakeflow.results.plan_summary import summary_of
+from wakeflow.results.result import MeshSummary, Result
+
+PAGE = Path(__file__).parents[2] / "docs" / "results.md"
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """A run without air on few granules: seconds, and every file but those of the air."""
+    scene = wf.Scene.load(Path(__file__).parents[2] / "cases" / "vacuum.toml", {"feed.count": 256})
+    return wf.run(scene, tmp_path_factory.mktemp("vacuum"))
+
+
+def tables_of(title: str) -> list[tuple[str, ...]]:
+    """The rows of the table under a heading of the page, without its head."""
+    (text,) = re.findall(rf"^#+ {re.escape(title)}\n(.*?)(?=^#|\Z)", PAGE.read_text(), flags=re.MULTILINE | re.DOTALL)
+    lines = [line for line in text.splitlines() if line.startswith("| ")][1:]
+    return [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines]
+
+
+def first_column(title: str) -> list[str]:
+    return [row[0].strip("`") for row in tables_of(title)]
+
+
+# -- types and JSON ----------------------------------------------------------------------------------------------------
+
+
+def test_a_finished_run_is_read_back_byte_for_byte(finished: Result) -> None:
+    text = (finished.folder / "result.json").read_text()
+    again = Result.load(finished.folder)
+    assert json.dumps(again.to_json(), indent=2) + "\n" == text
+    assert again.table == finished.table == json.loads(text)
+    assert again.share("soft", "near") == finished.share("soft", "near")
+    assert again.separation == finished.table["separation"]
+    assert again.landings == finished.landings
+
+
+def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="holds no finished run; make one with: wakeflow run"):
+        Result.load(tmp_path)
+    (tmp_path / "result.json").write_text("{")
+    with pytest.raises(SceneError, match="holds no finished run"):
+        Result.load(tmp_path)
+    (tmp_path / "result.json").write_text("[]")
+    with pytest.raises(SceneError, match="must be a table"):
+        Result.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": None}, "schema: is null, must have a value"),
+        ({"sparkle": 1}, "sparkle is not known to this version"),
+        ({"seconds": {"tracks": {"seconds": 1.0}}}, r"seconds\.tracks: cached is missing"),
+    ],
+)
+def test_what_is_no_result_is_named(finished: Result, change: dict[str, object], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        Result.from_json(finished.folder, {**finished.table, **change})
+
+
+def test_a_run_that_ended_early_has_no_shares(tmp_path: Path, cases: Path) -> None:
+    scene = wf.Scene.load(cases / "vacuum.toml", {"feed.count": 256})
+    result = wf.run(scene, tmp_path, until="tracks")
+    assert result.flights is not None
+    assert result.landings is None
+    assert Result.load(tmp_path).to_json() == result.table
+    with pytest.raises(SceneError, match="the run ended before them"):
+        result.share("soft", "near")
+
+
+def test_a_plans_summary_is_read_back(cases: Path) -> None:
+    for name in ("rhombus", "vacuum", "labyrinth"):
+        plan = make_plan(wf.Scene.load(cases / f"{name}.toml"))
+        assert json.dumps(to_json(summary_of(plan))) == json.dumps(plan.summary())
+
+
+@pytest.mark.parametrize(
+    ("made", "read"), [(AirflowResult, Airflow), (MeasuredSuction, SuctionZone), (MeshReport, MeshSummary)]
+)
+def test_the_types_hold_all_that_the_stages_write(made: type, read: type) -> None:
+    assert set(made.__dataclass_fields__) <= {column.key for column in columns(read)}  # type: ignore[attr-defined]
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", list(records()), ids=lambda kind: kind.__name__)
+def test_the_page_says_what_a_type_holds(kind: type) -> None:
+    """Brought up to date by: python tests/results/result_page.py."""
+    assert tables_of(kind.__name__) == rows(kind)
+
+
+def test_the_page_names_no_other_type() -> None:
+    named = re.findall(r"^### (\w+)$", PAGE.read_text(), flags=re.MULTILINE)
+    assert named == [kind.__name__ for kind in records()]
+
+
+def test_the_page_names_the_columns_of_the_files(finished: Result) -> None:
+    for name, columns_ in (("separation", SEPARATION_COLUMNS), ("budget", BUDGET_COLUMNS), ("impact", IMPACT_COLUMNS)):
+        assert first_column(f"The columns of {name}.csv") == list(columns_)
+        head = (finished.folder / f"{name}.csv").read_text().splitlines()[0]
+        for column in columns_:
+            assert column in head
+
+
+def test_the_page_names_the_arrays_of_granules_npz(finished: Result) -> None:
+    with np.load(finished.folder / "granules.npz") as data:
+        sizes = {"f": len(data["names"]), "n": len(data["bin"]), "2": 2}
+        for array, shape, *_ in tables_of("The arrays of granules.npz"):
+            wanted = tuple(sizes[part] for part in re.findall(r"\w", shape))
+            assert data[array.strip("`")].shape == wanted
+        assert first_column("The arrays of granules.npz") == data.files
+
+
+def test_the_page_names_the_arrays_of_the_vtk_files(finished: Result) -> None:
+    import pyvista
+
+    tracks = pyvista.read(finished.folder / "tracks.vtp")
+    told = {"point": tracks.point_data.keys(), "cell": tracks.cell_data.keys(), "file": tracks.field_data.keys()}
+    named = [row for row in tables_of("The arrays of the VTK files") if row[0] == "`tracks.vtp`"]
+    for where, arrays in told.items():
+        assert sorted(row[1].strip("`") for row in named if row[2] == where) == sorted(arrays)
+
+
+def test_the_page_names_every_file(finished: Result) -> None:
+    named = " ".join(first_column("Results")).replace("`", "")
+    for path in finished.folder.iterdir():
+        if not path.name.startswith("."):
+            assert path.name in named, path.name
