@@ -543,8 +543,8 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
 # -- the plan as a record ----------------------------------------------------------------------------------------------
 
 
-def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(rhombus: Scene) -> None:
-    plan = make_plan(rhombus)
+def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(draft: Scene) -> None:
+    plan = make_plan(draft)
     for name in ("fractions", "force", "estimate"):
         with pytest.raises(TypeError):
             getattr(plan, name)["wheat"] = None
@@ -552,17 +552,17 @@ def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(rhombus: Scene
         plan.fractions["wheat"].bounds["lift"] = 0.0  # type: ignore[index]
     for name in ("used", "left_out", "warnings", "validity"):
         assert isinstance(getattr(plan, name), tuple)
-    assert plan == make_plan(rhombus)
+    assert plan == make_plan(draft)
     assert plan.with_forces(BASE).fractions["wheat"].bounds == plan.fractions["wheat"].bounds
 
 
-def test_a_planner_makes_each_rungs_plan_once(rhombus: Scene) -> None:
-    planner = Planner(rhombus, force={"lift": True})
+def test_a_planner_makes_each_rungs_plan_once(draft: Scene) -> None:
+    planner = Planner(draft, force={"lift": True})
     assert planner.plan("draft") is planner.plan("draft")
-    assert planner.plan("draft") == make_plan(rhombus, rung="draft", force={"lift": True})
+    assert planner.plan("draft") == make_plan(draft, rung="draft", force={"lift": True})
     assert planner.plan().rung == "draft"
-    assert planner.at(rhombus) is planner
-    faster = planner.at(rhombus.replace({"feed.rate": 900.0}))
+    assert planner.at(draft) is planner
+    faster = planner.at(draft.replace({"feed.rate": 900.0}))
     assert faster.force == {"lift": True}
     assert faster.plan("draft").validity != planner.plan("draft").validity
 
