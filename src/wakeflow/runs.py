@@ -188,7 +188,7 @@ class _Run:
         stands = key_in(folder) == result.key
         if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
             (folder / FILE).unlink(missing_ok=True)
-            report.clear(folder)
+            report.clear_report(folder)
             (folder / "granules.npz").unlink(missing_ok=True)
         if tracked is not None:
             _save_granules(folder / "granules.npz", scene, tracked)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from .report.words import (
-    NONE,
+    NO_VALUE,
     TERMS,
     budget_columns,
     condensed,
@@ -153,7 +153,7 @@ def separation_table(result: Result, separation: Separation) -> Table:
             Text(percent(places[place]), style="bold green" if place in result.targets(name) else "")
             for name, places in separation.fractions.items()
         ]
-        purest = "\n".join(f"{name} {percent(found)}" for name, found in expected(result, place)) or NONE
+        purest = "\n".join(f"{name} {percent(found)}" for name, found in expected(result, place)) or NO_VALUE
         table.add_row(place, *cells, f"{separation.throughput[place]:.3g}", purest)
     table.add_section()
     table.add_row("recovery", *(percent(separation.recovery.get(name)) for name in separation.fractions), "", "")
@@ -178,7 +178,7 @@ def budget_table(budget: Sequence[BudgetRow]) -> Table:
         table.add_column(source.replace("-", "-\n"), justify="right", overflow="fold")
     for row in rows:
         errors = {part.source: part.error for part in row.parts}
-        cells = [_bare(row, errors[source]) if source in errors else NONE for source in sources]
+        cells = [_bare(row, errors[source]) if source in errors else NO_VALUE for source in sources]
         unit = "" if row.measure == SHARE_UNIT else f"\n({row.measure})"
         total = [_bare(row, row.total.error)] if totals else []
         table.add_row(row.quantity.removeprefix("share.") + unit, *cells, *total)

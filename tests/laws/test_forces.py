@@ -14,7 +14,7 @@ import wakeflow as wf
 from support import CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.forces import Bound, FlightScales, Force, Granule, Instant, forces
-from wakeflow.laws.forces.record import Air, Array, Grains, Vector
+from wakeflow.laws.forces.record import AirProperties, Array, Grains, Vector
 from wakeflow.planning.bounds import bounds, other_terms
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
@@ -94,7 +94,7 @@ def test_added_mass_divides_every_acceleration() -> None:
 PUSH = np.array([3.0, 0.5])  # m/s2: charge times field over mass
 
 
-def _push(grains: Grains, _air: Air | None, _gravity: Array) -> Array:
+def _push(grains: Grains, _air: AirProperties | None, _gravity: Array) -> Array:
     return np.tile(PUSH, (len(grains), 1))
 
 

@@ -21,7 +21,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.report.figures import tracks as figures
 from wakeflow.report.pictures import pictures
 from wakeflow.report.pictures.maps import mass_flux
-from wakeflow.report.pictures.paths import Path2D, displacement
+from wakeflow.report.pictures.paths import Path2D, body_displacement
 from wakeflow.scene import Scene, picture_tables
 
 GRAVITY = 9.81
@@ -205,7 +205,7 @@ def test_the_mass_flux_through_every_level_is_the_rate() -> None:
 def test_resting_granules_lie_on_the_body_at_its_lower_dead_point() -> None:
     scene = scene_of("fig6", COARSE)
     feed = feedstock(scene, make_plan(scene), "hard", None)
-    shift = displacement(scene, feed.granules.time)
+    shift = body_displacement(scene, feed.granules.time)
     np.testing.assert_allclose(shift, np.tile(-scene.motion[0], (len(shift), 1)), atol=1e-15)
     gap = distance_to(feed.granules.position - shift, scene.body["prism"].outline())
     np.testing.assert_allclose(gap, feed.granules.diameter / 2, atol=1e-12)
@@ -286,9 +286,11 @@ def test_resting_granules_on_a_measured_vibration_begin_where_it_stands_still_at
     scene = Scene.parse(tables)
     feed = feedstock(scene, make_plan(scene), "hard", None)
     moments = np.linspace(0.0, 0.08, 20001)
-    lowest = displacement(scene, moments)[:, 1].min()
-    np.testing.assert_allclose(displacement(scene, feed.granules.time)[:, 1], lowest, atol=1e-9)
-    shift = displacement(scene, feed.granules.time[:1] + np.array([-1e-6, 1e-6]))
+    lowest = body_displacement(scene, moments)[:, 1].min()
+    np.testing.assert_allclose(body_displacement(scene, feed.granules.time)[:, 1], lowest, atol=1e-9)
+    shift = body_displacement(scene, feed.granules.time[:1] + np.array([-1e-6, 1e-6]))
     assert abs(shift[1, 1] - shift[0, 1]) / 2e-6 < 1e-4  # m/s: it stands still
-    gap = distance_to(feed.granules.position - displacement(scene, feed.granules.time), scene.body["prism"].outline())
+    gap = distance_to(
+        feed.granules.position - body_displacement(scene, feed.granules.time), scene.body["prism"].outline()
+    )
     np.testing.assert_allclose(gap, feed.granules.diameter / 2, atol=1e-12)

@@ -22,7 +22,7 @@ from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, clear, csv, html, is_whole, vtk, write_report
+from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, vtk, write_report
 from wakeflow.report.canvas import new_figure, save
 from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
@@ -247,7 +247,7 @@ def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, rhombus: Scene, tmp
     page = write_report(tmp_path, _outcome(rhombus))
     assert (tmp_path / "figures" / f"{sizes}.png").stat().st_size > 500
     assert "How many granules of each fraction were flown." in page.read_text()
-    clear(tmp_path)
+    clear_report(tmp_path)
     assert not (tmp_path / "figures" / f"{sizes}.png").exists()
 
 

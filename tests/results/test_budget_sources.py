@@ -15,7 +15,7 @@ from wakeflow.pipeline.pipeline import Companion, Pipeline
 from wakeflow.planning.flights_again import flights_again, times_again
 from wakeflow.planning.make import make_plan
 from wakeflow.results.landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
-from wakeflow.results.source import Fraction, Source, budget_sources
+from wakeflow.results.source import FractionResults, Source, budget_sources
 from wakeflow.results.sources import MODEL
 from wakeflow.scene import Scene
 
@@ -28,7 +28,7 @@ class CoarserSteps(Source[Tracked]):
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
         return pipeline.tracks(Companion(self.name, tolerance=10 * pipeline.scene.numerics.tolerance))
 
-    def shares(self, fraction: Fraction) -> Mapping[str, Sequence[BudgetPart]]:
+    def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
         coarse = fraction.flights.of(self)
         assert coarse is not None
         bins = len(fraction.pipeline.scene.bin)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wakeflow.pipeline.landings import Landings
-from wakeflow.results.separation import interval, separate
+from wakeflow.results.separation import separate, share_interval
 from wakeflow.scene import Scene
 
 
@@ -64,7 +64,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
     covered = 0
     for _ in range(400):
         samples = rng.binomial(64, 0.3, size=16) / 64
-        _, low, high = interval(samples, 1024)
+        _, low, high = share_interval(samples, 1024)
         covered += low <= 0.3 <= high
     assert 0.92 <= covered / 400 <= 0.98
 
@@ -78,7 +78,7 @@ def test_balanced_samples_do_not_pretend_to_be_exact() -> None:
         points, replicate = _samples("a", 1024, seed)
         for cut in (0.2503, 0.5, 0.61, 0.013):
             shares = np.array([np.mean(points[replicate == r, 0] < cut) for r in range(16)])
-            _, low, high = interval(shares, len(points))
+            _, low, high = share_interval(shares, len(points))
             covered += low <= cut <= high
             total += 1
     assert covered / total >= 0.95

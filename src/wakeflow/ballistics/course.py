@@ -14,7 +14,7 @@ from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
 from ..tracking.kernel import layout as at
-from .hits import CORNER, FACE, LINE, NONE, Falling, Hit, first_hits
+from .hits import CORNER, FACE, LINE, NOTHING, Falling, Hit, first_hits
 from .slide import FLIES, RESTS, Contact, arc_length, place, slide
 from .surfaces import Array, Index, Surfaces
 
@@ -112,7 +112,7 @@ class _Flight:
         tracks.position[who], tracks.velocity[who] = fall.at(hit.time)
         tracks.time[who] += hit.time
         tracks.steps[who] += 1
-        tracks.fate[who[hit.kind == NONE]] = Fate.AIRBORNE
+        tracks.fate[who[hit.kind == NOTHING]] = Fate.AIRBORNE
         ended = hit.kind == LINE
         tracks.fate[who[ended]] = Fate.BINNED
         tracks.line[who[ended]] = self.surfaces.line_of[hit.which[ended]]

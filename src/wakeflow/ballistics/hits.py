@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from .roots import falls_below, first_roots, rises_above
 from .surfaces import Array, Index, Surfaces
 
-__all__ = ["CORNER", "FACE", "LINE", "NONE", "Falling", "Hit", "first_hits"]
+__all__ = ["CORNER", "FACE", "LINE", "NOTHING", "Falling", "Hit", "first_hits"]
 
 Mask = NDArray[np.bool_]
 _Gap = Callable[[Index, Array], tuple[Array, Array]]
 _Counts = Callable[[Index, Array], Mask]
-NONE, FACE, CORNER, LINE = range(4)
+NOTHING, FACE, CORNER, LINE = range(4)
 TURN = 0.3  # rad of a body's vibration looked at in one piece
 PIECES = 8  # of a passage by a corner at rest
 STILL = 1e-12  # m/s: approaches slower than this are round-off
@@ -66,7 +66,7 @@ def first_hits(fall: Falling, surfaces: Surfaces, left: Array, length: float) ->
 
 
 def _first(fall: Falling, surfaces: Surfaces, left: Array, skin: float) -> Hit:
-    best = Hit(left.copy(), np.full(len(left), NONE), np.full(len(left), -1))
+    best = Hit(left.copy(), np.full(len(left), NOTHING), np.full(len(left), -1))
     _lines(fall, surfaces, best)
     moving = surfaces.pace[surfaces.face_body] > 0.0
     _faces(fall, surfaces, best, np.flatnonzero(~moving), skin)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..tracking import Body, Motion
 from ..tracking.pack_walls import pack_lines, pack_walls
 
-__all__ = ["Array", "Index", "Surfaces"]
+__all__ = ["Index", "Surfaces"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import MeshError
 from .flat import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
-from .layers import WallLayers, joined, sizes_around, with_layers
 from .outline import Piece, loops
 from .spec import MeshSpec
+from .wall_layers import WallLayers, joined, sizes_around, with_layers
 from .zones import Sizes, boxes, levels, sources
 
 __all__ = ["mesh_in_this_process"]

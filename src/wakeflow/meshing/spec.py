@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Direction", "MeshSpec", "Outline", "SideInlet", "Strategy"]
+__all__ = ["Direction", "MeshSpec", "Outline", "SideInlet", "Strategy"]
 
 Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]

@@ -14,7 +14,7 @@ from .airflow import AirflowPlan, typical_cells, typical_seconds
 from .flights_again import times_again
 from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size
 
-__all__ = ["estimate"]
+__all__ = ["estimate_cost"]
 
 STARTED = 5.0  # s: importing, reading, writing the report
 SECONDS_A_GRANULE = 150e-6  # s of both cores: one flight with drag and weight
@@ -28,7 +28,7 @@ SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 
-def estimate(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> dict[str, float]:
+def estimate_cost(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> dict[str, float]:
     """``seconds``, ``memory`` and ``disk`` (bytes) of a run, its funnel included."""
     count = REPLICATES * replicate_size(scene.feed.count)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)

@@ -25,7 +25,7 @@ from ..laws.forces import FlightScales, forces
 from ..scene import Scene
 from .airflow import AirflowPlan, choose_airflow
 from .bounds import VIBRATION, moved_by_air
-from .cost import estimate
+from .cost import estimate_cost
 from .coupling import Limit, limits
 from .flight_scales import flights
 from .impaction import deflection
@@ -79,7 +79,7 @@ def make_plan(
         fractions=fractions,
         used=tuple(used_lines(flown, airflow, fractions, validity, motion, chain=chain)),
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
-        estimate=estimate(flown, airflow, fractions),
+        estimate=estimate_cost(flown, airflow, fractions),
         warnings=(*missing_lines(gates, flown.unit), *without_air.warnings, *strained),
         flown_by="chain" if chain else "tracker",
         validity=validity,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..results.funnel_summary import FunnelSummary
     from ..results.result import PictureSummary
 
-__all__ = ["Landed", "Outcome", "clear", "draw_discharge", "is_whole", "pictures_of", "write_report"]
+__all__ = ["Landed", "Outcome", "clear_report", "draw_discharge", "is_whole", "pictures_of", "write_report"]
 
 LASTING = ("tracks.vtp", "separation.csv", "budget.csv", "report.html")  # every finished report has them
 AT_TIMES = ("field.vtu", "field.pvd", "impact.csv")  # with air, and where a body is met
@@ -33,7 +33,7 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     from .figures import draw_figures
 
     folder = Path(folder)
-    clear(folder)
+    clear_report(folder)
     draw_figures(folder / "figures", outcome)
     pictures.draw_all(folder / "figures", outcome)
     if outcome.field is not None:
@@ -65,7 +65,7 @@ def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
     return all(file.exists() for file in files) and set(pictures_of(folder)) == set(names)
 
 
-def clear(folder: Path) -> None:
+def clear_report(folder: Path) -> None:
     """Remove what an earlier report left here, so that nothing of another scene stands beside the new one."""
     from . import pictures
     from .figures import clear_figures
@@ -73,5 +73,5 @@ def clear(folder: Path) -> None:
     for name in (*LASTING, *AT_TIMES):
         (folder / name).unlink(missing_ok=True)
     clear_figures(folder / "figures")
-    pictures.clear(folder / "figures")
+    pictures.clear_pictures(folder / "figures")
     shutil.rmtree(folder / "field", ignore_errors=True)

@@ -28,14 +28,14 @@ __all__ = [
     "BODY",
     "INK",
     "MM",
-    "Grid",
+    "PlotGrid",
     "Window",
     "air_arrow",
     "canvas",
     "first_outline",
     "fraction_colours",
     "frame",
-    "inside",
+    "inside_window",
     "new_figure",
     "save",
     "solids",
@@ -171,14 +171,14 @@ def triangulation(field: FlowField) -> Triangulation:
     return Triangulation(MM * field.points[:, 0], MM * field.points[:, 1], field.triangles)
 
 
-def inside(points: Array, window: Window) -> NDArray[np.bool_]:
+def inside_window(points: Array, window: Window) -> NDArray[np.bool_]:
     """Which points (n, 2) m lie in a window."""
     x, y = points.T
     return np.asarray((x >= window[0]) & (x <= window[1]) & (y >= window[2]) & (y <= window[3]))
 
 
 @dataclass(frozen=True)
-class Grid:
+class PlotGrid:
     """Nodal values on a regular grid: x (nx,) and y (ny,) in m, values (ny, nx) masked outside the mesh."""
 
     x: Array
@@ -186,7 +186,7 @@ class Grid:
     values: list[Any]
 
     @classmethod
-    def sample(cls, mesh: Triangulation, window: Window, nodal: Sequence[Array], count: int = 240) -> Grid:
+    def sample(cls, mesh: Triangulation, window: Window, nodal: Sequence[Array], count: int = 240) -> PlotGrid:
         """``count`` points along the longer side of the window; linear on each triangle of ``mesh`` (mm)."""
         from matplotlib.tri import LinearTriInterpolator
 

@@ -13,7 +13,7 @@ from .csv import IMPACT_COLUMNS, impact_cells
 from .figures import captions
 from .pictures import found
 from .words import (
-    NONE,
+    NO_VALUE,
     UNKNOWN_ERROR,
     budget_columns,
     condensed,
@@ -144,7 +144,7 @@ def render(
         **_impacts(result),
         **_budget(result),
         unknown=UNKNOWN_ERROR,
-        dash=NONE,
+        dash=NO_VALUE,
     )
 
 
@@ -244,7 +244,7 @@ def _measured(value: str | float | Measured | Sequence[float], scale: float) -> 
 
 
 def _interval(number: Measured, scale: float) -> str:
-    text = NONE if number.value is None else _number(number.value * scale)
+    text = NO_VALUE if number.value is None else _number(number.value * scale)
     if number.low is None or number.high is None:
         return text
     return f"{text} [{_number(number.low * scale)}, {_number(number.high * scale)}]"
@@ -253,7 +253,7 @@ def _interval(number: Measured, scale: float) -> str:
 def _number(value: float | None) -> str:
     """Four significant digits, thousands in full; a dash for None."""
     if value is None:
-        return NONE
+        return NO_VALUE
     if isinstance(value, int) or (value and IN_FULL[0] <= abs(value) < IN_FULL[1]):
         return f"{value:.0f}"
     return f"{value:.4g}"
@@ -261,5 +261,5 @@ def _number(value: float | None) -> str:
 
 def _seconds(value: float | None) -> str:
     if value is None:
-        return NONE
+        return NO_VALUE
     return f"{value:.1f} s" if value < MINUTES_FROM else f"{value / 60:.1f} min"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..results.result import Result
 
 __all__ = [
-    "NONE",
+    "NO_VALUE",
     "TERMS",
     "UNKNOWN_ERROR",
     "budget_columns",
@@ -25,7 +25,7 @@ __all__ = [
     "source_seconds",
 ]
 
-NONE = "–"
+NO_VALUE = "–"
 UNKNOWN_ERROR = "unknown"
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
 MOST_DIGITS = 4  # after the point of a percentage, however narrow its interval
@@ -38,7 +38,7 @@ def percent(number: Measured | Share | None) -> str:
     The number of decimals follows the interval, so that it never shows as zero unless it is.
     """
     if number is None or number.value is None:
-        return NONE
+        return NO_VALUE
     if number.low is None or number.high is None:
         return f"{100 * number.value:.1f}"
     half = 50.0 * (number.high - number.low)

@@ -15,7 +15,7 @@ __all__ = [
     "FieldDivergence",
     "FieldTruncation",
     "GridStudy",
-    "MeshMotion",
+    "MeshMotionSummary",
     "MomentumModel",
     "RunStatistics",
     "SolverAttempt",
@@ -39,7 +39,7 @@ class SuctionZone(Partial):
 
 
 @dataclass(frozen=True)
-class MeshMotion:
+class MeshMotionSummary:
     """How the mesh moves where the body vibrates in the air: amplitude sin(omega t + phase)."""
 
     amplitude: tuple[float, ...] = column("m", "x and y")
@@ -149,7 +149,7 @@ class Airflow(Partial):
     seconds: float | None = column("s", "wall time of the solver", default=None)
     field_time: str | None = column("", "what the tracker reads: latest, mean or all", default=None)
     period: float | None = column("s", "length of the stored loop; null when steady", default=None)
-    motion: MeshMotion | None = column("", "of the mesh; null where it rests", default=None)
+    motion: MeshMotionSummary | None = column("", "of the mesh; null where it rests", default=None)
     loop_mismatch: float | None = column(
         "1", "rms velocity jump where the loop joins over rms fluctuation", default=None
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from ..planning.terms import TYPICAL
 from . import sources  # noqa: F401 - its import registers the program's own sources
 from .landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
-from .source import Flights, Fraction, Source, budget_sources
+from .source import Flights, FractionResults, Source, budget_sources
 
 __all__ = ["fly_again", "make_budget", "together"]
 
@@ -35,7 +35,7 @@ def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ..
     rows: list[BudgetRow] = []
     places: list[BudgetRow] = []
     for name, shares in separation.fractions.items():
-        fraction = Fraction(name, flights.tracked.landings[name], shares, flights)
+        fraction = FractionResults(name, flights.tracked.landings[name], shares, flights)
         rows += _share_rows(fraction, everything)
         parts = tuple(part for source in _in_row() for part in source.landing(fraction))
         cost = BudgetTotal(None, flights.tracking + sum(part.seconds for part in parts))
@@ -48,7 +48,7 @@ def _in_row() -> list[Source[object]]:
     return sorted((budget_sources[name] for name in budget_sources), key=lambda source: source.place)
 
 
-def _share_rows(fraction: Fraction, total: BudgetTotal) -> list[BudgetRow]:
+def _share_rows(fraction: FractionResults, total: BudgetTotal) -> list[BudgetRow]:
     """A row for each bin that got any of the fraction, or could have by a source that fills empty bins."""
     found = [(source, source.shares(fraction)) for source in _in_row()]
     rows = []

@@ -17,14 +17,14 @@ from ..scene import RESERVED_BIN, Scene
 from .landing_results import Separation
 from .measured import Measured, Share
 
-__all__ = ["interval", "separate", "upper_limit"]
+__all__ = ["separate", "share_interval", "upper_limit"]
 
 Array = NDArray[np.float64]
 LEVEL = 0.95  # of every interval
 HOUR = 3600.0  # s
 
 
-def interval(samples: Array, count: int) -> tuple[float, float, float]:
+def share_interval(samples: Array, count: int) -> tuple[float, float, float]:
     """Mean and 95 % interval of a share from its independent replicates.
 
     Student's t over the replicates, but no narrower than half a granule a replicate: balanced samples may agree on a
@@ -82,7 +82,7 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
         shares[name] = landing.counts(len(scene.bin))
         count[name] = len(landing.bin)
     fractions = {
-        name: {place: Share(*interval(table[:, i], count[name])) for i, place in enumerate(bins)}
+        name: {place: Share(*share_interval(table[:, i], count[name])) for i, place in enumerate(bins)}
         for name, table in shares.items()
     }
     purity, throughput = _contents(scene, bins, shares, fractions)
@@ -95,7 +95,7 @@ def _recovery(scene: Scene, name: str, bins: list[str], shares: Array, count: in
     targets = scene.fraction[name].targets
     if not targets:
         return None
-    return Measured(*interval(np.sum([shares[:, bins.index(target)] for target in targets], axis=0), count))
+    return Measured(*share_interval(np.sum([shares[:, bins.index(target)] for target in targets], axis=0), count))
 
 
 def _contents(

@@ -18,7 +18,7 @@ from .measured import Share
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
-__all__ = ["Flights", "Fraction", "Source", "budget_sources"]
+__all__ = ["Flights", "FractionResults", "Source", "budget_sources"]
 
 Flown = TypeVar("Flown")
 
@@ -44,12 +44,12 @@ class Source(Generic[Flown]):
         del pipeline, tracked  # for subclasses
         return None
 
-    def shares(self, fraction: Fraction) -> Mapping[str, Sequence[BudgetPart]]:
+    def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
         del fraction  # for subclasses
         return {}
 
-    def landing(self, fraction: Fraction) -> Sequence[BudgetPart]:
+    def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         """Parts of the error of where the fraction's granules land, in body widths."""
         del fraction  # for subclasses
         return ()
@@ -86,7 +86,7 @@ class Flights:
 
 
 @dataclass(frozen=True)
-class Fraction:
+class FractionResults:
     """A fraction whose errors are asked for: its name, its landings, and its share in every bin."""
 
     name: str

@@ -19,7 +19,7 @@ from .companions import Comparison, Grid, Wake, airflows, differences, finer_ste
 from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
 from .left_out import left_out_terms
 from .separation import upper_limit
-from .source import Fraction, Source, budget_sources
+from .source import FractionResults, Source, budget_sources
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -45,7 +45,7 @@ class Sampling(Source[None]):
 
     name, how, place = "sampling", MEASURED, 10
 
-    def shares(self, fraction: Fraction) -> Parts:
+    def shares(self, fraction: FractionResults) -> Parts:
         spent = fraction.flights.tracking
         return {
             bin_: [self.part(0.5 * (share.high - share.low), spent)] for bin_, share in fraction.shares.items()
@@ -61,20 +61,20 @@ class Integration(Source["tuple[Tracked, float]"]):
         del tracked  # the answer's landings are compared fraction by fraction
         return finer_steps(pipeline)
 
-    def shares(self, fraction: Fraction) -> Parts:
+    def shares(self, fraction: FractionResults) -> Parts:
         """Upper 95 % limit of the share of granules that the finer steps put into another bin."""
         finer, seconds = self._flown(fraction)
         same, fine = fraction.compared.bin, finer.landings[fraction.name].bin
         changed = upper_limit(int(np.sum(same != fine)), len(same))
         return fraction.everywhere(self._part(changed, seconds))
 
-    def landing(self, fraction: Fraction) -> Sequence[BudgetPart]:
+    def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         finer, seconds = self._flown(fraction)
         moved = fraction.compared.position - finer.landings[fraction.name].position
         shift = np.linalg.norm(moved, axis=1) / fraction.pipeline.scene.width
         return [self._part(float(np.percentile(shift, LANDED_WITHIN)), seconds)]
 
-    def _flown(self, fraction: Fraction) -> tuple[Tracked, float]:
+    def _flown(self, fraction: FractionResults) -> tuple[Tracked, float]:
         flown = fraction.flights.of(self)
         assert flown is not None
         return flown
@@ -88,7 +88,7 @@ class LeftOutTerms(Source[None]):
 
     name, how, place = "terms-left-out", CALIBRATED, 30
 
-    def shares(self, fraction: Fraction) -> Parts:
+    def shares(self, fraction: FractionResults) -> Parts:
         pipeline = fraction.pipeline
         return left_out_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
 
@@ -101,7 +101,7 @@ class AirflowModel(Source[Comparison[Wake]]):
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
         return airflows(pipeline, tracked)
 
-    def shares(self, fraction: Fraction) -> Parts:
+    def shares(self, fraction: FractionResults) -> Parts:
         wakes = fraction.flights.of(self)
         if wakes is None:
             return _unless_known(self.name, fraction)
@@ -120,7 +120,7 @@ class AirflowStatistics(Source[None]):
 
     name, how, place, fills = "airflow-statistics", CALIBRATED, 60, True
 
-    def shares(self, fraction: Fraction) -> Parts:
+    def shares(self, fraction: FractionResults) -> Parts:
         wakes = fraction.flights.of(MODEL)
         if wakes is None:
             return _unless_known(self.name, fraction)
@@ -143,7 +143,7 @@ class Mesh(Source[Comparison[Grid]]):
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return grids(pipeline, tracked)
 
-    def shares(self, fraction: Fraction) -> Parts:
+    def shares(self, fraction: FractionResults) -> Parts:
         flown = fraction.flights.of(self)
         if flown is None:
             return _unless_known(self.name, fraction)
@@ -160,7 +160,7 @@ class ImpactParameters(Source[None]):
 
     name, how, place = "impact-parameters", UNKNOWN, 90
 
-    def shares(self, fraction: Fraction) -> Parts:
+    def shares(self, fraction: FractionResults) -> Parts:
         return fraction.everywhere(unknown(self.name))
 
 
@@ -169,13 +169,13 @@ def unknown(source: str) -> BudgetPart:
     return BudgetPart(source, None, 0.0, UNKNOWN)
 
 
-def _unless_known(source: str, fraction: Fraction) -> Parts:
+def _unless_known(source: str, fraction: FractionResults) -> Parts:
     """The part of a source that no companion measured: unknown, unless the kind of airflow knows it."""
     unknown_parts = fraction.pipeline.kind.unknown_parts()
     return fraction.everywhere(unknown(source)) if source in unknown_parts else {}
 
 
-def _moved(wakes: Comparison[Wake], fraction: Fraction) -> Iterator[tuple[str, dict[Wake, float]]]:
+def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple[str, dict[Wake, float]]]:
     for number, bin_ in enumerate(fraction.shares):
         yield bin_, dict(differences(wakes, fraction.name, number))
 

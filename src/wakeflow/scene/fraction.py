@@ -17,7 +17,7 @@ from ..laws.material import Material, materials
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
 from .table import Array, Table, takes
-from .units import Diameter, MassDensity, PositiveSpeed, Share
+from .units import Diameter, MassDensity, Portion, PositiveSpeed
 
 __all__ = ["Fraction", "Rebound", "Size", "Speeds"]
 
@@ -160,7 +160,7 @@ class Fraction(Table):
     own_inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
         None, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
     )
-    mass_share: Share | None = Field(None, description="of the feed; shares add up to 1; default: equal")
+    mass_share: Portion | None = Field(None, description="of the feed; shares add up to 1; default: equal")
     target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
         None, description="the bin, or bins, where it should land"
     )

@@ -20,8 +20,8 @@ __all__ = [
     "Modulus",
     "Name",
     "Point",
+    "Portion",
     "PositiveSpeed",
-    "Share",
     "SlopeAngle",
     "Speed",
     "Viscosity",
@@ -71,4 +71,4 @@ Duration = Annotated[float, Field(gt=0, lt=1e4, json_schema_extra=_unit("s")), _
 MassRate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
 Mass = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("kg")), _in("kg", "35 g")]
 Modulus = Annotated[float, Field(ge=5e6, le=1e9, json_schema_extra=_unit("Pa")), _in("Pa", "5 MPa")]
-Share = Annotated[float, Field(gt=0, le=1)]
+Portion = Annotated[float, Field(gt=0, le=1)]

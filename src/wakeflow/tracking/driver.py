@@ -18,7 +18,7 @@ from .bodies import Body, Motion
 from .frame import from_frame, swing_of, to_frame
 from .granules import Granules
 from .kernel import layout as at
-from .kernel.layout import Air, Rules, Walls
+from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
 from .pack import check_forces, pack_granules, pack_tables
 from .pack_air import pack_air
@@ -107,7 +107,7 @@ class _Flight:
     reach: float  # m, how near to a body the mesh's edge counts as covered by it
     points: int  # kept of a path, 0: none
     walls: Walls
-    air: Air
+    air: PackedAir
     rules: Rules
     tables: Array  # of the drag law
     table_of: NDArray[np.int64]  # which of them each granule uses
@@ -166,7 +166,7 @@ def _fly_all(
         pool.shutdown(cancel_futures=True)
 
 
-def _longest_wait(field: FlowField | None, air: Air, bodies: Sequence[Body], omega: float) -> float:
+def _longest_wait(field: FlowField | None, air: PackedAir, bodies: Sequence[Body], omega: float) -> float:
     """Seconds that a granule held by friction waits for what may blow or shake it off; inf: for ever."""
     periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
     rest = max([*periods, 2 * np.pi / omega] if omega > 0 else periods, default=0.0)
@@ -179,7 +179,7 @@ def _longest_wait(field: FlowField | None, air: Air, bodies: Sequence[Body], ome
 
 def _rules(
     field: FlowField | None,
-    air: Air,
+    air: PackedAir,
     bodies: Sequence[Body],
     walls: Walls,
     until: float,

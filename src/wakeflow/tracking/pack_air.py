@@ -15,7 +15,7 @@ from ..laws.forces.record import Needs
 from ..laws.turbulence import lifetime
 from .bodies import Body
 from .frame import swing_of
-from .kernel.layout import Air
+from .kernel.layout import PackedAir
 from .pack_walls import rows_of_ints
 
 __all__ = ["pack_air"]
@@ -25,14 +25,14 @@ Index = NDArray[np.int64]
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
-def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> Air:
+def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
     """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by
     it.
     """
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)
         nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), np.zeros(4))
-        return Air(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
+        return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
     swing = swing_of(field)
@@ -41,7 +41,7 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
     times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
-    return Air(
+    return PackedAir(
         np.ascontiguousarray(geometry),
         np.array(field.triangles),
         neighbours,

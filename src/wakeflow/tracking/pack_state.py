@@ -11,7 +11,7 @@ from ..field import FlowField
 from .bodies import Body
 from .granules import Granules
 from .kernel import layout as at
-from .kernel.layout import Air
+from .kernel.layout import PackedAir
 
 __all__ = ["pack_state"]
 
@@ -21,7 +21,7 @@ PAIRS = 1024  # granules whose distances from all covered edges are in memory at
 
 
 def pack_state(
-    grains: Granules, first: int, field: FlowField | None, air: Air, bodies: Sequence[Body], reach: float
+    grains: Granules, first: int, field: FlowField | None, air: PackedAir, bodies: Sequence[Body], reach: float
 ) -> tuple[Array, Index]:
     """State arrays at birth of granules numbered from ``first``; one in the room a vibrating body has left begins at
     the boundary edge it is next to.
@@ -42,7 +42,7 @@ def pack_state(
     return floats, ints
 
 
-def _nearest_covered(x: Array, field: FlowField, air: Air, bodies: Sequence[Body], reach: float) -> Index:
+def _nearest_covered(x: Array, field: FlowField, air: PackedAir, bodies: Sequence[Body], reach: float) -> Index:
     """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
     swing = max(
         (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .record import Air, Array, Force, Grains, Granule, Instant, Slots, Vector
+from .record import AirProperties, Array, Force, Grains, Granule, Instant, Slots, Vector
 from .scales import Bound, FlightScales
 
 __all__ = ["ADDED_MASS"]
@@ -13,12 +13,12 @@ def _shift(flight: FlightScales) -> float:
     return flight.widths(0.5 * flight.ratio * (flight.passage(flight.flow_acceleration, flight.near) + granule))
 
 
-def _inertia(grains: Grains, air: Air) -> Array:
+def _inertia(grains: Grains, air: AirProperties) -> Array:
     """chi = rho / (2 rho_p): half of the displaced air's mass over the granule's."""
     return 0.5 * (air.density / grains.density)
 
 
-def _factors(grains: Grains, air: Air) -> Slots:
+def _factors(grains: Grains, air: AirProperties) -> Slots:
     """INERTIAL: chi, by which the air's own acceleration Du/Dt acts."""
     return {"INERTIAL": _inertia(grains, air)}
 

@@ -6,7 +6,7 @@ import math
 
 from ..drag import slip_correction
 from ..turbulence import brownian_diffusivity
-from .record import Air, Force, Grains, Slots
+from .record import AirProperties, Force, Grains, Slots
 from .scales import Bound, FlightScales
 from .turbulent_dispersion import TWO_SIGMA
 
@@ -19,7 +19,7 @@ def _shift(flight: FlightScales) -> float:
     return flight.widths(TWO_SIGMA * math.sqrt(2.0 * diffusivity * flight.whole))
 
 
-def _constants(grains: Grains, air: Air) -> Slots:
+def _constants(grains: Grains, air: AirProperties) -> Slots:
     """DIFFUSIVITY (m2/s) among the air's molecules."""
     slips = slip_correction(grains.diameter)
     return {"DIFFUSIVITY": brownian_diffusivity(grains.diameter, air.viscosity, slip_correction=slips)}

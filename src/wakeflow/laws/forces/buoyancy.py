@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..constants import GRAVITY
-from .record import Air, Array, Force, Grains, Instant, Vector
+from .record import AirProperties, Array, Force, Grains, Instant, Vector
 from .scales import Bound, FlightScales
 
 __all__ = ["BUOYANCY"]
@@ -13,7 +13,7 @@ def _shift(flight: FlightScales) -> float:
     return flight.slope * flight.widths(flight.steady(flight.ratio * GRAVITY, flight.whole))
 
 
-def _acceleration(grains: Grains, air: Air | None, gravity: Array) -> Array:
+def _acceleration(grains: Grains, air: AirProperties | None, gravity: Array) -> Array:
     assert air is not None
     return -((air.density / grains.density)[:, None] * gravity)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from .record import Air, Force, Grains, Instant, Slots, Vector
+from .record import AirProperties, Force, Grains, Instant, Slots, Vector
 
 __all__ = ["DRAG"]
 
 
-def _factors(grains: Grains, air: Air) -> Slots:
+def _factors(grains: Grains, air: AirProperties) -> Slots:
     """STOKES (1/s): rate of Stokes drag, 18 mu / (rho_p d^2), times the factor on the law."""
     return {"STOKES": grains.drag_scale * 18.0 * air.viscosity / (grains.density * grains.diameter**2)}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .record import Air, Force, Grains, Instant, Slots, Vector
+from .record import AirProperties, Force, Grains, Instant, Slots, Vector
 from .scales import Bound, FlightScales
 
 __all__ = ["PRESSURE_GRADIENT"]
@@ -12,7 +12,7 @@ def _shift(flight: FlightScales) -> float:
     return flight.widths(flight.passage(flight.ratio * flight.flow_acceleration, flight.near))
 
 
-def _factors(grains: Grains, _air: Air) -> Slots:
+def _factors(grains: Grains, _air: AirProperties) -> Slots:
     """PRESSURE (m3/kg): -1 / rho_p."""
     return {"PRESSURE": -1.0 / grains.density}
 

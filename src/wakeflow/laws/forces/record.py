@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...core.registry import Registry
 from .scales import Bound
 
-__all__ = ["Air", "Field", "Force", "Grains", "Granule", "Instant", "forces"]
+__all__ = ["AirProperties", "Field", "Force", "Grains", "Granule", "Instant", "forces"]
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float]
@@ -50,7 +50,7 @@ class Grains(Protocol):
     def __len__(self) -> int: ...
 
 
-class Air(Protocol):
+class AirProperties(Protocol):
     """What a force may ask of the air as a whole."""
 
     @property
@@ -147,10 +147,10 @@ class Force:
     random: bool = False  # draws random numbers
     effort: float = 0.0  # run time that it adds to a flight, over that of a flight with drag and weight alone
     by_gradient: bool = False  # the kernel computes it from the gradient of the air's velocity
-    acceleration: Callable[[Grains, Air | None, Array], Array] | None = None
-    inertia: Callable[[Grains, Air], Array] | None = None
-    factors: Callable[[Grains, Air], Slots] | None = None
-    constants: Callable[[Grains, Air], Slots] | None = None
+    acceleration: Callable[[Grains, AirProperties | None, Array], Array] | None = None
+    inertia: Callable[[Grains, AirProperties], Array] | None = None
+    factors: Callable[[Grains, AirProperties], Slots] | None = None
+    constants: Callable[[Grains, AirProperties], Slots] | None = None
     reference: Callable[[Instant], Vector] | None = None
     reference_inertia: Callable[[Granule], float] | None = None
     torque: Callable[[Instant], float] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..lift import lift_coefficient
-from .record import Air, Force, Grains, Instant, Slots, Vector
+from .record import AirProperties, Force, Grains, Instant, Slots, Vector
 from .scales import Bound, FlightScales
 
 __all__ = ["SHEAR_LIFT"]
@@ -19,7 +19,7 @@ def _shift(flight: FlightScales) -> float:
     return flight.widths(kick * flight.reach(flight.time))
 
 
-def _factors(grains: Grains, air: Air) -> Slots:
+def _factors(grains: Grains, air: AirProperties) -> Slots:
     """LIFT: rho / rho_p, times the compiled coefficient."""
     return {"LIFT": air.density / grains.density}
 

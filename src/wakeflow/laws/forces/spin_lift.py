@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ..rotation import magnus_factor, spin_rate
-from .record import Air, Force, Grains, Instant, Slots, Vector
+from .record import AirProperties, Force, Grains, Instant, Slots, Vector
 from .scales import Bound, FlightScales
 
 __all__ = ["SPIN_LIFT"]
@@ -21,12 +21,12 @@ def _shift(flight: FlightScales) -> float:
     return flight.widths(by_granule + by_air)
 
 
-def _factors(grains: Grains, air: Air) -> Slots:
+def _factors(grains: Grains, air: AirProperties) -> Slots:
     """MAGNUS: 3/4 rho / rho_p, times the compiled factor."""
     return {"MAGNUS": 0.75 * (air.density / grains.density)}
 
 
-def _constants(grains: Grains, air: Air) -> Slots:
+def _constants(grains: Grains, air: AirProperties) -> Slots:
     """SPIN_RATE (1/s): rate at which the air takes a spin away."""
     return {"SPIN_RATE": spin_rate(grains.diameter, grains.density, air.viscosity, grains.inertia)}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ..turbulence import crossing_times
-from .record import Air, Force, Grains, Slots
+from .record import AirProperties, Force, Grains, Slots
 from .scales import Bound, FlightScales
 
 __all__ = ["DISPERSION", "TWO_SIGMA"]
@@ -26,7 +26,7 @@ def _shift(flight: FlightScales) -> float:
     return TWO_SIGMA * math.sqrt(2.0 * rms**2 * lifetime * flight.near) * follows / flight.width
 
 
-def _constants(_grains: Grains, _air: Air) -> Slots:
+def _constants(_grains: Grains, _air: AirProperties) -> Slots:
     """DISPERSION: 1, a flag; deviation and lifetime of the eddies come with the field."""
     return {"DISPERSION": 1.0}
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .record import Air, Array, Force, Grains, Instant, Vector
+from .record import AirProperties, Array, Force, Grains, Instant, Vector
 
 __all__ = ["GRAVITY_FORCE"]
 
 
-def _acceleration(grains: Grains, _air: Air | None, gravity: Array) -> Array:
+def _acceleration(grains: Grains, _air: AirProperties | None, gravity: Array) -> Array:
     return np.tile(gravity, (len(grains), 1))
 
 

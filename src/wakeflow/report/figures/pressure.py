@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from ..canvas import (
     INK,
     MM,
-    Grid,
+    PlotGrid,
     Window,
     air_arrow,
     canvas,
     first_outline,
     frame,
-    inside,
+    inside_window,
     save,
     solids,
     streams,
@@ -62,12 +62,12 @@ def draw_pressure(
     window = _pressure_window(scene, airflow)
     figure, axes, _ = canvas(window)
     mesh = triangulation(mean)
-    levels, limit = _cp_levels(cp[inside(mean.points, window)])
+    levels, limit = _cp_levels(cp[inside_window(mean.points, window)])
     filled = axes.tricontourf(
         mesh, cp, levels=levels, cmap=_scale(levels, limit), vmin=-limit, vmax=limit, extend="both"
     )
     axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.3, linestyles="--")
-    grid = Grid.sample(mesh, window, [*mean.velocity.T, cp])
+    grid = PlotGrid.sample(mesh, window, [*mean.velocity.T, cp])
     density = (2.0 * (window[1] - window[0]) / (window[3] - window[2]), 2.0)
     axes.streamplot(
         MM * grid.x,
@@ -159,7 +159,7 @@ def _scale(levels: Array, limit: float) -> Any:
     return scale.with_extremes(under=under, over=over)
 
 
-def _zones(axes: Axes, grid: Grid, scene: Scene, window: Window, numbers: Mapping[str, str]) -> None:
+def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Mapping[str, str]) -> None:
     """Name the pressing and the suction zone at the side, with a line to each, ``numbers`` before the names."""
     assert scene.air is not None
     outline, width = first_outline(scene), scene.width

@@ -20,7 +20,7 @@ from .view import Drawn, View, pictures
 if TYPE_CHECKING:
     from ..outcome import Outcome
 
-__all__ = ["Drawn", "View", "clear", "draw_all", "found", "pictures"]
+__all__ = ["Drawn", "View", "clear_pictures", "draw_all", "found", "pictures"]
 
 LIST = "pictures.json"  # beside the pictures: what was drawn, so that nothing else is ever removed
 
@@ -57,7 +57,7 @@ def found(folder: Path) -> dict[str, PictureSummary]:
     return drawn if whole else {}
 
 
-def clear(folder: Path) -> None:
+def clear_pictures(folder: Path) -> None:
     """Remove what ``draw_all`` left in a folder."""
     for picture in _listed(folder).values():
         for file in picture.files:

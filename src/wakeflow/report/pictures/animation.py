@@ -13,7 +13,7 @@ from ...core.files import atomic_write
 from ...core.geometry import distance_to
 from ...scene.pictures import Animation
 from ..canvas import BODY, INK, MM, Window, fraction_colours, new_figure, save
-from .paths import Path2D, displacement
+from .paths import Path2D, body_displacement
 from .view import Drawn, View
 
 if TYPE_CHECKING:
@@ -54,8 +54,8 @@ class _Actor:
         over = time + self.late > self.path.time[-1]
         velocity[over] = 0.0
         if self.rides:
-            end = displacement(scene, self.path.time[-1:])
-            position[over] += displacement(scene, time[over] + self.late) - end
+            end = body_displacement(scene, self.path.time[-1:])
+            position[over] += body_displacement(scene, time[over] + self.late) - end
         return position, velocity
 
 
@@ -102,7 +102,7 @@ def _actor(scene: Scene, fraction: str, number: int, path: Path2D) -> _Actor:
         return _Actor(fraction, number, path, late, rides, None, 0.0)
     first = int(np.flatnonzero(path.touches(scene))[0])
     times = np.linspace(path.time[first], path.time[last], 4000)
-    relative = path.at(times)[0] - displacement(scene, times)
+    relative = path.at(times)[0] - body_displacement(scene, times)
     gap = np.min([distance_to(relative, body.outline()) for body in scene.body.values()], axis=0)
     leaves = None if rides else float(path.time[last] - late)
     return _Actor(fraction, number, path, late, rides, leaves, max(0.0, float(gap.max()) - path.diameter / 2))
@@ -150,7 +150,7 @@ class _Stage:
 
     def show(self, time: float) -> None:
         """Everything where it is at ``time`` (s on the picture's clock)."""
-        shift = displacement(self.scene, np.array([time]))[0]
+        shift = body_displacement(self.scene, np.array([time]))[0]
         for patch, outline in zip(self.bodies, self.outlines, strict=True):
             patch.set_xy(MM * (outline + shift))
         ends = [outline[np.argmax(side * outline[:, 0])] for outline in self.outlines for side in (-1, 1)]
@@ -241,7 +241,7 @@ def _gif(path: Path, view: View, actors: list[_Actor], window: Window, frames: A
 
 
 def _rows(scene: Scene, actors: list[_Actor], frames: Array, start: float) -> list[tuple[Any, ...]]:
-    shift = displacement(scene, frames)
+    shift = body_displacement(scene, frames)
     found = []
     for actor in actors:
         position, velocity = actor.at(scene, frames)

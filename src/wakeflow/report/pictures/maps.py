@@ -15,7 +15,7 @@ from ...scene.pictures import Density
 from ..canvas import (
     INK,
     MM,
-    Grid,
+    PlotGrid,
     Window,
     air_arrow,
     fraction_colours,
@@ -50,7 +50,7 @@ def draw_streamlines(view: View) -> Drawn:
     draw_pressure(view.file(".png"), outcome.field, scene, outcome.airflow, numbered=True)
     mean = outcome.field.mean()
     cp = pressure_coefficient(mean, scene, outcome.airflow)
-    grid = Grid.sample(triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
+    grid = PlotGrid.sample(triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
     columns = ("x (m)", "y (m)", "air vx (m/s)", "air vy (m/s)", "Cp")
     data = view.write_csv(columns, _grid_rows(grid))
     suction = outcome.airflow.suction
@@ -63,7 +63,7 @@ def draw_streamlines(view: View) -> Drawn:
     return Drawn([view.file(".png"), data], text, {"suction": to_json(suction)})
 
 
-def _grid_rows(grid: Grid) -> Iterator[tuple[float, ...]]:
+def _grid_rows(grid: PlotGrid) -> Iterator[tuple[float, ...]]:
     """Points inside the air only."""
     for i, y in enumerate(grid.y):
         for j, x in enumerate(grid.x):

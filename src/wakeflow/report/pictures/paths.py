@@ -16,13 +16,13 @@ from ...injection.first_contact import motion_of
 if TYPE_CHECKING:
     from ...scene import Scene
 
-__all__ = ["Path2D", "displacement"]
+__all__ = ["Path2D", "body_displacement"]
 
 Array = NDArray[np.float64]
 TOUCH = 1e-3  # of its radius: a recorded point nearer than that to a body is a contact
 
 
-def displacement(scene: Scene, time: Array) -> Array:
+def body_displacement(scene: Scene, time: Array) -> Array:
     """Where the bodies are off the middle of their vibration, (n, 2) m at times (n,) s."""
     motion = motion_of(scene)
     return np.zeros((len(time), 2)) if motion is None else motion.at(time)[0]
@@ -59,7 +59,7 @@ class Path2D:
 
     def touches(self, scene: Scene) -> NDArray[np.bool_]:
         """Which recorded points (m,) touch a body."""
-        shift = displacement(scene, self.time)
+        shift = body_displacement(scene, self.time)
         near = np.full(len(self.time), np.inf)
         for body in scene.body.values():
             near = np.minimum(near, distance_to(self.position - shift, body.outline()))

@@ -10,7 +10,7 @@ import math
 from ...laws.collision import collide
 from . import layout as at
 from .dispersion import mirror
-from .events import displacement
+from .events import wall_displacement
 from .forces import free_force
 from .jit import compiled, inlined
 from .rest import caught, held, hold_still, tangent, unwedge, wedge
@@ -31,7 +31,7 @@ def settle(state, ints, hold, walls, rolls):
     nx, ny = hold[at.NX], hold[at.NY]
     state[at.X] -= off * nx
     state[at.Y] -= off * ny
-    _, _, wx, wy, _, _ = displacement(walls.bodies, ints[at.BODY], state[at.T])
+    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], state[at.T])
     vn = (state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny
     state[at.VX] -= vn * nx
     state[at.VY] -= vn * ny
@@ -45,7 +45,7 @@ def _collision(state, ints, hold, grain, walls, body, friction, last, one):
     (last, one) stops. Returns the restitution, the normal impulse, the wall's velocity and its acceleration.
     """
     nx, ny = hold[at.NX], hold[at.NY]
-    _, _, wx, wy, px, py = displacement(walls.bodies, body, state[at.T])
+    _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     mobility, radius = grain[at.MOBILITY], grain[at.RADIUS]
     vx, vy, spin, normal, _ = _collide(
@@ -146,7 +146,7 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
 def rescue(state, ints, hold, affine, grain, table, walls, rules):
     """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
     for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
+        dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, state[at.T])
         within, nearest = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
         if within:
             strike(state, ints, hold, affine, grain, table, walls, rules, at.ON_EDGE, nearest)

@@ -9,7 +9,7 @@ import math
 from . import events
 from . import layout as at
 from .dense_output import along
-from .events import displacement, first_below
+from .events import first_below, wall_displacement
 from .forces import free_force
 from .jit import compiled, inlined
 from .rest import STATIC
@@ -37,7 +37,7 @@ def friction_turn(path, h, state, affine, grain, table, hold):
 def _slip(path, s, t0, hold, walls, body, spin, radius):
     """Velocity of the contact point along the moving wall."""
     x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = displacement(walls.bodies, body, t0 + s)
+    dx, dy, wx, wy, _, _ = wall_displacement(walls.bodies, body, t0 + s)
     nx, ny = hold[at.NX], hold[at.NY]
     if hold[at.KIND] == at.ON_VERTEX:
         nx, ny = x - dx - hold[at.OX], y - dy - hold[at.OY]
@@ -71,7 +71,7 @@ def takes_hold(path, s, state, ints, hold, grain, walls, turn):
 def _beside(path, s, t0, hold, bodies, body):
     """Position from the constraint's origin and velocity, both seen from the wall, at time s of the step."""
     x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
+    dx, dy, wx, wy, _, _ = wall_displacement(bodies, body, t0 + s)
     return x - dx - hold[at.OX], y - dy - hold[at.OY], vx - wx, vy - wy
 
 

@@ -11,7 +11,7 @@ import math
 from . import events
 from . import layout as at
 from .dense_output import along
-from .events import displacement, first_below, level
+from .events import first_below, level, wall_displacement
 from .jit import compiled, inlined
 from .walls import STILL
 
@@ -54,7 +54,7 @@ def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):
     if s < 0.0:
         return -1.0
     x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = displacement(walls.bodies, body, t0 + s)
+    dx, dy, wx, wy, _, _ = wall_displacement(walls.bodies, body, t0 + s)
     foot = -ny * (x - dx - px) + nx * (y - dy - py)
     onward = -ny * (vx - wx) + nx * (vy - wy)
     near = 1e-3 * skin  # at the very end and on the way out it is the corner's
@@ -96,7 +96,7 @@ def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):
 def _seen_from(state, t, bodies, body):
     """Position and velocity in the frame of a body."""
     x, y, vx, vy = state
-    dx, dy, wx, wy, _, _ = displacement(bodies, body, t)
+    dx, dy, wx, wy, _, _ = wall_displacement(bodies, body, t)
     return x - dx, y - dy, vx - wx, vy - wy
 
 

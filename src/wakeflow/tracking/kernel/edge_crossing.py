@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .events import displacement
+from .events import wall_displacement
 from .jit import compiled, inlined
 from .locate import barycentric, walk
 from .step_control import EDGE
@@ -25,7 +25,7 @@ def _at_boundary(state, ints, air, walls, rules, k):
     state[at.Y] -= off * by
     ints[at.FATE] = at.ESCAPED
     near = ON_LINE * rules.extent + rules.allowance * rules.extent
-    sx, sy, _, _, _, _ = displacement(walls.frame, 0, state[at.T])
+    sx, sy, _, _, _, _ = wall_displacement(walls.frame, 0, state[at.T])
     for i in range(walls.lines.shape[0]):
         x0, y0, x1, y1 = (
             walls.lines[i, at.FROM_X] + sx,

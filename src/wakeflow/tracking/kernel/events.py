@@ -15,8 +15,17 @@ from .dense_output import along
 from .jit import compiled
 
 __all__ = [
-    "PLANE", "ROUND", "SPEED", "SPIN", "cubic", "displacement", "first_below", "harmonic", "interval", "level",
+    "PLANE",
+    "ROUND",
+    "SPEED",
+    "SPIN",
+    "cubic",
+    "first_below",
+    "harmonic",
+    "interval",
+    "level",
     "next_turn",
+    "wall_displacement",
 ]  # fmt: skip
 
 PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
@@ -68,7 +77,7 @@ def interval(bodies, body, t):
 
 
 @compiled
-def displacement(bodies, body, t):
+def wall_displacement(bodies, body, t):
     """Displacement, velocity and acceleration of a body at time t: a harmonic, or a record of samples."""
     ax, ay, omega = bodies[body, at.REACH_X], bodies[body, at.REACH_Y], bodies[body, at.OMEGA]
     if omega == 0.0:
@@ -104,7 +113,7 @@ def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):
     """Value and rate of an event function at time s of the step (no rate for speeds: 0)."""
     x, y, vx, vy = along(path, s)
     if body >= 0 and bodies[body, at.OMEGA] != 0.0:
-        dx, dy, wx, wy, _, _ = displacement(bodies, body, t0 + s)
+        dx, dy, wx, wy, _, _ = wall_displacement(bodies, body, t0 + s)
         x, y, vx, vy = x - dx, y - dy, vx - wx, vy - wy
     x, y = x - ox, y - oy
     if kind == PLANE:

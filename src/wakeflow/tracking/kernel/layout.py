@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Air", "Rules", "Walls"]
+__all__ = ["PackedAir", "Rules", "Walls"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-class Air(NamedTuple):
+class PackedAir(NamedTuple):
     """The field. Without one, ``corners`` is empty."""
 
     geometry: Array  # (M, 8) first corner, gradients of the three barycentric coordinates

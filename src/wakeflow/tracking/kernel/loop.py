@@ -17,7 +17,7 @@ from .crossings import first_line, first_wall
 from .dense_output import along, sway
 from .dispersion import renew
 from .edge_crossing import cross_edge, hop, relocate
-from .events import displacement
+from .events import wall_displacement
 from .forces import free_force, spin_at
 from .jit import entry, inlined, merged
 from .locate import reproject
@@ -190,7 +190,7 @@ def _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air
     elif event == events.WALL:
         _hit(state, ints, hold, affine, grain, table, walls, rules, kind, which, pull)
     elif event == events.HALTED:
-        _, _, wx, wy, _, _ = displacement(walls.bodies, ints[at.BODY], state[at.T])
+        _, _, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], state[at.T])
         state[at.VX], state[at.VY] = wx, wy
     elif event == events.LIFTED:
         ints[at.CONTACT] = hold[at.KIND] = at.FREE

@@ -10,7 +10,7 @@ do not have: where the other wall's friction alone holds it, it stays all the sa
 from __future__ import annotations
 
 from . import layout as at
-from .events import displacement, next_turn
+from .events import next_turn, wall_displacement
 from .forces import free_force
 from .jit import compiled
 from .walls import STILL, carry, constrain, facing, grasp, ride
@@ -98,7 +98,7 @@ def wedge(state, ints, hold, walls, rules, fx, fy, kind, which, e):
     first, second = _presses(hold, fx, fy, state[at.T])
     if not (first > 0.0 and second > 0.0):
         return False
-    _, _, wx, wy, _, _ = displacement(walls.bodies, body, state[at.T])
+    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, body, state[at.T])
     rx, ry = state[at.VX] - wx, state[at.VY] - wy
     into = rx * mx + ry * my
     speed2 = rx * rx + ry * ry if into >= 0.0 else e * e * into * into
@@ -130,8 +130,8 @@ def unwedge(state, ints, hold, grain, walls, fx, fy):
 def _carried(state, ints, hold, affine, grain, table, walls, dt):
     """Whether it is still held after riding with the wall for dt, and where and how fast it is then."""
     t = state[at.T]
-    x0, y0, _, _, _, _ = displacement(walls.bodies, ints[at.BODY], t)
-    x1, y1, wx, wy, _, _ = displacement(walls.bodies, ints[at.BODY], t + dt)
+    x0, y0, _, _, _, _ = wall_displacement(walls.bodies, ints[at.BODY], t)
+    x1, y1, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], t + dt)
     x, y = state[at.X] + x1 - x0, state[at.Y] + y1 - y0
     fx, fy, _, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt, 0.0)
     if ints[at.PAIR] != at.FREE:

@@ -6,7 +6,7 @@ import math
 
 from . import layout as at
 from .edge_crossing import relocate
-from .events import displacement
+from .events import wall_displacement
 from .jit import compiled, inlined
 from .walls import grasp, inside, overlap
 
@@ -17,7 +17,7 @@ __all__ = ["begin_track"]
 def _born_inside(state, walls):
     """Whether the granule's centre lies in a body."""
     for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
+        dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, state[at.T])
         within, _ = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
         if within:
             return True
@@ -29,7 +29,7 @@ def _pushed_out(state, hold, grain, walls):
     """Put a granule that reaches into a body onto its surface; whether it did."""
     moved = False
     for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = displacement(walls.bodies, body, state[at.T])
+        dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, state[at.T])
         depth, kind, which = overlap(walls, body, state[at.X] - dx, state[at.Y] - dy, grain[at.RADIUS])
         if depth > 0.0:
             _, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])

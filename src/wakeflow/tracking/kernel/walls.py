@@ -10,7 +10,7 @@ import math
 
 from . import events
 from . import layout as at
-from .events import cubic, displacement, harmonic, interval
+from .events import cubic, harmonic, interval, wall_displacement
 from .jit import compiled
 
 __all__ = ["carry", "constrain", "facing", "grasp", "inside", "overlap", "ride"]
@@ -90,7 +90,7 @@ def facing(walls, kind, which, x, y, t):
     else:
         body = walls.vertex_links[which, at.OWNER]
         ox, oy = walls.vertices[which, at.VERTEX_X], walls.vertices[which, at.VERTEX_Y]
-    dx, dy, _, _, _, _ = displacement(walls.bodies, body, t)
+    dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, t)
     qx, qy = x - dx - ox, y - dy - oy
     if kind == at.ON_EDGE:
         nx, ny = walls.edges[which, at.OUT_X], walls.edges[which, at.OUT_Y]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...core.files import write_json
 from ...field import FlowField
 from ...pipeline.pipeline import Pipeline
-from ...results.separation import interval
+from ...results.separation import share_interval
 from ...scene import RESERVED_BIN, Scene
 from ...tracking import Tracks, track
 from .benchmark_cases import BenchmarkCase, benchmark_case, shipped
@@ -159,7 +159,7 @@ def _by_replicate(case: BenchmarkCase, values: Array, chosen: NDArray[np.bool_])
 
 
 def _share(case: BenchmarkCase, inside: NDArray[np.bool_]) -> tuple[float, float, float]:
-    value, low, high = interval(
+    value, low, high = share_interval(
         _by_replicate(case, inside.astype(float), np.ones(len(inside), dtype=bool)), len(inside)
     )
     return 100 * value, 100 * low, 100 * high
