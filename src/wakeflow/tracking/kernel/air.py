@@ -8,7 +8,7 @@ from . import layout as at
 from .jit import compiled, inlined
 from .locate import on_edge
 
-__all__ = ["air_at", "bracket", "gradient_at", "load", "nodal", "rise_at", "shares", "swinging"]
+__all__ = ["air_at", "bracket", "gradient_at", "load_triangle", "nodal", "rise_at", "shares", "swinging"]
 
 
 @compiled
@@ -137,7 +137,7 @@ def _add_splines(affine, first, air, tri, j, m, factor, mean):
 
 @inlined
 def _load_smooth(state, ints, affine, air, grain, tri):
-    """The four polynomial coefficients in time, between two knots, of what ``load`` loads."""
+    """The four polynomial coefficients in time, between two knots, of what ``load_triangle`` loads."""
     for i in range(4):
         affine[at.SWING + i] = air.swing[i]
     for m in range(4):
@@ -157,8 +157,8 @@ def _load_smooth(state, ints, affine, air, grain, tri):
 
 @inlined
 def _load_between(affine, air, grain, tri, a, b, m, base, mean):
-    """Quantity m of what ``load`` loads, linear in time between snapshots a and b: ``base`` more than in them, and the
-    deviation times ``mean``.
+    """Quantity m of what ``load_triangle`` loads, linear in time between snapshots a and b: ``base`` more than in them,
+    and the deviation times ``mean``.
     """
     first, to, values = at.U0 + at.PER_QUANTITY * m, at.U1 + at.PER_QUANTITY * m, air.values
     c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
@@ -181,7 +181,7 @@ def _load_between(affine, air, grain, tri, a, b, m, base, mean):
 
 @inlined
 def _load_snapshots(state, ints, affine, air, grain, tri):
-    """What ``load`` loads, in a steady field or between two snapshots."""
+    """What ``load_triangle`` loads, in a steady field or between two snapshots."""
     for m in range(4):
         if m >= 2:
             base = grain[at.GX] if m == 2 else grain[at.GY]
@@ -198,7 +198,7 @@ def _load_snapshots(state, ints, affine, air, grain, tri):
 
 
 @compiled
-def load(state, ints, affine, air, grain):
+def load_triangle(state, ints, affine, air, grain):
     """Velocity and acceleration (gravity, pressure gradient) as affine functions in the current triangle and interval.
 
     The velocity is the mean field's plus the fluctuation a granule sees: its deviation, linear in the triangle, times

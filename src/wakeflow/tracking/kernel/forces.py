@@ -1,7 +1,7 @@
 """The compiled terms of the forces: drag by table, added mass, shear lift, spin lift, and how the air turns a granule.
 
 Formulas and sources are in ``laws``; what is constant of a term for one granule (``at.STOKES`` to ``at.SPIN_RATE``) is
-packed before the flight. Gravity, buoyancy and pressure gradient are in the loaded air (``air.load``).
+packed before the flight. Gravity, buoyancy and pressure gradient are in the loaded air (``air.load_triangle``).
 """
 
 from __future__ import annotations

@@ -159,7 +159,7 @@ CONSTANTS = 18
 ) = range(21)  # fmt: skip
 PATH = 21
 
-# -- The air of one triangle and one interval of time, see ``air.load`` ------------------------------------------------
+# -- The air of one triangle and one interval of time, see ``air.load_triangle`` ---------------------------------------
 # Polynomials in w = (t - T_BEGIN) PER_DT of the powers 0 to 3 (2 and 3 only where CUBIC is 1); each coefficient is
 # affine: value at the origin, d/dx, d/dy. Power p of quantity m begins at U0 + PER_POWER p + PER_QUANTITY m, where the
 # quantities are the velocity (u, v) and the acceleration by gravity and pressure (ax, ay).

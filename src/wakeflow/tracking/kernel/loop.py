@@ -10,7 +10,7 @@ import math
 
 from . import events
 from . import layout as at
-from .air import bracket, load
+from .air import bracket, load_triangle
 from .contact import grip, rescue, settle, strike
 from .contact_ends import ends_of_slide, friction_turn, lets_go, takes_hold
 from .crossings import first_line, first_wall
@@ -259,6 +259,6 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
                     store_point(state, ints, record, 0)
                     continue
                 if ints[at.FRESH] == 0:
-                    load(state, ints, affine, air, grain)
+                    load_triangle(state, ints, affine, air, grain)
                 _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record)
         store_point(state, ints, record, 1)

@@ -1,7 +1,7 @@
 """The force at a point straight from the nodes of its triangle, nothing loaded before: what multi-cell steps look at.
 
-The interpolant is that of ``air.load`` and ``air.air_at``. Those are cheaper where a triangle is looked at several
-times, this where it is looked at once or twice.
+The interpolant is that of ``air.load_triangle`` and ``air.air_at``. Those are cheaper where a triangle is looked at
+several times, this where it is looked at once or twice.
 """
 
 from __future__ import annotations

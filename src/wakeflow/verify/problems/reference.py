@@ -90,7 +90,7 @@ class _Flight:
             self.pull -= (field.density / grains.density)[:, None] * np.array(problem.gravity)
         margin = float(grains.diameter.max()) + 0.02 * problem.length
         self.boxes = [(b.outline.min(axis=0) - margin, b.outline.max(axis=0) + margin, b) for b in problem.bodies]
-        self.load(np.flatnonzero(self.state == FLYING))
+        self.load_triangles(np.flatnonzero(self.state == FLYING))
 
     # -- the field -----------------------------------------------------------------------------------------------------
 
@@ -112,7 +112,7 @@ class _Flight:
             value[:, :, 2:] -= self.pull_of_pressure[at] / self.grains.density[i, None, None]
         return value
 
-    def load(self, i: Index) -> None:
+    def load_triangles(self, i: Index) -> None:
         """The affine field in the triangle and between the snapshots that hold granules ``i`` now."""
         gradient = self.field.gradients[self.tri[i]]
         self.origin[i] = self.field.points[self.field.triangles[self.tri[i], 0]]
@@ -209,7 +209,7 @@ class _Flight:
         self.tri[j[stay]] = onward[stay]
         turn = i[(self.t[i] >= self.t_end[i]) & (self.state[i] == FLYING)]
         fresh = np.union1d(j[stay], turn)
-        self.load(fresh)
+        self.load_triangles(fresh)
         self.aim[fresh] = np.inf
 
     def _bounce(self, i: Index, which: Index) -> None:
