@@ -236,6 +236,11 @@ def test_the_table_has_a_row_for_every_problem_and_tolerance() -> None:
     assert seen[-1] == (len(FLOWN), len(FLOWN))
     assert [row["problem"] for row in rows[::2]] == FLOWN
     assert all(row["ratio"] <= 1 and row["astray"] == 0 for row in rows)
+
+
+@pytest.mark.slow
+def test_the_table_of_numbers_holds() -> None:
+    """Each number is tested above, the long one with --slow."""
     assert all(row["holds"] for row in run_numbers(tolerance=1e-4))
 
 
