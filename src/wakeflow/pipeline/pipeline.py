@@ -36,8 +36,8 @@ class Pipeline:
     """The stages of one scene under one plan; each is made at most once and comes from the cache where it can.
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
-    same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan``
-    and plans the scene at other rungs; by default one with the plan's own options.
+    same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
+    by default it is one with the plan's own options.
     """
 
     scene: Scene
