@@ -365,7 +365,7 @@ class TestInterruption:
         case = tmp_path / "case"
 
         def stop(now: Progress) -> None:
-            if now.stage == "recording" and now.time > json.loads((case / "phase.json").read_text())["begin"] + 0.4:
+            if now.stage == "recording" and now.time > json.loads((case / "phase.json").read_text())["begin"] + 0.9:
                 raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
