@@ -251,14 +251,15 @@ class SolvedAir(CaseAir):
         if not spec.ranks:  # by the mesh alone, so that every machine computes the same
             spec = replace(spec, ranks=1 if spec.vibration else ranks_for(self.mesh_quality["cells"])[0])
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
-        key = content_key("airflow", mesh_key, asked, code)
+        start = self.start()  # by its key: the same airflow from another start would end at another moment
+        key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)
 
         def work(part: Path) -> None:
             solve_airflow(
                 spec,
                 mesh_folder / "mesh.msh",
                 part / "case",
-                start=self.start(),
+                start=start,
                 listener=lambda now: self.cache.tell("airflow", str(now)),
             )
 
