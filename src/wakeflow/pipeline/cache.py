@@ -27,6 +27,7 @@ CODE = {
     "airflow": ("wakeflow.foam.airflow",),
     "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.pipeline.case_field",),
+    "blend": ("wakeflow.field.blend",),
     "duct": ("wakeflow.pipeline.analytic",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
 }

@@ -17,6 +17,7 @@ from ..funnel import compute as compute_funnel
 from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..scene import Scene
+from . import blended_air  # noqa: F401 - its import registers a kind of airflow
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
 from .stages import StageKey, StageTime
@@ -79,7 +80,7 @@ class Pipeline:
     def kind(self) -> AirflowKind:
         """What computes the airflow."""
         made: type[AirflowKind] = airflow_kinds[self.plan.airflow.kind]
-        return made(self.scene, self.plan, self.cache, self.grid, lambda: self.draft.solution[1] / "case")
+        return made(self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case)
 
     @property
     def _in_case(self) -> CaseAir:

@@ -33,13 +33,13 @@ COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatev
 class Companion:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
-    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``blend`` of a time-resolved
-    airflow, u = mean + blend u' (0: the mean wake, 1: as computed).
+    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
+    wake instead of the answer's own, as in ``field.blended_wake``.
     """
 
     name: str
     tolerance: float | None = None
-    blend: float = 1.0
+    wake: tuple[float, float] | None = None
 
 
 @dataclass
@@ -109,8 +109,8 @@ class TrackStage:
         change = companion or Companion("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
         replicates = REPLICATES if companion is None else COMPARED
-        key = content_key(self.key, tolerance, change.blend, replicates)
-        field = self._blended(change.blend)
+        key = content_key(self.key, tolerance, change.wake, replicates)
+        field = self._blended(change.wake)
         tell = partial(self.cache.tell, change.name)
         flight = Flight(self.scene, self.plan, field, tolerance, self.workers, tell, replicates)
         if self._must_compile(change.name, key):
@@ -129,16 +129,14 @@ class TrackStage:
             return {}
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")
-        flight = Flight(self.scene, self.plan, self._blended(1.0), tolerance, self.workers, tell)
+        flight = Flight(self.scene, self.plan, self._blended(None), tolerance, self.workers, tell)
         folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
         return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
 
-    def _blended(self, blend: float) -> FlowField | None:
-        """The field with ``blend`` of its fluctuation, where it has one; None in a vacuum."""
-        if self.air.field is None:
-            return None
-        field = self.air.field[1]
-        return field if field.times is None or blend == 1.0 else field.blended(blend)
+    def _blended(self, wake: tuple[float, float] | None) -> FlowField | None:
+        """The field, with another ``wake`` where one is asked for; None in a vacuum."""
+        found = self.air.field if wake is None else self.air.between(*wake)
+        return None if found is None else found[1]
 
     def _must_compile(self, stage: str, key: str) -> bool:
         """Whether the stage will be flown by the tracker, for the first time in this run."""

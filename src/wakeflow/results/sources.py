@@ -1,13 +1,14 @@
 """The sources of the budget.
 
 Measured: sampling (spread of independent replicates). By companions, the same granules flown again: integration (at a
-hundredth of the tolerance), the airflow's model (in the steady wake and with less of the fluctuation) and the mesh (on
-other grids). Calibrated: each term that is left out, by the plan's bound on its landing shift times the landing density
+hundredth of the tolerance), the airflow's model (with another theta and strength of the wake) and the mesh (on other
+grids). Calibrated: each term that is left out, by the plan's bound on its landing shift times the landing density
 found at a bin's ends; the airflow's statistics, by what the fluctuation changes. The rest is named and unknown.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -15,9 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..pipeline.pipeline import Pipeline
-from .companions import Comparison, Grid, Wake, airflows, differences, finer_steps, grids, mesh_error
+from ..planning.wake import Wake
+from .airflow_summary import Airflow
+from .companions import Comparison, Grid, airflows, differences, finer_steps, grids, mesh_error
 from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
 from .left_out import left_out_terms
+from .measured import Measured
 from .separation import upper_limit
 from .source import FractionResults, Source, budget_sources
 
@@ -94,7 +98,9 @@ class LeftOutTerms(Source[None]):
 
 
 class AirflowModel(Source[Comparison[Wake]]):
-    """The airflow's model: the farthest of the steady wake, the mean wake and half of the fluctuation."""
+    """The airflow's model: of a best estimate the ranges of its two numbers, each with the other as it is; of a
+    time-resolved airflow the farthest of the steady wake, the mean wake and half of the fluctuation.
+    """
 
     name, how, place, fills = "airflow-model", COMPANION, 50, True
 
@@ -105,12 +111,22 @@ class AirflowModel(Source[Comparison[Wake]]):
         wakes = fraction.flights.of(self)
         if wakes is None:
             return _unless_known(self.name, fraction)
-        return {bin_: [self._farthest(wakes, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
+        told = self._farthest if fraction.pipeline.plan.airflow.wake is None else self._ranges
+        return {bin_: [told(moved, wakes.seconds)] for bin_, moved in _moved(wakes, fraction)}
 
-    def _farthest(self, wakes: Comparison[Wake], name: str, number: int) -> BudgetPart:
-        moved = dict(differences(wakes, name, number))
+    def _ranges(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
+        """Root of the squares of the largest changes: nobody knows that theta and the strength err together."""
+        parts = {"theta": (Wake.THETA_LOW, Wake.THETA_HIGH), "strength": (Wake.STRENGTH_LOW, Wake.STRENGTH_HIGH)}
+        error = math.hypot(*(max(abs(moved[wake]) for wake in ends) for ends in parts.values()))
+        told = (
+            f"{name} at its low and high end {100 * moved[low]:+.2g} and {100 * moved[high]:+.2g}"
+            for name, (low, high) in parts.items()
+        )
+        return self.part(error, seconds, f"{', '.join(told)} points")
+
+    def _farthest(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
         which = max(moved, key=lambda wake: abs(moved[wake]))
-        return self.part(abs(moved[which]), wakes.seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
+        return self.part(abs(moved[which]), seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
 
 
 class AirflowStatistics(Source[None]):
@@ -124,15 +140,22 @@ class AirflowStatistics(Source[None]):
         wakes = fraction.flights.of(MODEL)
         if wakes is None:
             return _unless_known(self.name, fraction)
-        strength = fraction.flights.airflow.cl_rms
-        assert strength is not None
+        strength = _lift(fraction.flights.airflow)
         assert strength.value is not None
         relative = (strength.half or 0.0) / max(strength.value, STILL)
         note = f"strength of the fluctuation (Cl rms) known within {100 * relative:.2g} %"
         return {
-            bin_: [self.part(min(1.0, 2.0 * abs(moved[Wake.HALF]) * relative), note=note)]
+            bin_: [self.part(min(1.0, self._whole(moved, fraction) * relative), note=note)]
             for bin_, moved in _moved(wakes, fraction)
         }
+
+    def _whole(self, moved: Mapping[Wake, float], fraction: FractionResults) -> float:
+        """What the whole fluctuation would change, by what a part of it does."""
+        wake = fraction.pipeline.plan.airflow.wake
+        if wake is None:
+            return 2.0 * abs(moved[Wake.HALF])
+        part = (wake.strength.high - wake.strength.low) / wake.strength.value
+        return abs(moved[Wake.STRENGTH_HIGH] - moved[Wake.STRENGTH_LOW]) / part
 
 
 class Mesh(Source[Comparison[Grid]]):
@@ -173,6 +196,13 @@ def _unless_known(source: str, fraction: FractionResults) -> Parts:
     """The part of a source that no companion measured: unknown, unless the kind of airflow knows it."""
     unknown_parts = fraction.pipeline.kind.unknown_parts()
     return fraction.everywhere(unknown(source)) if source in unknown_parts else {}
+
+
+def _lift(airflow: Airflow) -> Measured:
+    """Rms lift of the wake in time, as it was computed."""
+    found = airflow.cl_rms if airflow.ends is None else airflow.ends.time_resolved.cl_rms
+    assert found is not None
+    return found
 
 
 def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple[str, dict[Wake, float]]]:

@@ -1,0 +1,36 @@
+"""The best estimate's air: between the steady wake and the one in time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .airflow_kinds import TimeResolvedAir, airflow_kinds
+
+if TYPE_CHECKING:
+    from ..field import FlowField
+    from ..laws.best_estimate import WakeEstimate
+
+__all__ = ["BestEstimateAir"]
+
+
+@airflow_kinds.register("best-estimate")
+class BestEstimateAir(TimeResolvedAir):
+    """The wake between the steady one and the one in time, as much of each as the plan's best estimate says."""
+
+    @property
+    def estimate(self) -> WakeEstimate:
+        """The plan's."""
+        assert self.plan.airflow.wake is not None
+        return self.plan.airflow.wake
+
+    def make_field(self) -> tuple[str, FlowField]:
+        return self.between(self.estimate.theta.value, self.estimate.strength.value)
+
+    def make_table(self) -> dict[str, Any]:
+        """That of the time-resolved airflow where it came to rest, and so is no end."""
+        from .wake_table import wake_table
+
+        if self.resolved[1].times is None:
+            return self.measured
+        mean = self.between(self.estimate.theta.value, 0.0)[1]
+        return wake_table(self.flow_spec, self.estimate, mean, self.steady().measured, self.measured)
