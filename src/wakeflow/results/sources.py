@@ -1,9 +1,9 @@
 """The sources of the budget.
 
-Measured: sampling (spread of independent replicates). By companions, the same granules flown again: integration (at a
-hundredth of the tolerance), the airflow's model (with another theta and strength of the wake) and the mesh (on other
-grids). Calibrated: each term that is left out, by the plan's bound on its landing shift times the landing density
-found at a bin's ends; the airflow's statistics, by what the fluctuation changes. The rest is named and unknown.
+Measured: sampling (spread of independent replicates) and the airflow's statistics (spread of shedding cycles). By
+companions, the same granules flown again: integration (at a hundredth of the tolerance), the airflow's model (with
+another theta and strength of the wake) and the mesh (on other grids). Calibrated: each term that is left out, by the
+plan's bound on its landing shift times the landing density found at a bin's ends. The rest is named and unknown.
 """
 
 from __future__ import annotations
@@ -17,13 +17,12 @@ import numpy as np
 
 from ..pipeline.pipeline import Pipeline
 from ..planning.wake import Wake
-from .airflow_summary import Airflow
 from .companions import Comparison, Grid, airflows, differences, finer_steps, grids, mesh_error
 from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
 from .left_out import left_out_terms
-from .measured import Measured
 from .separation import upper_limit
 from .source import FractionResults, Source, budget_sources
+from .spread import cycles_of
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -40,7 +39,6 @@ __all__ = [
 
 Parts = Mapping[str, Sequence[BudgetPart]]
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
-STILL = 1e-12  # Cl rms: below it the lift does not fluctuate
 INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
 
 
@@ -51,9 +49,7 @@ class Sampling(Source[None]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         spent = fraction.flights.tracking
-        return {
-            bin_: [self.part(0.5 * (share.high - share.low), spent)] for bin_, share in fraction.shares.items()
-        }  # fmt: skip
+        return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
 
 
 class Integration(Source["tuple[Tracked, float]"]):
@@ -130,32 +126,17 @@ class AirflowModel(Source[Comparison[Wake]]):
 
 
 class AirflowStatistics(Source[None]):
-    """The finite sample of the shedding: what the whole fluctuation changes more than half of it, per relative error of
-    its strength.
-    """
+    """The finite sample of the airflow: half of the 95 % interval over its shedding cycles, or its realisations."""
 
-    name, how, place, fills = "airflow-statistics", CALIBRATED, 60, True
+    name, how, place = "airflow-statistics", MEASURED, 60
 
     def shares(self, fraction: FractionResults) -> Parts:
-        wakes = fraction.flights.of(MODEL)
-        if wakes is None:
+        cycles = cycles_of([fraction.landings])
+        clusters = cycles * (1 + int(fraction.landings.realisation.max()))
+        if clusters == 1:
             return _unless_known(self.name, fraction)
-        strength = _lift(fraction.flights.airflow)
-        assert strength.value is not None
-        relative = (strength.half or 0.0) / max(strength.value, STILL)
-        note = f"strength of the fluctuation (Cl rms) known within {100 * relative:.2g} %"
-        return {
-            bin_: [self.part(min(1.0, self._whole(moved, fraction) * relative), note=note)]
-            for bin_, moved in _moved(wakes, fraction)
-        }
-
-    def _whole(self, moved: Mapping[Wake, float], fraction: FractionResults) -> float:
-        """What the whole fluctuation would change, by what a part of it does."""
-        wake = fraction.pipeline.plan.airflow.wake
-        if wake is None:
-            return 2.0 * abs(moved[Wake.HALF])
-        part = (wake.strength.high - wake.strength.low) / wake.strength.value
-        return abs(moved[Wake.STRENGTH_HIGH] - moved[Wake.STRENGTH_LOW]) / part
+        note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
+        return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
 
 
 class Mesh(Source[Comparison[Grid]]):
@@ -196,13 +177,6 @@ def _unless_known(source: str, fraction: FractionResults) -> Parts:
     """The part of a source that no companion measured: unknown, unless the kind of airflow knows it."""
     unknown_parts = fraction.pipeline.kind.unknown_parts()
     return fraction.everywhere(unknown(source)) if source in unknown_parts else {}
-
-
-def _lift(airflow: Airflow) -> Measured:
-    """Rms lift of the wake in time, as it was computed."""
-    found = airflow.cl_rms if airflow.ends is None else airflow.ends.time_resolved.cl_rms
-    assert found is not None
-    return found
 
 
 def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple[str, dict[Wake, float]]]:
