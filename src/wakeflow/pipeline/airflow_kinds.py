@@ -83,6 +83,13 @@ class AirflowKind(ABC):
         return 1
 
     @property
+    def residence(self) -> dict[str, Any] | None:
+        """H = tau U / D of fine dust in the near wake with its interval, by ``answer``, ``steady`` and
+        ``time_resolved``; None for an airflow that lies between no ends. It needs the compiled tracker.
+        """
+        return None
+
+    @property
     def table(self) -> dict[str, Any]:
         """The ``airflow`` table of result.json."""
         return {"rung": self.plan.rung, **self.make_table()}

@@ -29,6 +29,7 @@ CODE = {
     "field": ("wakeflow.pipeline.case_field",),
     "blend": ("wakeflow.field.blend",),
     "duct": ("wakeflow.pipeline.analytic",),
+    "residence": ("wakeflow.tracking.residence",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
 }
 

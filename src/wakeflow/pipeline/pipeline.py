@@ -127,6 +127,11 @@ class Pipeline:
         found = self.field[1].divergence()
         return {"rms": found.rms, "max": found.max}
 
+    @property
+    def residence(self) -> dict[str, Any] | None:
+        """How long the near wakes of a best estimate and of its ends keep fine dust; None for another airflow."""
+        return self.kind.residence
+
     # -- the same scene in another airflow -----------------------------------------------------------------------------
 
     @cached_property

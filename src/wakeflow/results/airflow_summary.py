@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..core.record import Partial, column, from_json
@@ -25,6 +25,7 @@ __all__ = [
     "WakeEnds",
     "WakeNumber",
     "airflow_of",
+    "with_residence",
 ]
 
 
@@ -154,7 +155,7 @@ class WakeEnd(Partial):
     cl_rms: Measured | None = column("1", "lift coefficient, root mean square", default=None)
     cp_base: Measured | None = column("1", "base pressure coefficient, behind the first body", default=None)
     suction: SuctionZone | None = column("", "the suction zone behind the first body", default=None)
-    residence_time: float | None = column("1", "near-wake residence time of air, times U / D", default=None)
+    residence_time: Measured | None = column("1", "of fine dust in the near wake, times U / D", default=None)
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ class Airflow(Partial):
     checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)
     grids: tuple[GridStudy, ...] | None = column("", "quantities on several grids; null with one", default=None)
-    residence_time: float | None = column("1", "near-wake residence time of air, times U / D", default=None)
+    residence_time: Measured | None = column("1", "of fine dust in the near wake, times U / D", default=None)
     wake: BestEstimate | None = column("", "how the air lies between its ends; null where it is one", default=None)
     ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
     momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)
@@ -215,6 +216,20 @@ class Airflow(Partial):
     def read(cls, table: dict[str, Any]) -> Airflow:
         """The airflow that a stage of the pipeline wrote down as ``table``."""
         return from_json(cls, table, "airflow.json")
+
+
+def with_residence(airflow: Airflow, found: dict[str, Any] | None) -> Airflow:
+    """The airflow with the near wakes' residence times, ``found`` by ``AirflowKind.residence``; as it is without."""
+    if found is None or airflow.ends is None:
+        return airflow
+    answer, steady, resolved = (
+        from_json(Measured, found[which], "residence.json") for which in ("answer", "steady", "time_resolved")
+    )
+    ends = WakeEnds(
+        airflow.ends.steady.extended(residence_time=steady),
+        airflow.ends.time_resolved.extended(residence_time=resolved),
+    )
+    return replace(airflow.extended(residence_time=answer), ends=ends)
 
 
 def airflow_of(pipeline: Pipeline) -> Airflow:
