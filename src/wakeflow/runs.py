@@ -18,7 +18,14 @@ from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, silent
 from .pipeline.pipeline import Pipeline
 from .planning.make import Planner
-from .results.airflow_summary import Airflow, FieldDivergence, FieldTruncation, MomentumModel, airflow_of
+from .results.airflow_summary import (
+    Airflow,
+    FieldDivergence,
+    FieldTruncation,
+    MomentumModel,
+    airflow_of,
+    with_residence,
+)
 from .results.budget import fly_again, make_budget, together
 from .results.companions import airflow_on_grids
 from .results.funnel_summary import FunnelSummary, funnel_of
@@ -121,6 +128,7 @@ class _Run:
         tracked = None if self.request.until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
         if tracked is not None and airflow is not None:
             airflow = airflow.extended(divergence=_divergence(self.pipeline), truncation=_truncation(self.pipeline))
+            airflow = with_residence(airflow, self.pipeline.residence)
         flights = None if tracked is None else self._flights(tracked)
         landings = None if tracked is None or self.request.until is not None else self._landings(tracked)
         scene, plan = self.pipeline.scene, self.pipeline.plan
