@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import aspirator_curve
+import domain
 import impaction
 import injection_or_resolved
 import kernel_speed
@@ -24,8 +25,8 @@ ELSEWHERE = {"printed_form", "robustness"}  # tests/laws/test_collision.py, test
 HERE = {
     study.__name__
     for study in (
-        aspirator_curve, impaction, injection_or_resolved, kernel_speed, labyrinth_chain, locked_band, mpi_ranks,
-        paper_compare, slope_angles,
+        aspirator_curve, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain, locked_band,
+        mpi_ranks, paper_compare, slope_angles,
     )
 }  # fmt: skip
 
@@ -52,6 +53,16 @@ def test_aspirator_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:
     impaction.cylinder()
     assert len(table_rows(capsys.readouterr().out)) == len(impaction.K)
+
+
+@pytest.mark.openfoam
+def test_domain() -> None:
+    """Two rows: the distances asked for, and those that the program chooses."""
+    told: list[str] = []
+    domain.main(["draft"], told.append, quick=True)
+    rows = table_rows("\n".join(told))
+    assert [row[:2] for row in rows] == [["3.5", "8.0"], ["8.8", "17.6"]]
+    assert float(rows[1][-1]) == 0.0
 
 
 @pytest.mark.openfoam

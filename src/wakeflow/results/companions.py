@@ -6,9 +6,10 @@ shows the change and not another sample. A share's part of the error is that dif
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -39,12 +40,15 @@ __all__ = [
     "finer_steps",
     "grids",
     "mesh_error",
+    "on_other_grids",
+    "steady_wake",
 ]
 
 Array = NDArray[np.float64]
 Shares = dict[str, Array]  # a fraction's share in every bin and elsewhere, (replicates, bins + 1)
 FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
 HALF = 0.5  # of the fluctuation, between the mean wake and the computed one
+IN_STEADY_WAKE, ON_ANOTHER_GRID = Companion("steady wake"), Companion("tracks")
 LEVEL = 0.975  # quantile of Student's t that bounds a 95 % interval
 
 
@@ -111,7 +115,7 @@ def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
     if not pipeline.plan.airflow.brackets or pipeline.field[1].times is None:
         return None
     others: list[tuple[Wake, Pipeline, Companion]] = [
-        (Wake.STEADY, pipeline.draft, Companion("steady wake")),
+        (Wake.STEADY, pipeline.draft, IN_STEADY_WAKE),
         (Wake.MEAN, pipeline, Companion("mean wake", blend=0.0)),
         (Wake.HALF, pipeline, Companion("half fluctuation", blend=HALF)),
     ]
@@ -122,6 +126,19 @@ def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
     return Comparison({**shares, Wake.COMPUTED: _shares(pipeline, tracked)}, seconds)
 
 
+def steady_wake(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What flies the granules of :func:`airflows` through the steady wake; nothing where that is no companion."""
+    if not pipeline.plan.airflow.brackets:
+        return []
+    return [lambda: pipeline.draft.tracks(IN_STEADY_WAKE)]
+
+
+def on_other_grids(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What flies the granules of :func:`grids` through the airflow on each grid but the answer's."""
+    others = (pipeline.on_grid(i) for i in range(1, len(pipeline.plan.airflow.scales)))
+    return [partial(other.tracks, ON_ANOTHER_GRID) for other in others]
+
+
 def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
     """The same granules in the airflow on every grid of the plan; None where the plan has one."""
     own, *others = (pipeline.on_grid(i) for i in range(len(pipeline.plan.airflow.scales)))
@@ -129,7 +146,7 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return None
     shares, seconds = {}, 0.0
     for other in others:
-        shares[_grid(other)] = _shares(pipeline, other.tracks(Companion("tracks")))
+        shares[_grid(other)] = _shares(pipeline, other.tracks(ON_ANOTHER_GRID))
         seconds += sum(other.spent(stage) for stage in ("airflow", "tracks"))
     return Comparison({**shares, _grid(own): _shares(pipeline, tracked)}, seconds)
 

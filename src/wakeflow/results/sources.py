@@ -8,14 +8,25 @@ found at a bin's ends; the airflow's statistics, by what the fluctuation changes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..pipeline.pipeline import Pipeline
-from .companions import Comparison, Grid, Wake, airflows, differences, finer_steps, grids, mesh_error
+from .companions import (
+    Comparison,
+    Grid,
+    Wake,
+    airflows,
+    differences,
+    finer_steps,
+    grids,
+    mesh_error,
+    on_other_grids,
+    steady_wake,
+)
 from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
 from .left_out import left_out_terms
 from .separation import upper_limit
@@ -101,6 +112,9 @@ class AirflowModel(Source[Comparison[Wake]]):
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
         return airflows(pipeline, tracked)
 
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        return steady_wake(pipeline)
+
     def shares(self, fraction: FractionResults) -> Parts:
         wakes = fraction.flights.of(self)
         if wakes is None:
@@ -142,6 +156,9 @@ class Mesh(Source[Comparison[Grid]]):
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return grids(pipeline, tracked)
+
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        return on_other_grids(pipeline)
 
     def shares(self, fraction: FractionResults) -> Parts:
         flown = fraction.flights.of(self)
