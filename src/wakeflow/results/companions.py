@@ -6,8 +6,9 @@ shows the change and not another sample. A share's part of the error is that dif
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -38,11 +39,14 @@ __all__ = [
     "finer_steps",
     "grids",
     "mesh_error",
+    "on_other_grids",
+    "steady_wake",
 ]
 
 Array = NDArray[np.float64]
 Shares = dict[str, Array]  # a fraction's share in every bin and elsewhere, (replicates, bins + 1)
 FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
+IN_STEADY_WAKE, ON_ANOTHER_GRID = Companion(f"{Wake.STEADY} wake"), Companion("tracks")
 LEVEL = 0.975  # quantile of Student's t that bounds a 95 % interval
 
 
@@ -102,10 +106,25 @@ def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
         return None
     shares, seconds = {}, 0.0
     for wake, numbers in beside.items():
-        change = Companion(f"{wake} wake", wake=numbers)
-        shares[wake] = _shares(pipeline, pipeline.tracks(change))
-        seconds += pipeline.spent(change.name)
+        where, change = pipeline, Companion(f"{wake} wake", wake=numbers)
+        if wake is Wake.STEADY:  # on its own mesh, where a second core may have flown it already
+            where, change = pipeline.draft, IN_STEADY_WAKE
+        shares[wake] = _shares(pipeline, where.tracks(change))
+        seconds += where.spent(change.name)
     return Comparison({**shares, Wake.ANSWER: _shares(pipeline, tracked)}, seconds)
+
+
+def steady_wake(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What flies the granules of :func:`airflows` through the steady wake; nothing where that is no companion."""
+    if not pipeline.plan.airflow.brackets:
+        return []
+    return [lambda: pipeline.draft.tracks(IN_STEADY_WAKE)]
+
+
+def on_other_grids(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What flies the granules of :func:`grids` through the airflow on each grid but the answer's."""
+    others = (pipeline.on_grid(i) for i in range(1, len(pipeline.plan.airflow.scales)))
+    return [partial(other.tracks, ON_ANOTHER_GRID) for other in others]
 
 
 def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
@@ -115,7 +134,7 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return None
     shares, seconds = {}, 0.0
     for other in others:
-        shares[_grid(other)] = _shares(pipeline, other.tracks(Companion("tracks")))
+        shares[_grid(other)] = _shares(pipeline, other.tracks(ON_ANOTHER_GRID))
         seconds += sum(other.spent(stage) for stage in ("airflow", "tracks"))
     return Comparison({**shares, _grid(own): _shares(pipeline, tracked)}, seconds)
 

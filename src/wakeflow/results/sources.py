@@ -9,7 +9,7 @@ plan's bound on its landing shift times the landing density found at a bin's end
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,17 @@ import numpy as np
 
 from ..pipeline.pipeline import Pipeline
 from ..planning.wake import Wake
-from .companions import Comparison, Grid, airflows, differences, finer_steps, grids, mesh_error
+from .companions import (
+    Comparison,
+    Grid,
+    airflows,
+    differences,
+    finer_steps,
+    grids,
+    mesh_error,
+    on_other_grids,
+    steady_wake,
+)
 from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
 from .left_out import left_out_terms
 from .separation import upper_limit
@@ -103,6 +113,9 @@ class AirflowModel(Source[Comparison[Wake]]):
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
         return airflows(pipeline, tracked)
 
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        return steady_wake(pipeline)
+
     def shares(self, fraction: FractionResults) -> Parts:
         wakes = fraction.flights.of(self)
         if wakes is None:
@@ -146,6 +159,9 @@ class Mesh(Source[Comparison[Grid]]):
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return grids(pipeline, tracked)
+
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        return on_other_grids(pipeline)
 
     def shares(self, fraction: FractionResults) -> Parts:
         flown = fraction.flights.of(self)
