@@ -20,12 +20,24 @@ from .surroundings import Air, Body, Channel, Vibration
 from .table import Array, Table
 from .units import Name
 
-__all__ = ["Numerics", "SceneTables"]
+__all__ = ["Numerics", "SceneTables", "SpanTable"]
 
 if TYPE_CHECKING:
     RungName = str
 else:
     RungName = Literal[tuple(rungs)]
+
+
+class SpanTable(Table):
+    """[numerics.span]: what rung 3d computes of the third dimension."""
+
+    depth: Annotated[float, Field(ge=0.5, le=20.0)] = Field(2.5, description="of the periodic span, in body widths")
+    layers: Annotated[int, Field(ge=4, le=512)] | None = Field(
+        None, description="of cells over the span; 8 a body width by default"
+    )
+    sheddings: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
+        30.0, description="recorded: of six body widths of travel each, a usual shedding's length"
+    )
 
 
 class Numerics(Table):
@@ -42,6 +54,7 @@ class Numerics(Table):
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )
+    span: SpanTable = SpanTable()
 
 
 class SceneTables(Table):
