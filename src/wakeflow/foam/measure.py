@@ -40,7 +40,8 @@ class AirflowResult:
     the body vibrates in the air: amplitude (x, y) m, omega (rad/s), phase (rad) at the loop's start; the stored field
     belongs to positions less amplitude sin(omega t + phase). ``seconds`` of wall time. ``settings`` that served and
     the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of
-    :mod:`wakeflow.foam.sanity` that the solution takes up.
+    :mod:`wakeflow.foam.sanity` that the solution takes up; ``span``: of an airflow in three dimensions, see
+    :mod:`wakeflow.foam.span_measure`.
 
     Intervals: of a steady run the range over its last iterations; of a time-resolved one 95 % intervals of the
     long-time mean (:mod:`wakeflow.foam.statistics`). ``statistics`` of a time-resolved run: whole ``periods`` averaged,
@@ -81,6 +82,7 @@ class AirflowResult:
     settings: str = "normal"
     attempts: tuple[Attempt, ...] = ()
     checks: dict[str, float] = field(default_factory=dict)
+    span: dict[str, Any] | None = None
 
 
 def measure(

@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from .case import FlowSpec
 from .read import FlowArrays, nodes_of
 from .reconstruction import triangulate
 from .span_record import SpanRecord
 
-__all__ = ["apart", "read_layers"]
+__all__ = ["apart", "lead_of", "read_layers"]
 
 APART = 0.5  # body widths between layers that count as samples of their own, at least
+LEAD = 3.0  # convective times over which a record's end is faded into its beginning: half a usual shedding
 
 
 def apart(record: SpanRecord, width: float, integral_length: float) -> list[int]:
@@ -24,6 +26,11 @@ def apart(record: SpanRecord, width: float, integral_length: float) -> list[int]
     step = max(APART * width, integral_length, spacing)
     count = max(1, int(record.depth / step + 1e-9))
     return [int(i * layers / count) for i in range(count)]
+
+
+def lead_of(spec: FlowSpec, step: float) -> int:
+    """Snapshots, ``step`` (s) apart, into which the end of a record is faded (``field.cross_fade``)."""
+    return max(1, round(LEAD * spec.convective_time / step))
 
 
 def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density: float) -> list[FlowArrays]:
