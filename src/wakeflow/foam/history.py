@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .case import read_parameters
 
-__all__ = ["CD", "CL", "Interval", "Tail", "kind_of", "read_table", "read_vectors", "upward_crossings"]
+__all__ = ["CD", "CL", "Interval", "Table", "Tail", "kind_of", "read_table", "read_vectors", "upward_crossings"]
 
 Array = NDArray[np.float64]
 CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...
@@ -68,11 +68,11 @@ class Tail:
 
     def __init__(self, case: Path) -> None:
         self.case = case
-        self.parts = [_Table(case, "forceCoefficients", (CD, CL))]
+        self.parts = [Table(case, "forceCoefficients", (CD, CL))]
         speed = read_parameters(case).get("inletSpeed")
         self.dynamic = None if speed is None else 0.5 * float(speed) ** 2
         if self.dynamic:
-            self.parts += [_Table(case, "basePressure", (1,)), _Table(case, "inletPressure", (1,))]
+            self.parts += [Table(case, "basePressure", (1,)), Table(case, "inletPressure", (1,))]
 
     def update(self) -> Array:
         """All rows (n, 4) so far."""
@@ -86,8 +86,8 @@ class Tail:
         return np.column_stack([forces, (at_base - at_inlet) / self.dynamic])
 
 
-class _Table:
-    """Rows of one function object's output, read on from where the last look ended."""
+class Table:
+    """Rows (n, 1 + c) of one function object's output, as of :func:`read_table`, read on from the last look."""
 
     def __init__(self, case: Path, what: str, columns: tuple[int, ...]) -> None:
         self.folder, self.columns = case / "postProcessing" / what, columns

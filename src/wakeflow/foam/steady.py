@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.files import write_json
-from ..core.process import tail
-from .case import FlowSpec, write_parameters
-from .case_fields import time_folders
+from .case import FlowSpec
 from .history import Tail, kind_of, read_vectors
-from .solver import PHASE, SAVE_EVERY, run_solver
+from .segments import drop_after, ended_early, last_state, purge, run_segment
+from .solver import PHASE
 from .start import start_from
 from .watch import ProgressListener, Watch
 
@@ -27,7 +26,7 @@ STANDSTILL = 2e-4  # range of Cd over its mean
 STILL_BASE = 1e-3  # range of the base pressure coefficient over its mean, or over 1 where that is smaller
 STILL_WAKE = 5e-3  # range of the velocities along the wake's axis over the inlet speed
 USABLE = 0.01  # range of Cd over its mean that still counts as steady after the last iteration allowed
-SPARE_ITERATIONS = 1000  # beyond the most asked for: the file "stop", not OpenFOAM's endTime, ends a run
+SEGMENT = 100  # iterations between two decisions: starting the solver anew costs as much as about twelve
 TYPICAL_ITERATIONS = 900  # of a steady run to its end: what the time left is estimated from
 
 
@@ -48,26 +47,29 @@ def run_steady(
     "steady" when Cd moved by less than 1 % over those iterations; else how it moves: "periodic" or "broadband" (then
     the flow asks for the time-resolved rung; nothing has failed).
     """
-    wake = _Wake(folder, spec.speed)
-
-    def finished(rows: Array) -> bool:
-        return bool(rows[-1, 0] >= most or (_stands_still(rows[-WINDOW:]) and wake.stands_still()))
-
     done = folder / PHASE
     if not done.exists():
-        if start is not None and not time_folders(folder):
+        drop_after(folder, last_state(folder))
+        if start is not None and not last_state(folder):
             start_from(spec, folder, start)
-        write_parameters(folder, {
-            "startFrom": "latestTime", "endTime": most + SPARE_ITERATIONS, "deltaT": 1, "writeControl": "clockTime",
-            "writeInterval": SAVE_EVERY, "purgeWrite": 2,
-        })  # fmt: skip
-        watch = Watch(folder, "steady", listener, finished, expected=TYPICAL_ITERATIONS)
-        run_solver(folder, "simpleFoam", watch, timeout)
+        watch = Watch(folder, "steady", listener, expected=TYPICAL_ITERATIONS)
+        while not _is_over(spec, folder, most):
+            end = min(max(WINDOW, last_state(folder) + SEGMENT), most)
+            run_segment(folder, "simpleFoam", end, {"deltaT": 1}, watch, timeout)
+            purge(folder)
         drag = Tail(folder).update()[:, 1]
-        converged = "solution converged" in tail(folder / "log.simpleFoam", 40)
-        verdict = "steady" if converged else kind_of(drag[-WINDOW:], USABLE)
+        verdict = "steady" if ended_early(folder) else kind_of(drag[-WINDOW:], USABLE)
         write_json(done, {"phase": "done", "verdict": verdict})
     return str(json.loads(done.read_text())["verdict"])
+
+
+def _is_over(spec: FlowSpec, folder: Path, most: int) -> bool:
+    """Whether the iterations may end with the last segment."""
+    if not last_state(folder):
+        return False
+    if ended_early(folder) or last_state(folder) >= most:
+        return True
+    return _stands_still(Tail(folder).update()[-WINDOW:]) and _wake_stands_still(folder, spec.speed)
 
 
 def _stands_still(recent: Array) -> bool:
@@ -79,13 +81,9 @@ def _stands_still(recent: Array) -> bool:
     )
 
 
-class _Wake:
-    """The velocities along the wake's axis that a steady run records."""
-
-    def __init__(self, folder: Path, speed: float) -> None:
-        self.folder, self.speed = folder, speed
-
-    def stands_still(self) -> bool:
-        """Whether none moved by more than STILL_WAKE of the inlet speed over the window; true without a record."""
-        rows = read_vectors(self.folder, "wakeAxis")[-WINDOW:]
-        return not len(rows) or bool(np.ptp(rows[:, 1:], axis=0).max() <= STILL_WAKE * self.speed)
+def _wake_stands_still(folder: Path, speed: float) -> bool:
+    """Whether no velocity on the wake's axis moved by more than STILL_WAKE of the inlet speed over the window; true
+    without a record.
+    """
+    rows = read_vectors(folder, "wakeAxis")[-WINDOW:]
+    return not len(rows) or bool(np.ptp(rows[:, 1:], axis=0).max() <= STILL_WAKE * speed)
