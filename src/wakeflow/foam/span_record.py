@@ -129,7 +129,7 @@ class SpanRecord:
     def snapshot(self, values: NDArray[np.floating]) -> Snapshot:
         """A layer's values (m, 6), or a mean over layers, as a snapshot of the plane case with its edges' values."""
         plane, cells = self.plane.mesh.plane, np.asarray(values, dtype=float)
-        prescribed, _, sliding, inlet, outlet = self._edges
+        prescribed, k, sliding, inlet, outlet = self._edges
         at_faces = cells[plane.owner]
         velocity = at_faces[:, :2].copy()
         velocity[self.plane.wall] = 0.0
@@ -137,8 +137,9 @@ class SpanRecord:
         velocity[sliding] -= across * plane.normals[sliding]
         velocity[inlet] = prescribed[inlet]
         k_faces = at_faces[:, K].copy()
-        k_faces[self.plane.wall], k_faces[inlet] = 0.0, self._edges[1][inlet]
-        pressure_faces = np.where(outlet, 0.0, at_faces[:, P]) - 2 / 3 * k_faces
+        k_faces[inlet] = k[inlet]
+        at_rest = self.plane.wall & ~sliding
+        pressure_faces = np.where(outlet, 0.0, at_faces[:, P]) - 2 / 3 * np.where(at_rest, 0.0, k_faces)
         return Snapshot(
             velocity=cells[:, :2],
             velocity_faces=velocity,
