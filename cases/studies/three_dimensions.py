@@ -192,7 +192,10 @@ def print_found(found: Found, spec: FlowSpec) -> None:
         ("Cp < -0.5: length, width / D", f"{found.suction.length / width:.2f}, {found.suction.width / width:.2f}"),
         ("rms of w, and of u, v about the span's mean, / U", f"{spanwise / speed:.3f}, {other / speed:.3f}"),
         ("the same in quarters of the time", "; ".join(f"{a / speed:.3f}, {b / speed:.3f}" for a, b in means.parts())),
-        ("integral lengths of u, v, w along the span / D", ", ".join(f"{x / width:.2f}" for x in means.integral_lengths)),
+        (
+            "integral lengths of u, v, w along the span / D",
+            ", ".join(f"{x / width:.2f}" for x in means.integral_lengths),
+        ),
         ("core-hours", f"{found.core_hours:.2f}"),
     ]
     print(f"\n## {found.name}\n\n| quantity | three-dimensional |\n|---|---|")

@@ -58,7 +58,6 @@ def cross_faded(field: FlowField, lead: int) -> FlowField:
         for name in (*SIGNED, *POSITIVE)
         if (values := getattr(field, name)) is not None
     }
-    count = len(field.times) - lead
-    return replace(
-        field, **changes, times=np.arange(count) * float(step.mean()), period=count * float(step.mean())
-    )
+    count, mean = len(field.times) - lead, float(step.mean())
+    changes["times"] = mean * np.arange(count)
+    return replace(field, **changes, period=count * mean)

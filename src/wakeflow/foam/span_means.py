@@ -1,4 +1,4 @@
-"""Means of a three-dimensional airflow over time and span: profiles behind the body, and how far the span hangs together.
+"""Means of an airflow in three dimensions over time and span: profiles behind the body, correlation along the span.
 
 The plane mean wake is what a two-dimensional one is measured by; the rms beside it are of everything resolved about
 that mean, the shedding and what broke it up.
@@ -35,8 +35,9 @@ class SpanMeans:
 
     ``mean`` (m, 6) as the record's columns; ``stresses`` (m, 3): variances of the three components of velocity (m2/s2);
     ``dissipation`` (m,) of the modelled k. ``correlation`` (l // 2 + 1, 3): of each component of velocity in the near
-    wake with itself, 0, 1, 2 ... layers apart, its fluctuation about the mean over time. ``spread`` (t, 2): rms over the
-    near wake of the spanwise velocity, and of the others about their mean over the span (m/s), at ``times`` (t,) s.
+    wake with itself, 0, 1, 2 ... layers apart, its fluctuation about the mean over time. ``spread`` (t, 2): rms over
+    the near wake of the spanwise velocity, and of the others about their mean over the span (m/s), at ``times`` (t,) s;
+    ``spacing`` (m) of the layers.
     """
 
     begin: float
@@ -47,7 +48,7 @@ class SpanMeans:
     dissipation: Array
     correlation: Array
     spread: Array
-    spacing: float  # m, of the layers
+    spacing: float
 
     @property
     def three_dimensional(self) -> tuple[float, float]:
@@ -72,7 +73,7 @@ class SpanMeans:
 
 
 def span_means(spec: FlowSpec, record: SpanRecord, begin: float, end: float = np.inf) -> SpanMeans:
-    """Means over the record's snapshots from ``begin`` to ``end`` (s). Raises FoamError where there are fewer than 2."""
+    """Means over the record's snapshots from ``begin`` to ``end`` (s). Raises FoamError where there are less than 2."""
     near = _near(spec, record)
     layers, cells = record.order.shape
     total, square = np.zeros((cells, 6)), np.zeros((cells, 3))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..planning.span import START_UP
 from .case import FlowSpec, axis_points
 from .case_fields import Snapshot, time_folders
 from .history import CD, CL, Interval, read_table
@@ -68,7 +67,9 @@ def measure_span(
 
     Raises FoamError for a run that has not come so far.
     """
-    begin = START_UP * spec.convective_time if begin is None else begin
+    if begin is None:
+        assert spec.span is not None
+        begin = spec.span.start_up * spec.convective_time
     rows = history_of(spec, deep)
     late = rows[rows[:, 0] >= begin]
     means = span_means(spec, record, begin)
@@ -77,9 +78,9 @@ def measure_span(
     body = record.plane.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
     middle, front, _ = axis_points(spec)
     edges = plane.faces[body]
-    flow_rate, lost = _balance(spec, record, deep)
+    flow_rate, lost = _balance(record, deep)
     told = _statistics(spec, late)
-    step = float(np.median(np.diff(means.times)))
+    step, lead = float(np.diff(means.times).mean()), lead_of(spec, means.times)
     notes = [*told.pop("notes"), *_proof_notes(spec, means)]
     return AirflowResult(
         stepping="time-resolved",
@@ -97,7 +98,7 @@ def measure_span(
         steps=len(rows),
         seconds=seconds,
         field_time="all",
-        period=(len(means.times) - lead_of(spec, step)) * step,
+        period=(len(means.times) - lead) * step,
         notes=notes,
         span=_table(spec, record, means),
         **told,
@@ -142,7 +143,7 @@ def _range(late: Array, column: int) -> Interval:
     return Interval(_mean(late[:, 0], values), float(values.min()), float(values.max()))
 
 
-def _balance(spec: FlowSpec, record: SpanRecord, deep: Path) -> tuple[float, float]:
+def _balance(record: SpanRecord, deep: Path) -> tuple[float, float]:
     """Inflow (m2/s) and (inflow - outflow)/inflow from the conserved flux of the run's last state."""
     from foamlib import FoamFieldFile
 

@@ -28,9 +28,10 @@ def apart(record: SpanRecord, width: float, integral_length: float) -> list[int]
     return [int(i * layers / count) for i in range(count)]
 
 
-def lead_of(spec: FlowSpec, step: float) -> int:
-    """Snapshots, ``step`` (s) apart, into which the end of a record is faded (``field.cross_fade``)."""
-    return max(1, round(LEAD * spec.convective_time / step))
+def lead_of(spec: FlowSpec, times: NDArray[np.float64]) -> int:
+    """How many of the snapshots at ``times`` (t,) s the end of the record is faded into (``field.cross_fade``)."""
+    step = float(np.median(np.diff(times)))
+    return max(1, min(round(LEAD * spec.convective_time / step), len(times) // 4))
 
 
 def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density: float) -> list[FlowArrays]:

@@ -1,8 +1,8 @@
 """What a three-dimensional run leaves: snapshots of its layers, each a plane wake on the mesh that was extruded.
 
-A snapshot is one file ``packed/TIME.npy``: single precision, one row a cell in OpenFOAM's order, columns :data:`COLUMNS`
-(the velocity's three components, kinematic p as OpenFOAM holds it, k, omega). ``layers.npz`` says which cell of the
-plane mesh each of them stands over (``at``) and at which height its centre lies (``z``, m).
+A snapshot is one file ``packed/TIME.npy``: single precision, one row a cell in OpenFOAM's order, columns
+:data:`COLUMNS` (the velocity's three components, kinematic p as OpenFOAM holds it, k, omega). ``layers.npz`` says which
+cell of the plane mesh each of them stands over (``at``) and at which height its centre lies (``z``, m).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..core.errors import FoamError
 from ..core.files import atomic_write
 from .case_fields import CaseFields, Snapshot
 
-__all__ = ["COLUMNS", "LAYERS", "OMEGA", "K", "PACKED", "SpanRecord", "des_dissipation", "pack"]
+__all__ = ["COLUMNS", "LAYERS", "OMEGA", "PACKED", "K", "SpanRecord", "des_dissipation", "pack"]
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -90,7 +90,7 @@ class SpanRecord:
 
     @cached_property
     def order(self) -> NDArray[np.intp]:
-        """The cell (l, m) of each layer, lowest first, over each cell of the plane. Raises FoamError where one lacks."""
+        """The cell (l, m) of each layer, lowest first, over each cell of the plane. Raises FoamError if one lacks."""
         with np.load(self.folder / LAYERS) as data:
             at, z = data["at"], data["z"]
         count = len(self.plane.mesh.plane.cells)

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 from ..core.files import write_json
 from ..laws.turbulence_models import USUAL
-from ..planning.span import CADENCE, START_UP, Span
+from ..planning.span import CADENCE, Span
 from .case import FlowSpec
 from .case_fields import time_folders
 from .extrude import extrude
@@ -100,13 +99,14 @@ def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener
     watch = Watch(deep, "three dimensions", listener, expected=ends[-1], least_step=COLLAPSED * scale)
     while True:
         now, state = last_state(deep), json.loads((folder / PHASE).read_text())
-        _pack_new(folder, now, START_UP * scale)
+        _pack_new(folder, now, span.start_up * scale)
         following = [end for end in ends if end > now * (1 + SAME)]
         if not following:
             return
         try:
             run_segment(deep, "pimpleFoam", following[0], {
                 "deltaT": first_step(spec), "maxCo": state["courant"], "writeInterval": CADENCE * scale,
+                "ranks": spec.ranks,
             }, watch, timeout)  # fmt: skip
         except AirflowFailure as failure:
             if not failure.cause.numerical or state["courant"] <= CAREFUL:

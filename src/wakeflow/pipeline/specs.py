@@ -60,4 +60,5 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         ),
         accuracy=how.accuracy,
         vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
+        span=how.span,
     )

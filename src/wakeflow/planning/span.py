@@ -1,4 +1,4 @@
-"""The plan of an airflow in three dimensions: a periodic span behind the picture, and what it costs before it starts."""
+"""The plan of an airflow in three dimensions: a periodic span behind the picture, and what it will cost."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..core.errors import SceneError
 from ..laws.turbulence_models import model_at
 from ..scene import Scene
 
-__all__ = ["CADENCE", "CONVECTIVE_PERIOD", "START_UP", "Span", "SpanCost", "cost_of", "span_lines", "span_of"]
+__all__ = ["CADENCE", "Span", "SpanCost", "cost_of", "span_lines", "span_of"]
 
 # Convective times (body width over inlet speed).
 START_UP = 30.0  # in which the plane wake that a run starts from breaks up: drag fell for 25 in the runs of the table
@@ -35,6 +35,11 @@ class Span:
     sheddings: float
 
     @property
+    def start_up(self) -> float:
+        """Convective times that pass before the record begins."""
+        return START_UP
+
+    @property
     def recorded(self) -> float:
         """Length of the record in convective times."""
         return CONVECTIVE_PERIOD * self.sheddings
@@ -42,7 +47,7 @@ class Span:
     @property
     def whole(self) -> float:
         """Length of the run in convective times, its start-up included."""
-        return START_UP + self.recorded
+        return self.start_up + self.recorded
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,6 @@ def span_lines(span: Span, cost: SpanCost) -> Iterator[str]:
     """The plan's lines on it."""
     yield (
         f"three dimensions: a periodic span of {span.depth:g} body widths in {span.layers} layers, {span.sheddings:g} "
-        f"sheddings recorded after a start-up of {START_UP:g} body widths of travel"
+        f"sheddings recorded after a start-up of {span.start_up:g} body widths of travel"
     )
     yield f"{cost}; it may be stopped and started again at any time"

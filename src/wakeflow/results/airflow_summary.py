@@ -149,7 +149,7 @@ class SpanwiseMotion:
     w_rms: float = column("air speeds", "rms of the velocity along the span")
     uv_rms: float = column("air speeds", "rms of the other components about their mean over the span")
     quarters: tuple[float, ...] = column("air speeds", "w_rms in each quarter of the time: growing or dying")
-    integral_lengths: tuple[float, ...] = column("m", "integral lengths along the span, across, along the air, spanwise")
+    integral_lengths: tuple[float, ...] = column("m", "along the span: of the velocity across, along the air, spanwise")
     flown: tuple[int, ...] = column("1", "the layers that granules are flown in, each a plane airflow")
     axis: AxisProfiles = column("", "on the body's axis")
 
