@@ -1,17 +1,21 @@
-"""The reference runs in three dimensions, beside the steady and the time-resolved wake in two.
+"""The reference runs in three dimensions, beside the steady, the time-resolved and the blended wake of the same scene.
 
-.venv/bin/python cases/studies/three_dimensions.py --analyse FOLDER...
+.venv/bin/python cases/studies/three_dimensions.py [rhombus] [prism-up] [prism-down] [--set KEY=VALUE ...]
+.venv/bin/python cases/studies/three_dimensions.py --analyse FOLDER... [--beside]
 
-FOLDER holds a run as ``wakeflow.foam.span_record`` describes it, its one-layer case in ``flat`` and the solver's in
-``deep``; its name begins with that of a body: rhombus, prism-up or prism-down.
+The first form runs (hours a body; what stands in the cache goes on or is read) and prints the tables of
+docs/three-dimensions.md: the shipped scene with a rhombus, a prism apex up, a prism apex down, 12.5 % blocked, Re
+16 500, downward air. The second one analyses folders of runs made by hand: ``flat`` the one-layer case, ``deep`` the
+extruded one, ``packed`` and ``layers.npz`` as of ``wakeflow.foam.span_record``; a folder's name begins with the body's.
+``--count 0`` flies no granules.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-import time
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,24 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from wakeflow.core.store import Store, cache_root
 from wakeflow.field import FlowField
 from wakeflow.field.cross_fade import cross_faded
-from wakeflow.foam.case import FlowSpec
+from wakeflow.foam.case import FlowSpec, axis_points
 from wakeflow.foam.case_fields import CaseFields
 from wakeflow.foam.cost import core_seconds
-from wakeflow.foam.history import Interval, Tail
-from wakeflow.foam.measure import mean_pressure
-from wakeflow.foam.read import nodes_of
-from wakeflow.foam.reconstruction import triangulate
-from wakeflow.foam.span_means import AxisProfile, SpanMeans, axis_profile, span_means
-from wakeflow.foam.span_read import apart, read_layers
+from wakeflow.foam.history import Interval
+from wakeflow.foam.measure import AirflowResult
+from wakeflow.foam.span_measure import measure_span
+from wakeflow.foam.span_read import lead_of, read_layers
 from wakeflow.foam.span_record import SpanRecord
-from wakeflow.foam.statistics import Statistics, evaluate
-from wakeflow.foam.suction import Suction, suction_zone
 from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
+from wakeflow.scene.overrides import changes_of
 
 Array = NDArray[np.float64]
 SCENE = Path(__file__).parent.parent / "rhombus.toml"
@@ -46,202 +49,210 @@ BODIES: dict[str, dict[str, Any]] = {
     "prism-up": {**PRISM, "body.rhombus.apex": "up"},
     "prism-down": {**PRISM, "body.rhombus.apex": "down"},
 }
-START_UP = 25.0  # convective times at least, in which the plane wake that a run starts from breaks up
-LEAD = 3.0  # convective times of the cross-fade: half a usual shedding period
+START_UP = 25.0  # convective times of a run made by hand that are no part of its means
 COUNT = 4096  # granules of each fraction
-SHOWN = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # widths behind the body, in the profiles
-
-
-def scene_of(body: str, count: int = COUNT) -> wf.Scene:
-    """The shipped scene with one of the BODIES."""
-    return wf.Scene.load(SCENE).replace({**BODIES[body], "feed.count": count})
-
-
-def spec_of(scene: wf.Scene) -> FlowSpec:
-    """Its time-resolved airflow."""
-    plan = wf.plan(scene, rung="standard")
-    return flow_spec(scene, plan, mesh_spec(scene, plan))
+PLACES = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0])  # widths behind the body, in the profiles
+PAIRED = 2.36  # Student's t of the 8 pairs of replicates, 95 %
+SHOWN = {"dust": ("middle",), "chaff": ("middle",), "wheat": ("outer-left", "outer-right")}
+Shares = dict[str, dict[str, Interval]]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What one run in three dimensions says; coefficients as ``AirflowResult`` has them."""
+class Column:
+    """One airflow of a body: its table as airflow.json has it, the fields that granules fly in, core-hours."""
 
     name: str
-    statistics: Statistics | None
-    cd: Interval
-    cl_rms: Interval
-    strouhal: Interval | None
-    cp_base: Interval
-    suction: Suction
-    profile: AxisProfile
-    means: SpanMeans
+    table: dict[str, Any]
+    fields: Sequence[FlowField]
     core_hours: float
-    recorded: float  # s
-    layers: int
-    cells: int
 
 
-def analyse(folder: Path, spec: FlowSpec, begin: float | None = None) -> tuple[Found, SpanRecord]:
-    """Means over time and span of a run, and its record; ``begin`` (s) of the averages, by default START_UP."""
+def scene_of(body: str, count: int = COUNT, changes: dict[str, Any] | None = None) -> wf.Scene:
+    """The shipped scene with one of the BODIES."""
+    return wf.Scene.load(SCENE).replace({**BODIES[body], "feed.count": count, **(changes or {})})
+
+
+def spec_of(scene: wf.Scene) -> FlowSpec:
+    """Its airflow in three dimensions."""
+    plan = wf.plan(scene, rung="3d")
+    return flow_spec(scene, plan, mesh_spec(scene, plan))
+
+
+def analysed(folder: Path, spec: FlowSpec, begin: float | None = None) -> Column:
+    """A run made by hand, from ``begin`` (s) on."""
     record = SpanRecord(folder, CaseFields(folder / "flat"))
-    scale = spec.convective_time
-    rows = Tail(folder / "deep").update()
-    rows = rows[rows[:, 0] >= (START_UP * scale if begin is None else begin)]
-    found = evaluate(rows, spec.accuracy)
-    since = float(rows[0, 0])
-    means = span_means(spec, record, since)
-    drag, lift, base = (_of(rows, i) for i in (1, 2, 3))
-    rms = float(np.sqrt(np.trapezoid((rows[:, 2] - lift.value) ** 2, rows[:, 0]) / np.ptp(rows[:, 0])))
-    layers, cells = record.order.shape
-    return Found(
-        name=folder.name,
-        statistics=found,
-        cd=found.cd if found else drag,
-        cl_rms=found.cl_rms if found else Interval(rms, 0.0, float(np.ptp(rows[:, 2]))),
-        strouhal=None if found is None or found.frequency is None else Interval(
-            *(scale * x for x in (found.frequency.value, found.frequency.low, found.frequency.high))
-        ),
-        cp_base=found.cp_base if found else base,
-        suction=_suction(spec, record, means),
-        profile=axis_profile(spec, record, means),
-        means=means,
-        core_hours=core_seconds(folder / "deep") / 3600,
-        recorded=float(np.ptp(rows[:, 0])),
-        layers=layers,
-        cells=layers * cells,
-    ), record  # fmt: skip
+    since = START_UP * spec.convective_time if begin is None else begin
+    found = measure_span(spec, record, folder / "deep", since)
+    assert found.span is not None
+    fields = []
+    for arrays in read_layers(record, found.span["flown"], since, spec.density):
+        field = FlowField.from_arrays(**arrays)
+        assert field.times is not None
+        fields.append(cross_faded(field, lead_of(spec, field.times)))
+    return Column("3D", plain(found), fields, core_seconds(folder / "deep") / 3600)
 
 
-def _of(rows: Array, column: int) -> Interval:
-    mean = float(np.trapezoid(rows[:, column], rows[:, 0]) / np.ptp(rows[:, 0]))
-    return Interval(mean, float(rows[:, column].min()), float(rows[:, column].max()))
+def plain(found: AirflowResult) -> dict[str, Any]:
+    """A measured airflow as airflow.json holds it."""
+    table = dict(vars(found))
+    for name in ("cd", "cl_rms", "strouhal", "cp_base", "suction"):
+        table[name] = None if table[name] is None else dict(vars(table[name]))
+    return table
 
 
-def _suction(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> Suction:
-    plane, latest = record.plane.mesh.plane, record.plane.folder("latest")
-    shot = record.snapshot(means.mean)
-    nodes = nodes_of(record.plane, latest, [shot]).mean()
-    cp = (nodes.pressure - mean_pressure(plane, [shot], plane.on("inlet"))) / (0.5 * spec.speed**2)
-    body = plane.on(*(name for name in plane.patches if name.startswith("body_")))
-    triangles = triangulate(plane.points, plane.cells)
-    return suction_zone(spec, plane.points, triangles, cp, nodes.velocity, np.unique(plane.faces[body]))
+def computed(scene: wf.Scene, rung: str, name: str, said: bool = True) -> Column:
+    """The airflow of a rung, solved where it is not in the cache."""
+    plan = wf.plan(scene, rung=rung)
+    tell = (lambda stage, text: print(f"{stage}: {text}", end="\r", file=sys.stderr)) if said else (lambda *_: None)
+    pipeline = Pipeline(scene, plan, tell, store=Store(cache_root()))
+    case = pipeline.solution[1] / "case"
+    spent = core_seconds(case) + (core_seconds(case / "span") if (case / "span").is_dir() else 0.0)
+    fields = [pipeline.field[1]]
+    if plan.airflow.span is not None:
+        airs = pipeline.kind.realisations
+        fields = [made for i in range(len(airs)) if (made := airs.make(i)) is not None]
+    return Column(name, pipeline.airflow, fields, spent / 3600)
 
 
-def fields_of(record: SpanRecord, found: Found, spec: FlowSpec) -> list[FlowField]:
-    """Layers apart from each other, each as one long period."""
-    width = spec.mesh.projected_width
-    chosen = apart(record, width, found.means.integral_lengths[1])
-    step = float(np.median(np.diff(found.means.times)))
-    lead = max(1, round(LEAD * spec.convective_time / step))
-    made = []
-    for arrays in read_layers(record, chosen, found.means.begin, spec.density):
-        made.append(cross_faded(FlowField.from_arrays(**arrays), lead))
-    return made
-
-
-def shares(scene: wf.Scene, fields: list[FlowField], workers: int | None = None) -> dict[str, dict[str, Interval]]:
-    """Share of every fraction in every bin and its 95 % interval over the replicates, which fly in turn in ``fields``
-    and, every other one, in their mirror images.
+def shares(scene: wf.Scene, fields: Sequence[FlowField]) -> Shares:
+    """Share of every fraction in every bin with its 95 % interval. Pairs of replicates fly in turn in ``fields``, the
+    second of each pair in the mirror image; all airflows get the same granules, forces and random numbers.
     """
     plan = wf.plan(scene, rung="standard")
-    found: dict[str, dict[str, Interval]] = {}
+    bins = [*scene.bin, "elsewhere"]
+    found: Shares = {}
     for name in scene.fraction:
-        rows = np.zeros((REPLICATES, len(scene.bin) + 1))
+        rows = np.zeros((REPLICATES, len(bins)))
         for number, field in enumerate(fields):
-            for mirrored in (False, True):
-                mine = [r for r in range(REPLICATES) if r // 2 % len(fields) == number and r % 2 == int(mirrored)]
+            for mirrored in (0, 1):
+                mine = [r for r in range(REPLICATES) if r // 2 % len(fields) == number and r % 2 == mirrored]
                 if not mine:
                     continue
                 flown = field.reflected() if mirrored else field
-                flight = Flight(scene, plan, flown, scene.numerics.tolerance, workers)
-                feed = feedstock(scene, plan, name, field.period, mine)
+                feed = feedstock(scene, plan, name, flown.period, mine)
+                flight = Flight(scene, plan, flown, scene.numerics.tolerance)
                 columns = landing_columns(feed, flight.fly(name, feed.granules, stream=number), len(scene.bin))
+                place = np.where(columns["bin"] < 0, len(scene.bin), columns["bin"])
                 for replicate in mine:
-                    bins = columns["bin"][columns["replicate"] == replicate]
-                    rows[replicate] = np.bincount(np.where(bins < 0, len(scene.bin), bins), minlength=rows.shape[1])
+                    rows[replicate] = np.bincount(place[feed.replicate == replicate], minlength=len(bins))
         rows /= rows.sum(axis=1, keepdims=True)
         pairs = 0.5 * (rows[::2] + rows[1::2])
-        half = 2.36 * pairs.std(axis=0, ddof=1) / np.sqrt(len(pairs))  # Student's t of 8 pairs
-        means = rows.mean(axis=0)
+        half = PAIRED * pairs.std(axis=0, ddof=1) / np.sqrt(len(pairs))
+        mean = rows.mean(axis=0)
         found[name] = {
-            bin_: Interval(float(m), float(m - h), float(m + h))
-            for bin_, m, h in zip([*scene.bin, "elsewhere"], means, half, strict=True)
+            bin_: Interval(float(m), float(m - h), float(m + h)) for bin_, m, h in zip(bins, mean, half, strict=True)
         }
     return found
 
 
-def told(part: Interval | None, digits: int = 2) -> str:
+def on_axis(spec: FlowSpec, fields: Sequence[FlowField]) -> tuple[Array, Array, Array]:
+    """Mean speed along the air, and rms along (u') and across (v') it, at PLACES on the axis, over the inlet's speed.
+
+    What is resolved and what a model adds, 2k/3, together.
+    """
+    middle, _, rear = axis_points(spec)
+    x = np.column_stack([np.full(len(PLACES), middle), spec.along * (rear + PLACES * spec.mesh.projected_width)])
+    velocities, modelled = [], []
+    for field in fields:
+        times = [0.0] if field.period is None else np.linspace(0.0, field.period, 400, endpoint=False)
+        velocities += [field.sample(x, float(t))[0] for t in times]
+        mean = field.mean()
+        if mean.k is not None:
+            as_speed = FlowField.from_arrays(mean.points, mean.triangles, np.stack([mean.k, mean.k], axis=1))
+            modelled.append(as_speed.sample(x)[0][:, 0])
+    u, k = np.array(velocities), np.mean(modelled, axis=0) if modelled else 0.0
+    across, along = np.sqrt(u.var(axis=0).T + 2 / 3 * k) / spec.speed
+    return spec.along * u.mean(axis=0)[:, 1] / spec.speed, along, across
+
+
+def told(part: dict[str, float] | None, digits: int = 2) -> str:
     """A number with its interval."""
-    return "-" if part is None else f"{part.value:.{digits}f} ({part.low:.{digits}f} to {part.high:.{digits}f})"
+    return (
+        "–" if part is None else f"{part['value']:.{digits}f} ({part['low']:.{digits}f} to {part['high']:.{digits}f})"
+    )
 
 
-def print_found(found: Found, spec: FlowSpec) -> None:
-    """Everything measured on one run."""
-    width, speed, means = spec.mesh.projected_width, spec.speed, found.means
-    spanwise, other = means.three_dimensional
-    rows = [
-        ("cells, layers", f"{found.cells}, {found.layers}"),
-        ("averaged, D/U", f"{found.recorded / spec.convective_time:.1f}"),
-        ("shedding periods averaged", "-" if found.statistics is None else str(found.statistics.periods)),
-        ("Cd", told(found.cd)),
-        ("Cl rms", told(found.cl_rms)),
-        ("St", told(found.strouhal, 3)),
-        ("Cp base", told(found.cp_base)),
-        ("reversal length / D", f"{found.suction.reversal_length / width:.2f}"),
-        ("Cp < -0.5: length, width / D", f"{found.suction.length / width:.2f}, {found.suction.width / width:.2f}"),
-        ("rms of w, and of u, v about the span's mean, / U", f"{spanwise / speed:.3f}, {other / speed:.3f}"),
-        ("the same in quarters of the time", "; ".join(f"{a / speed:.3f}, {b / speed:.3f}" for a, b in means.parts())),
-        (
-            "integral lengths of u, v, w along the span / D",
-            ", ".join(f"{x / width:.2f}" for x in means.integral_lengths),
-        ),
-        ("core-hours", f"{found.core_hours:.2f}"),
-    ]
-    print(f"\n## {found.name}\n\n| quantity | three-dimensional |\n|---|---|")
-    for name, value in rows:
-        print(f"| {name} | {value} |")
-    print("\n| behind the body / D | mean speed | u' | v' | w' | modelled |\n|---|---|---|---|---|---|")
-    p = found.profile
-    for i, behind in enumerate(p.behind):
-        if behind in SHOWN:
-            cells = (p.speed, p.along, p.across, p.spanwise, p.modelled)
-            print(f"| {behind:g} | " + " | ".join(f"{column[i]:.2f}" for column in cells) + " |")
+def percent(row: dict[str, Interval], bins: Sequence[str]) -> str:
+    """The share in some bins together, %."""
+    value = sum(row[name].value for name in bins)
+    half = np.sqrt(sum((row[name].high - row[name].value) ** 2 for name in bins))
+    return f"{100 * value:.1f} ± {100 * half:.1f}"
 
 
-def print_shares(found: dict[str, dict[str, Interval]]) -> None:
-    """Shares in per cent."""
-    bins = list(next(iter(found.values())))
-    print("\n| % | " + " | ".join(bins) + " |\n|---" * 1 + "|---" * len(bins) + "|")
-    for fraction, row in found.items():
-        cells = (f"{100 * x.value:.1f} ± {100 * (x.high - x.value):.1f}" for x in row.values())
-        print(f"| {fraction} | " + " | ".join(cells) + " |")
+def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Column], fly: bool) -> None:
+    """All airflows of a body side by side."""
+    width = spec.mesh.projected_width
+    rows: dict[str, list[str]] = {}
+
+    def add(name: str, value: str) -> None:
+        rows.setdefault(name, []).append(value)
+
+    for column in columns:
+        table, zone = column.table, column.table["suction"]
+        add("cells", str(table["cells"]))
+        for name, key, digits in (("Cd", "cd", 2), ("Cl rms", "cl_rms", 2), ("St", "strouhal", 3)):
+            add(name, told(table[key], digits))
+        add("Cp base", told(table["cp_base"]))
+        add("reversal length / D", f"{zone['reversal_length'] / width:.2f}")
+        speed, along, across = on_axis(spec, column.fields)
+        for i, place in enumerate(PLACES):
+            add(f"axis, {place:g} D behind: speed, u', v'", f"{speed[i]:.2f}, {along[i]:.2f}, {across[i]:.2f}")
+        if fly:
+            found = shares(scene, column.fields)
+            for name, bins in SHOWN.items():
+                add(f"{name} in {bins[0].split('-')[0]}, %", percent(found[name], bins))
+        add("core-hours", f"{column.core_hours:.2f}")
+    print(f"\n## {body}\n\n| | {' | '.join(column.name for column in columns)} |")
+    print("|---" * (len(columns) + 1) + "|")
+    for name, values in rows.items():
+        print(f"| {name} | {' | '.join(values)} |")
 
 
-def report(folder: Path, count: int, begin: float | None) -> None:
-    """Analyse one run and print what it says."""
-    body = next((name for name in BODIES if folder.name.startswith(name)), None)
-    if body is None:
-        raise SystemExit(f"{folder}: its name begins with none of {', '.join(BODIES)}")
-    scene = scene_of(body, count or COUNT)
-    spec = replace(spec_of(scene), accuracy=0.05)
-    found, record = analyse(folder, spec, begin)
-    print_found(found, spec)
-    if count:
-        started = time.monotonic()
-        print_shares(shares(scene, fields_of(record, found, spec)))
-        print(f"flown in {time.monotonic() - started:.0f} s", file=sys.stderr)
+def print_proof(column: Column, spec: FlowSpec) -> None:
+    """That the flow is three-dimensional, and how long it was looked at."""
+    span, width = column.table["span"], spec.mesh.projected_width
+    assert span is not None
+    quarters = ", ".join(f"{part:.3f}" for part in span["quarters"])
+    lengths = ", ".join(f"{length / width:.2f}" for length in span["integral_lengths"])
+    periods = column.table["statistics"].get("periods", "–")
+    print(
+        f"\nSpan {span['depth'] / width:.3g} D in {span['layers']} layers, {len(span['flown'])} of them flown in; "
+        f"{span['recorded'] / spec.convective_time:.0f} D/U recorded ({periods} sheddings averaged). Rms of w in the "
+        f"near wake {span['w_rms']:.3f} U, in quarters of the time {quarters}; of u, v about the span's mean "
+        f"{span['uv_rms']:.3f} U. Integral lengths along the span of v', u', w': {lengths} D."
+    )
+    for note in column.table["notes"]:
+        print(f"Note: {note}.")
+    axis = span["axis"]
+    print("\n| behind / D | speed | u' | v' | w' | modelled |\n|---|---|---|---|---|---|")
+    for i, place in enumerate(axis["behind"]):
+        parts = (axis[name][i] for name in ("speed", "along", "across", "spanwise", "modelled"))
+        print(f"| {place:g} | {' | '.join(f'{part:.2f}' for part in parts)} |")
 
 
 def main() -> None:
-    """Print the tables of the runs named on the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--analyse", nargs="+", type=Path, required=True, metavar="FOLDER")
+    """Print the tables of what the command line asks for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("bodies", nargs="*", metavar="BODY", help=f"of {', '.join(BODIES)}; default: all")
+    parser.add_argument("--analyse", nargs="+", type=Path, metavar="FOLDER", help="runs made by hand")
+    parser.add_argument("--beside", action="store_true", help="the plane airflows beside them")
     parser.add_argument("--count", type=int, default=COUNT, help="granules of each fraction; 0: fly none")
-    parser.add_argument("--begin", type=float, help="of the averages, s")
+    parser.add_argument("--begin", type=float, help="s: where the means of --analyse begin")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="changes of the scene")
     asked = parser.parse_args()
-    for folder in asked.analyse:
-        report(folder, asked.count, asked.begin)
+    runs = [(folder.name, folder) for folder in asked.analyse or ()] or [(b, None) for b in asked.bodies or BODIES]
+    for name, folder in runs:
+        body = next((known for known in BODIES if name.startswith(known)), None)
+        if body is None:
+            parser.error(f"{name}: its name begins with none of {', '.join(BODIES)}")
+        scene = scene_of(body, asked.count or COUNT, changes_of(asked.set))
+        spec = spec_of(scene)
+        deep = analysed(folder, spec, asked.begin) if folder is not None else computed(scene, "3d", "3D")
+        plane = []
+        if folder is None or asked.beside:
+            plane = [computed(scene, "draft", "steady"), computed(scene, "standard", "2D")]
+        print_table(name, spec, scene, [*plane, deep], asked.count > 0)
+        print_proof(deep, spec)
 
 
 if __name__ == "__main__":
