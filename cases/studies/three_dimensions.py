@@ -40,6 +40,7 @@ from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene.overrides import changes_of
+from wakeflow.tracking.residence import residence_time
 
 Array = NDArray[np.float64]
 SCENE = Path(__file__).parent.parent / "rhombus.toml"
@@ -182,6 +183,8 @@ def percent(row: dict[str, Interval], bins: Sequence[str]) -> str:
 def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Column], fly: bool) -> None:
     """All airflows of a body side by side."""
     width = spec.mesh.projected_width
+    assert scene.first_outline is not None
+    assert scene.air is not None
     rows: dict[str, list[str]] = {}
 
     def add(name: str, value: str) -> None:
@@ -197,6 +200,8 @@ def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Co
         speed, along, across = on_axis(spec, column.fields)
         for i, place in enumerate(PLACES):
             add(f"axis, {place:g} D behind: speed, u', v'", f"{speed[i]:.2f}, {along[i]:.2f}, {across[i]:.2f}")
+        stay = residence_time(column.fields, scene.first_outline, scene.air.direction, scene.air.speed)
+        add("residence time, D / U", f"{stay.value:.1f} ({stay.low:.1f} to {stay.high:.1f})")
         if fly:
             found = shares(scene, column.fields)
             for name, bins in SHOWN.items():

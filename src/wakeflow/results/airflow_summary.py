@@ -158,7 +158,7 @@ class SpanwiseMotion:
 class Airflow(Partial):
     """What was measured on the airflow, or is known of it. Which keys are told depends on the kind of airflow."""
 
-    rung: str = column("", "analytic, draft, standard, reference or given", default="")
+    rung: str = column("", "analytic, draft, standard, reference, 3d or given", default="")
     stepping: str | None = column("", "steady, time-resolved or given", default=None)
     verdict: str = column("", "steady, periodic, broadband, given, or the profile of air that is known", default="")
     turbulence: str | None = column("", "turbulence model", default=None)

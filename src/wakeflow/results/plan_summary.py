@@ -90,7 +90,7 @@ class PlannedSpan:
 class PlanSummary(Partial):
     """What is computed and what is not."""
 
-    rung: str = column("", "none, analytic, draft, standard, reference or given", default="")
+    rung: str = column("", "none, analytic, draft, standard, reference, 3d or given", default="")
     why: str | None = column("", "why this rung", default=None)
     stepping: str | None = column("", "steady or time-resolved; null without a solver", default=None)
     turbulence: str | None = column("", "turbulence model", default=None)
