@@ -25,6 +25,7 @@ from ..planning.airflow import SHEDDING_ABOVE, ranks_for
 from ..planning.plan import Plan
 from ..scene import Scene
 from .cache import StageCache, code_of, version_of
+from .realisations import Realisations
 from .specs import flow_spec, mesh_spec
 from .warm_start import nearest, remember
 
@@ -63,6 +64,16 @@ class AirflowKind(ABC):
     def field(self) -> tuple[str, FlowField] | None:
         """:meth:`make_field`, made once."""
         return self.make_field()
+
+    @property
+    def realisations(self) -> Realisations:
+        """The fields in which the replicates fly in turn: the one of :meth:`make_field` unless a kind has more."""
+        return Realisations(None if self.field is None else self.field[1], cycles=self.cycles)
+
+    @property
+    def cycles(self) -> int:
+        """Cycles of the shedding in the field's period, each a sample of the airflow; 1 where nothing changes."""
+        return 1
 
     @property
     def table(self) -> dict[str, Any]:
@@ -176,6 +187,14 @@ class CaseAir(AirflowKind):
             field.save(part / "field.npz")
 
         return key, FlowField.load(self.cache.make("field", key, work) / "field.npz")
+
+    @cached_property
+    def cycles(self) -> int:
+        """Whole shedding periods of the loop that the case keeps."""
+        from ..foam.read import loop_of
+
+        loop = loop_of(self.case) if self.make_table()["period"] is not None else None
+        return 1 if loop is None else max(1, int(loop["periods"]))
 
     def unknown_parts(self) -> tuple[str, ...]:
         statistics = () if self.make_table()["period"] is None else ("airflow-statistics",)
