@@ -90,10 +90,10 @@ def test_the_disturbance_is_strong_periodic_and_always_the_same() -> None:
     behind = np.column_stack([np.zeros(64), np.full(64, -0.085), np.linspace(0.0, 0.1, 65)[:-1]])
     made = span_modes(spec, behind)
     np.testing.assert_array_equal(made, span_modes(spec, behind))
-    np.testing.assert_allclose(made, span_modes(spec, behind + (0.0, 0.0, 0.1)), atol=1e-12)
+    np.testing.assert_allclose(made, span_modes(spec, behind + np.array([0.0, 0.0, 0.1])), atol=1e-12)
     assert 0.15 * spec.speed < np.sqrt((made**2).mean()) < 0.6 * spec.speed
     assert np.abs(made.mean(axis=0)).max() < 1e-9  # the mean over the span is the plane wake's
-    far = behind * (1.0, 0.0, 1.0) + (0.0, 0.15, 0.0)
+    far = behind * (1.0, 0.0, 1.0) + np.array([0.0, 0.15, 0.0])
     assert np.abs(span_modes(spec, far)).max() < 1e-3 * spec.speed
 
 

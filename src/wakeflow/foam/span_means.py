@@ -16,7 +16,7 @@ from ..core.errors import FoamError
 from .case import FlowSpec, axis_points
 from .read import nodes_of
 from .reconstruction import Reconstruction, triangulate
-from .span_record import OMEGA, K, SpanRecord, des_dissipation
+from .span_record import K_AT, OMEGA_AT, SpanRecord, des_dissipation
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -85,7 +85,7 @@ def span_means(spec: FlowSpec, record: SpanRecord, begin: float, end: float = np
         wide = values.astype(float)
         total += wide.mean(axis=0)
         square += (wide[..., :3] ** 2).mean(axis=0)
-        dissipation += des_dissipation(wide[..., K], wide[..., OMEGA], record.edge).mean(axis=0)
+        dissipation += des_dissipation(wide[..., K_AT], wide[..., OMEGA_AT], record.edge).mean(axis=0)
         chosen = wide[:, near, :3]
         local += chosen.mean(axis=0)
         for apart in range(len(products)):
@@ -173,7 +173,7 @@ def axis_profile(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> AxisPr
     nodes = nodes_of(record.plane, record.plane.folder("latest"), [record.snapshot(means.mean)]).mean()
     free = np.zeros(len(plane.faces), dtype=bool)
     spread = Reconstruction(plane, free, free).scalar(
-        np.concatenate([means.stresses, means.mean[:, [K]]], axis=1).T,
+        np.concatenate([means.stresses, means.mean[:, [K_AT]]], axis=1).T,
         np.zeros((4, len(plane.faces))), free, bounded=True,
     )  # fmt: skip
     across, along, spanwise, k = (axis @ row for row in spread)

@@ -20,13 +20,13 @@ from ..core.errors import FoamError
 from ..core.files import atomic_write
 from .case_fields import CaseFields, Snapshot
 
-__all__ = ["COLUMNS", "LAYERS", "OMEGA", "PACKED", "K", "SpanRecord", "des_dissipation", "pack"]
+__all__ = ["COLUMNS", "K_AT", "LAYERS", "OMEGA_AT", "PACKED", "SpanRecord", "des_dissipation", "pack"]
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 PACKED, LAYERS = "packed", "layers.npz"
 COLUMNS = ("U", "p", "k", "omega")  # fields of a snapshot; U takes three columns
-P, K, OMEGA = 3, 4, 5
+P_AT, K_AT, OMEGA_AT = 3, 4, 5
 C_DES = 0.60  # OpenFOAM's of the k-epsilon branch, which holds in a wake (0.82 near walls): Gritskevich et al. 2012
 C_MU = 0.09
 NUMBER = re.compile(r"[0-9][0-9.e+-]*")
@@ -136,18 +136,18 @@ class SpanRecord:
         across = (velocity[sliding] * plane.normals[sliding]).sum(axis=1, keepdims=True)
         velocity[sliding] -= across * plane.normals[sliding]
         velocity[inlet] = prescribed[inlet]
-        k_faces = at_faces[:, K].copy()
+        k_faces = at_faces[:, K_AT].copy()
         k_faces[inlet] = k[inlet]
         at_rest = self.plane.wall & ~sliding
-        pressure_faces = np.where(outlet, 0.0, at_faces[:, P]) - 2 / 3 * np.where(at_rest, 0.0, k_faces)
+        pressure_faces = np.where(outlet, 0.0, at_faces[:, P_AT]) - 2 / 3 * np.where(at_rest, 0.0, k_faces)
         return Snapshot(
             velocity=cells[:, :2],
             velocity_faces=velocity,
-            pressure=cells[:, P] - 2 / 3 * cells[:, K],
+            pressure=cells[:, P_AT] - 2 / 3 * cells[:, K_AT],
             pressure_faces=pressure_faces,
-            k=cells[:, K],
+            k=cells[:, K_AT],
             k_faces=k_faces,
-            dissipation=des_dissipation(cells[:, K], cells[:, OMEGA], self.edge),
+            dissipation=des_dissipation(cells[:, K_AT], cells[:, OMEGA_AT], self.edge),
         )
 
     @cached_property

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
 
-__all__ = ["AirflowKind", "CaseAir", "airflow_kinds"]
+__all__ = ["AirflowKind", "CaseAir", "SolvedAir", "airflow_kinds"]
 
 
 @dataclass
@@ -307,59 +307,6 @@ class TimeResolvedAir(SolvedAir):
         """A solved airflow near to this one, else the steady wake."""
         found = nearest(self.cache.store, self.mesh[0], self.flow_spec)
         return found if found is not None else self.steady()
-
-
-@airflow_kinds.register("three-dimensional")
-class SpanAir(SolvedAir):
-    """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
-
-    def start(self) -> Path:
-        return self.steady()
-
-    def make_solution(self) -> tuple[str, Path]:
-        from ..foam.span_airflow import solve_span
-        from ..foam.version import openfoam_version
-
-        (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
-        assert spec.span is not None
-        code = content_key(code_of("span"), digest_files([case_template()]), openfoam_version())
-        asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
-        key = content_key("span", mesh_key, asked, code)
-        ranks = ranks_for(self.mesh_quality["cells"] * spec.span.layers, cores())[0]
-
-        def work(part: Path) -> None:
-            solve_span(
-                replace(spec, ranks=ranks),
-                mesh_folder / "mesh.msh",
-                part / "case",
-                start=self.start(),
-                listener=lambda now: self.cache.tell("airflow", str(now)),
-            )
-
-        return key, self.cache.make("airflow", key, work)
-
-    @cached_property
-    def layers(self) -> tuple[str, Path]:
-        """Cache key and folder of the fields, a file a layer that is flown in."""
-        from .span_field import save_layers
-
-        key = content_key("layers", self.solution[0], code_of("layers"), version_of("foamlib"))
-
-        def work(part: Path) -> None:
-            self.cache.tell("field", "reading the layers of the airflow")
-            save_layers(self.case, part, self.flow_spec, self.make_table())
-
-        return key, self.cache.make("field", key, work)
-
-    def make_field(self) -> tuple[str, FlowField]:
-        from .span_field import layer_field
-
-        key, folder = self.layers
-        return key, layer_field(folder, 0)
-
-    @property
-    def model_is_unknown(self) -> bool:
-        return True
 
 
 def _publish(file: Path, folder: Path, key: str) -> None:

@@ -10,7 +10,7 @@ from ..core.errors import SceneError
 from ..laws.turbulence_models import model_at
 from ..scene import Scene
 
-__all__ = ["CADENCE", "Span", "SpanCost", "cost_of", "span_lines", "span_of"]
+__all__ = ["CADENCE", "CONVECTIVE_PERIOD", "Span", "SpanCost", "cost_of", "span_lines", "span_of"]
 
 # Convective times (body width over inlet speed).
 START_UP = 30.0  # in which the plane wake that a run starts from breaks up: drag fell for 25 in the runs of the table
