@@ -7,7 +7,6 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.process import cores
 from ..core.resources import case_template
 from ..core.store import content_key, digest_files
 from ..planning.airflow import ranks_for
@@ -36,13 +35,14 @@ class SpanAir(SolvedAir):
         (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
         assert spec.span is not None
         code = content_key(code_of("span"), digest_files([case_template()]), openfoam_version())
-        asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
+        if not spec.ranks:  # by the mesh alone, as those of every airflow
+            spec = replace(spec, ranks=ranks_for(self.mesh_quality["cells"] * spec.span.layers)[0])
+        asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         key = content_key("span", mesh_key, asked, code)
-        ranks = ranks_for(self.mesh_quality["cells"] * spec.span.layers, cores())[0]
 
         def work(part: Path) -> None:
             solve_span(
-                replace(spec, ranks=ranks),
+                spec,
                 mesh_folder / "mesh.msh",
                 part / "case",
                 start=self.start(),
