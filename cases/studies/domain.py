@@ -28,7 +28,8 @@ DISTANCES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "standard": ((3.5, 8.0), None, (12.0, 25.0)),
 }
 SHORT = ((3.5, 8.0), None)
-# The cheap steady wake on a fine mesh: what else is meshed moves cells everywhere, and shares by a point on coarse ones.
+# The cheap steady wake on a fine mesh: what else is meshed moves cells everywhere, and shares by a point on coarse
+# ones.
 # Statistics sharper than the answer's.
 CHANGED: dict[str, dict[str, object]] = {
     "draft": {"numerics.mesh_scale": 0.7, "feed.count": 2048},
