@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import SceneError
+from ...laws.best_estimate import WAKE_FAMILIES
 from .measured import quantities
 
 __all__ = ["STATUSES", "Case", "Published", "cases", "read_cases"]
@@ -54,6 +55,7 @@ class Case:
     beside: str | None = None
     closer: str | None = None
     between: str | None = None
+    blend: str | None = None
     note: str = ""
 
 
@@ -85,6 +87,8 @@ def _case(name: str, table: dict[str, Any]) -> Case:
         quantity = getattr(case, key)
         if quantity is not None and (case.beside is None or not any(v.checked(quantity) for v in values)):
             raise SceneError(f"published.toml: {name}: {key} needs beside and a checked value of {quantity}")
+    if case.blend is not None and (case.beside is None or case.blend not in WAKE_FAMILIES):
+        raise SceneError(f"published.toml: {name}: blend needs beside, and is one of {', '.join(WAKE_FAMILIES)}")
     return case
 
 
