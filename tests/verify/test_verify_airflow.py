@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
@@ -24,7 +25,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.results.airflow_summary import Airflow
 from wakeflow.scene import Scene
 from wakeflow.verify import runner
-from wakeflow.verify.airflow import airflow
+from wakeflow.verify.airflow import airflow, wake_lines
 from wakeflow.verify.airflow.dust import DustyWake, estimate_without
 from wakeflow.verify.airflow.measured import SolvedAirflow, quantities
 from wakeflow.verify.airflow.published import Case, Published, cases, read_cases
@@ -61,6 +62,7 @@ def test_channels_are_blocked_as_much_as_said() -> None:
     blocked = {name: scene.width / scene.channel.width for name, scene in _scenes().items()}
     assert blocked["dfg-2d1"] == blocked["dfg-2d2"] == pytest.approx(0.1 / 0.41)
     assert blocked["volvo"] == pytest.approx(1 / 3)
+    assert [blocked[f"square-channel-{re}"] for re in (20, 40, 100)] == pytest.approx([1 / 8] * 3)
     assert blocked["square-100"] == blocked["triangle-100"] == blocked["plate"] == pytest.approx(0.05)
     off_axis = _scenes()["dfg-2d1"].body["cylinder"].at[0] / _scenes()["dfg-2d1"].width
     assert abs(off_axis) == pytest.approx(0.005 / 0.1)
@@ -68,6 +70,46 @@ def test_channels_are_blocked_as_much_as_said() -> None:
 
 def _scenes() -> dict[str, Scene]:
     return {name: Scene.load(path) for name, path in verification_scenes().items()}
+
+
+def test_drags_without_walls_are_brought_to_the_blockage_of_the_scene() -> None:
+    """Maskell: Cd = Cd_c / (1 - Cd_c B / -Cp_base). A square on its edge, 1.6 and -1.45 to -1.2, 5 % blocked."""
+    known = read_cases({"some": {"title": "T", "value": [{**VALUE, "value": 1.6, "base": [-1.45, -1.2]}, VALUE]}})[
+        "some"
+    ]
+    drag, other = known.between_walls(0.05).values
+    assert (drag.low, drag.high) == pytest.approx((1.6 / (1 - 0.08 / 1.45), 1.6 / (1 - 0.08 / 1.2)))
+    assert "1.6 without walls, here at 5 % blockage by Maskell's rule" in drag.source
+    assert drag.between_walls(0.05) == drag
+    assert (other.low, other.high, other.source) == (2.0, 2.0, "somebody 1999")
+    free = [(n, v) for n, case in cases().items() for v in case.values if v.base is not None]
+    assert {name for name, _ in free} == {"triangle-up-high", "triangle-down-high", "diamond-high"}
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_lines_of_the_wake_are_read_where_they_say(half: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Downward air u / U = 1 + s/10 - x^2 in widths, s behind the rear at y = -1 m; the body is 2 m wide, U 3 m/s."""
+    x, y = np.meshgrid(np.linspace(0 if half else -3, 3, 61), np.linspace(2, -22, 121))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    s, beside = (-1 - points[:, 1]) / 2, points[:, 0] / 2
+    velocity = np.column_stack([np.zeros(len(points)), -3 * (1 + s / 10 - beside**2)])
+    field = FlowField.from_arrays(points, Delaunay(points).simplices, velocity, density=1.2, viscosity=1.8e-5)
+    given = {"basePoint": "(0 -1 0.1)", "flowDirection": "(0 -1 0)", "inletSpeed": "3", "bodyWidth": "2"}
+    monkeypatch.setattr(wake_lines, "read_parameters", lambda _: given)
+    monkeypatch.setattr(FlowField, "from_openfoam", lambda *_: field)
+    solved = SolvedAirflow(None, tmp_path, 2.0)  # type: ignore[arg-type]
+
+    def value(name: str) -> float:
+        number = quantities[name].of(solved)
+        assert number is not None
+        return number.value
+
+    assert value("axis_0.95") == pytest.approx(1.095)
+    assert value("axis_9.4") == pytest.approx(1.94)
+    assert value("beside_3.75") == pytest.approx(1.375, abs=0.02)  # on the axis: it is the largest there
+    assert wake_lines.mean_axial(tmp_path, np.array([2.0, 2.0]), np.array([0.5, -0.5])) == pytest.approx(0.95, abs=0.02)
+    assert (value("axis_least"), value("axis_least_at")) == pytest.approx((1.001, 0.01))
+    assert np.isnan(wake_lines.mean_axial(tmp_path, np.array([40.0]), np.zeros(1))).all()
 
 
 @pytest.mark.parametrize(
@@ -97,6 +139,8 @@ def test_deviation_of_negative_numbers_has_the_sign_of_the_difference() -> None:
         ({"title": "T", "beside": "draft", "blend": "platter"}, "one of rhombus"),
         ({"value": [{**VALUE, "reported": ""}]}, "either within or reported"),
         ({"value": [{**VALUE, "within": 0.1}]}, "either within or reported"),
+        ({"value": [{**VALUE, "base": [-1.0]}]}, "two base pressure coefficients"),
+        ({"value": [{**VALUE, "quantity": "strouhal", "base": [-1.2, -1.0]}]}, "of a drag"),
     ],
 )
 def test_mistakes_in_the_table_are_named(table: dict[str, Any], words: str) -> None:

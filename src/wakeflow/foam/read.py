@@ -42,9 +42,9 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     ``time``: "latest", a time (s), "mean" (OpenFOAM's UMean of the last time, else the mean over the stored times),
     or "all" (the stored times; a loop of whole shedding periods where the case was made by the time-resolved rung).
     Pressure is OpenFOAM's kinematic p times ``density`` (kg/m3), in Pa, less 2k/3 where a k field and a linear
-    eddy-viscosity model are present. Node values are second order up to the walls, see
-    :mod:`.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises FoamError
-    for a case that is not one layer, decomposed only, or without the asked time.
+    eddy-viscosity model are present; at a no-slip wall k = 0, and it is p itself. Node values are second order up to
+    the walls, see :mod:`.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises
+    FoamError for a case that is not one layer, decomposed only, or without the asked time.
     """
     fields = CaseFields(Path(case_dir))
     loop = loop_of(fields.case)
@@ -124,14 +124,16 @@ def _at_nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _N
     def stack(name: str) -> Array:
         return np.stack([getattr(shot, name) for shot in shots])
 
+    pressure = nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet)
     k = dissipation = None
     if shots[0].k is not None:
+        at_rest = np.unique(plane.faces[wall])
+        pressure[:, at_rest] += 2 / 3 * nodes.scalar(stack("k"), stack("k_faces"), outlet)[:, at_rest]
         k = nodes.scalar(stack("k"), stack("k_faces"), inlet | wall, bounded=True)
     if shots[0].dissipation is not None:
         no_faces, none = np.zeros((len(shots), len(plane.faces))), np.zeros(len(plane.faces), dtype=bool)
         dissipation = nodes.scalar(stack("dissipation"), no_faces, none, bounded=True)
     velocity = nodes.vector(stack("velocity"), stack("velocity_faces"), inlet | wall)
-    pressure = nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet)
     return _Nodes(velocity, pressure, k, dissipation)
 
 

@@ -123,7 +123,10 @@ def _write(report: dict[str, Any], folder: Path, name: str) -> None:
 
 
 def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple[list[ComparedValue], dict[str, Any]]:
-    """All rows of one case, and the momentum model beside it."""
+    """All rows of one case, and the momentum model beside it. Drags published without walls are brought to the
+    scene's blockage first.
+    """
+    case = case.between_walls(scene.width / scene.channel.width)
     asked = tuple(dict.fromkeys(v.quantity for v in case.values)) or SHARED
     grids = [solve(scene, scale, None, tell) for scale in sorted(case.scales)]
     rung, finest = grids[0]
