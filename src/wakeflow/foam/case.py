@@ -25,6 +25,7 @@ from ..laws.turbulence_models import (
     turbulence_models,
 )
 from ..meshing import MeshSpec
+from ..planning.span import Span
 from .mesh_motion import MeshMotion
 from .polymesh import read_polymesh
 
@@ -69,9 +70,9 @@ class FlowSpec:
     ``turbulence``: one of ``laws.turbulence_models``; ``intensity`` (u'/U at the inlet; not used when laminar),
     ``profile`` of the inlet's velocity (parabolic: fully developed laminar channel flow, 3/2 of the mean in the
     middle), ``inlets``: secondary streams. ``vibration``: of bodies and mesh along the channel; None: the bodies are at
-    rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes.
-    ``accuracy``: relative half-width of the 95 % intervals at which a time-resolved run ends, see
-    :func:`wakeflow.foam.statistics.wanted`."""
+    rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes,
+    0: not decided yet. ``accuracy``: relative half-width of the 95 % intervals at which a time-resolved run ends, see
+    :func:`wakeflow.foam.statistics.wanted`. ``span``: resolved in three dimensions (``foam.span_run``)."""
 
     mesh: MeshSpec
     speed: float
@@ -87,6 +88,7 @@ class FlowSpec:
     settings: str = "normal"
     ranks: int = 1
     vibration: MeshMotion | None = None
+    span: Span | None = None
 
     def __post_init__(self) -> None:
         """Raise SceneError for a model that is not known, and for what the stepping cannot follow."""
@@ -97,6 +99,8 @@ class FlowSpec:
             )
         if self.stepping == "steady" and self.vibration is not None:
             raise SceneError("a steady airflow cannot follow a vibrating body: use rung standard")
+        if self.ranks > 1 and self.vibration is not None:
+            raise SceneError("numerics.ranks: an airflow round a vibrating body runs as one process; leave it out")
 
     @property
     def reynolds(self) -> float:

@@ -25,8 +25,10 @@ Listener = Callable[[str, str], None]  # (stage, text): hears of progress
 CODE = {
     "mesh": ("wakeflow.meshing.build",),
     "airflow": ("wakeflow.foam.airflow",),
+    "span": ("wakeflow.foam.span_airflow",),
     "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.pipeline.case_field",),
+    "layers": ("wakeflow.pipeline.span_field",),
     "duct": ("wakeflow.pipeline.analytic",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
 }

@@ -15,10 +15,11 @@ from typing import Literal
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.registry import did_you_mean
-from ..laws.turbulence_models import model_at, turbulence_models
+from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import rungs
 from ..scene.user_case import is_laminar
+from .span import Span, SpanCost, cost_of, span_of
 
 __all__ = [
     "FLAT_BELOW",
@@ -27,6 +28,7 @@ __all__ = [
     "AirflowPlan",
     "choose_airflow",
     "ranks_for",
+    "span_cost",
     "typical_cells",
     "typical_seconds",
 ]
@@ -35,6 +37,7 @@ Stepping = Literal["steady", "time-resolved"]
 SOLVED: dict[str | None, Stepping] = {
     "steady": "steady",
     "time-resolved": "time-resolved",
+    "three-dimensional": "time-resolved",
 }  # kinds that OpenFOAM solves
 # Reynolds numbers on the body's width and the inlet's mean speed.
 SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle 46.2: Jackson 1987, J. Fluid Mech. 182)
@@ -49,7 +52,8 @@ ACCURACY = {
 # Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
 LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
-WORTH_IT = 60_000  # cells from which a second MPI rank pays; each gets half of it at least
+WORTH_IT = 60_000  # cells from which a second MPI rank pays
+RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
 
 
@@ -62,6 +66,7 @@ class AirflowPlan:
     ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
     time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
+    ``span``: the third dimension, where it is resolved.
 
     This class plans an airflow that is known without a solver; each other kind of airflow has a class of its own.
     """
@@ -76,6 +81,7 @@ class AirflowPlan:
     brackets: bool = False
     moving: bool = False
     accuracy: float = 0.02
+    span: Span | None = None
 
     @property
     def turbulent(self) -> bool:
@@ -189,6 +195,14 @@ class SolvedAirPlan(AirflowPlan):
             )
 
 
+class SpanAirPlan(SolvedAirPlan):
+    """An airflow that OpenFOAM solves in three dimensions."""
+
+    @property
+    def kind(self) -> str:
+        return "three-dimensional"
+
+
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
     """The airflow of a rung asked for; ``auto`` goes by Reynolds number and the accuracy asked for (a share).
 
@@ -219,6 +233,10 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
+    if kind == "three-dimensional":
+        return SpanAirPlan(
+            name, why, SOLVED[kind], SPANWISE, symmetric, half=False, accuracy=ACCURACY["bracket"], span=span_of(scene)
+        )
     steady = kind == "steady"
     return SolvedAirPlan(
         rung=name,
@@ -270,17 +288,25 @@ def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
     return "standard", f"{where} sheds vortices: the truth lies between the steady and the time-resolved wake"
 
 
-def ranks_for(cells: int, cores: int) -> tuple[int, str]:
-    """MPI ranks for a case of so many cells on so many cores, and the reason."""
-    ranks = max(1, min(cores, cells // (WORTH_IT // 2)))
-    if ranks == 1:
-        return 1, f"one process: {cells} cells are too few to share (MPI from {WORTH_IT} cells and two cores)"
-    return ranks, f"{ranks} MPI ranks of about {cells // ranks} cells"
+def ranks_for(cells: int) -> tuple[int, str]:
+    """MPI ranks for a case of so many cells, whatever machine it runs on, and the reason."""
+    if cells < WORTH_IT:
+        return 1, f"one process: {cells} cells are too few to share (two MPI ranks from {WORTH_IT} cells)"
+    return RANKS, f"{RANKS} MPI ranks of about {cells // RANKS} cells"
 
 
 def typical_cells(airflow: AirflowPlan, bodies: int) -> float:
     """Cells to expect on the answer's grid, before it is meshed; good to a factor of two."""
-    return 0.0 if airflow.stepping is None else CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
+    layers = 1 if airflow.span is None else airflow.span.layers
+    return 0.0 if airflow.stepping is None else layers * CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
+
+
+def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
+    """What the third dimension costs, before the mesh is made; nothing where it is not resolved."""
+    if airflow.span is None:
+        return SpanCost(0.0, 0.0, 0.0, 0.0, 0.0)
+    scale = airflow.scales[0] * scene.numerics.mesh_scale
+    return cost_of(airflow.span, CELLS["time-resolved"] * len(scene.body) / scale**2, scale)
 
 
 def typical_seconds(airflow: AirflowPlan) -> float:

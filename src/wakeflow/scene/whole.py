@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
@@ -20,12 +20,32 @@ from .surroundings import Air, Body, Channel, Vibration
 from .table import Array, Table
 from .units import Name
 
-__all__ = ["Numerics", "SceneTables"]
+__all__ = ["Numerics", "SceneTables", "SpanTable"]
+
+MOST_RANKS = 256  # beyond what any mesh of one layer can use
 
 if TYPE_CHECKING:
     RungName = str
 else:
     RungName = Literal[tuple(rungs)]
+
+
+def _ranks(value: object) -> object:
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_RANKS):
+        return value
+    raise ValueError(f"give auto, or a whole number of processes from 1 to {MOST_RANKS}")
+
+
+class SpanTable(Table):
+    """[numerics.span]: what rung 3d computes of the third dimension."""
+
+    depth: Annotated[float, Field(ge=0.5, le=20.0)] = Field(2.5, description="of the periodic span, in body widths")
+    layers: Annotated[int, Field(ge=4, le=512)] | None = Field(
+        None, description="of cells over the span; 8 a body width by default"
+    )
+    sheddings: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
+        30.0, description="recorded: of six body widths of travel each, a usual shedding's length"
+    )
 
 
 class Numerics(Table):
@@ -39,9 +59,13 @@ class Numerics(Table):
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
     )
     mesh_scale: Annotated[float, Field(ge=0.2, le=4.0)] = Field(1.0, description="factor on every cell edge")
+    ranks: Annotated[Literal["auto"] | int, BeforeValidator(_ranks)] = Field(
+        "auto", description="MPI processes of an airflow, 1 to 256; auto: by its cells alone, two from 60 000 on"
+    )
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )
+    span: SpanTable = SpanTable()
 
 
 class SceneTables(Table):
