@@ -68,8 +68,13 @@ def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None
     Everything is cached: the same call goes on after an interruption. Where the mesh or airflow of a case fails the
     others are still computed; FoamError is raised at the end, after the report is written.
     """
-    chosen = [case for case in cases().values() if slow or case.quick]
-    return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell)
+    chosen = [case for case in cases().values() if case.quick or (slow and not case.alone)]
+    apart = [
+        f"{case.title}: not computed here but by `wakeflow verify cases/verify/{case.name}.toml`; {case.note}"
+        for case in cases().values()
+        if case.alone
+    ]
+    return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell, apart)
 
 
 def run_scene(path: Path, folder: Path, *, tell: Tell = lambda _: None) -> dict[str, Any]:
@@ -89,13 +94,15 @@ def _scene(case: Case) -> Scene:
     return Scene.load(verification_scenes()[case.name])
 
 
-def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Tell) -> dict[str, Any]:
+def _run(
+    folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Tell, apart: Sequence[str] = ()
+) -> dict[str, Any]:
     report: dict[str, Any] = {
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
         "rows": [],
         "momentum": [],
-        "notes": [f"{case.title}: {case.note}" for case, _ in chosen if case.note],
+        "notes": [f"{case.title}: {case.note}" for case, _ in chosen if case.note] + list(apart),
         "failed": [],
     }
     for case, scene in chosen:

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...field import FlowField
 from ...field.blend import blended_wake
 from ...laws.best_estimate import WakeEstimate, best_estimate, wakes
 from ...pipeline.pipeline import Pipeline
+from ...pipeline.realisations import Realisations
 from ...tracking.residence import ResidenceTime, residence_time
 
 __all__ = ["RESIDENCE", "DustyWake", "dusty_wake", "estimate_without", "within_estimate"]
@@ -22,34 +22,39 @@ RESIDENCE = "residence_time"  # the quantity, here and in the wakes' data
 
 @dataclass(frozen=True, eq=False)
 class DustyWake:
-    """The air round the first body of a scene: its ``field``, read where it is needed, the body's ``outline`` (k, 2) m,
-    where the air flows and how fast (m/s), and the ``frequency`` (Hz) of the shedding, None where there is none.
+    """The ``air`` round the first body of a scene, read where it is needed, the body's ``outline`` (k, 2) m, and where
+    and how fast (m/s) the air flows.
     """
 
-    field: Callable[[], FlowField]
+    air: Callable[[], Realisations]
     outline: NDArray[np.float64]
     direction: Literal["down", "up"]
     speed: float
-    frequency: float | None = None
 
     def residence(self) -> ResidenceTime:
-        """The near-wake residence time; its interval is over the sheddings of a field that repeats."""
-        field = self.field()
-        whole = 0.0 if field.period is None or self.frequency is None else field.period * self.frequency
-        return residence_time(field, self.outline, self.direction, self.speed, sheddings=max(1, round(whole)))
+        """The near-wake residence time; its interval is over the realisations, or the cycles of the only one."""
+        air = self.air()
+        fields = [made for number in range(len(air)) if (made := air.make(number)) is not None]
+        return residence_time(fields, self.outline, self.direction, self.speed, sheddings=air.cycles)
 
     def between(self, steady: DustyWake, theta: float, strength: float) -> DustyWake:
         """The wake between ``steady`` and this one in time, see :func:`wakeflow.field.blend.blended_wake`."""
-        return replace(self, field=lambda: blended_wake(self.field(), steady.field(), theta, strength))
+
+        def blended() -> Realisations:
+            air, end = self.air(), steady.air().field
+            assert air.field is not None
+            assert end is not None
+            return Realisations(blended_wake(air.field, end, theta, strength), cycles=air.cycles)
+
+        return replace(self, air=blended)
 
 
-def dusty_wake(pipeline: Pipeline, strouhal: float | None) -> DustyWake | None:
-    """The air round the first body of a pipeline's scene, whose wake sheds at ``strouhal``; None without a body."""
+def dusty_wake(pipeline: Pipeline) -> DustyWake | None:
+    """The air round the first body of a pipeline's scene; None without a body."""
     scene = pipeline.scene
     if scene.air is None or scene.first_outline is None:
         return None
-    frequency = None if strouhal is None else strouhal * scene.air.speed / scene.width
-    return DustyWake(lambda: pipeline.field[1], scene.first_outline, scene.air.direction, scene.air.speed, frequency)
+    return DustyWake(lambda: pipeline.kind.realisations, scene.first_outline, scene.air.direction, scene.air.speed)
 
 
 def estimate_without(quantity: str, family: str, blockage: float, reynolds: float) -> WakeEstimate:

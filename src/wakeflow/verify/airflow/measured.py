@@ -90,9 +90,8 @@ quantities: Registry[Quantity] = Registry("quantity")
 def measured(pipeline: Pipeline) -> SolvedAirflow:
     """The airflow of a scene, solved or from the cache."""
     start = pipeline.draft.solution[1] / "case" if pipeline.plan.airflow.stepping == "time-resolved" else None
-    found = airflow_of(pipeline)
-    wake = dusty_wake(pipeline, None if found.strouhal is None else found.strouhal.value)
-    return SolvedAirflow(found, pipeline.solution[1] / "case", pipeline.scene.width, start, wake)
+    case = pipeline.solution[1] / "case"
+    return SolvedAirflow(airflow_of(pipeline), case, pipeline.scene.width, start, dusty_wake(pipeline))
 
 
 def _number(found: Measured | float | None, scale: float = 1.0) -> QuantityValue | None:

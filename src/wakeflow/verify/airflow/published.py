@@ -64,6 +64,7 @@ class Case:
     title: str
     values: tuple[Published, ...] = ()
     quick: bool = False
+    alone: bool = False
     scales: tuple[float, ...] = (1.0,)
     order: Mapping[str, float] = field(default_factory=dict)
     beside: str | None = None
