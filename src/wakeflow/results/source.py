@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
@@ -14,6 +14,8 @@ from .airflow_summary import Airflow, airflow_of
 from .companions import compared
 from .landing_results import BudgetPart
 from .measured import Share
+from .separation import share_spreads
+from .spread import Spread
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -43,6 +45,13 @@ class Source(Generic[Flown]):
         """
         del pipeline, tracked  # for subclasses
         return None
+
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        """Of what :meth:`fly` asks ``pipeline`` for, the stages that need not wait for the answer's own airflow:
+        another core makes them meanwhile, and ``fly`` finds them in the cache.
+        """
+        del pipeline  # for subclasses
+        return ()
 
     def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
@@ -102,6 +111,11 @@ class FractionResults:
     def compared(self) -> Landings:
         """The landings of the granules that fly again in comparisons."""
         return compared(self.landings)
+
+    @cached_property
+    def spreads(self) -> dict[str, Spread]:
+        """What the share in every bin may be off by for being taken from few granules and few sheddings."""
+        return dict(zip(self.shares, share_spreads(self.landings, len(self.shares) - 1), strict=True))
 
     def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
         """The same part for every bin."""
