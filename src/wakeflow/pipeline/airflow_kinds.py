@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write, write_json
-from ..core.process import cores
 from ..core.registry import Registry
 from ..core.resources import case_template
 from ..core.store import content_key, digest_files
@@ -27,7 +26,6 @@ from ..scene import Scene
 from .cache import StageCache, code_of, version_of
 from .realisations import Realisations
 from .specs import flow_spec, mesh_spec
-from .warm_start import nearest, remember
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -288,19 +286,19 @@ class SolvedAir(CaseAir):
 
         (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
         code = content_key(code_of("airflow"), digest_files([case_template()]), openfoam_version())
-        asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
+        if not spec.ranks:  # by the mesh alone, so that every machine computes the same
+            spec = replace(spec, ranks=1 if spec.vibration else ranks_for(self.mesh_quality["cells"])[0])
+        asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         key = content_key("airflow", mesh_key, asked, code)
-        ranks = 1 if spec.vibration else ranks_for(self.mesh_quality["cells"], cores())[0]
 
         def work(part: Path) -> None:
             solve_airflow(
-                replace(spec, ranks=ranks),
+                spec,
                 mesh_folder / "mesh.msh",
                 part / "case",
                 start=self.start(),
                 listener=lambda now: self.cache.tell("airflow", str(now)),
             )
-            remember(part, mesh_key, spec)
 
         return key, self.cache.make("airflow", key, work)
 
@@ -323,9 +321,8 @@ class TimeResolvedAir(SolvedAir):
     """A solution in time: whole periods of the shedding wake, repeated."""
 
     def start(self) -> Path | None:
-        """A solved airflow near to this one, else the steady wake."""
-        found = nearest(self.cache.store, self.mesh[0], self.flow_spec)
-        return found if found is not None else self.steady().case
+        """The steady wake."""
+        return self.steady().case
 
     @cached_property
     def resolved(self) -> tuple[str, FlowField]:
