@@ -101,10 +101,15 @@ def plain(found: AirflowResult) -> dict[str, Any]:
     return table
 
 
-def computed(scene: wf.Scene, rung: str, name: str, said: bool = True) -> Column:
+def tell(stage: str, text: str) -> None:
+    """How far it is, on a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r{stage}: {text}\033[K", end="", file=sys.stderr)
+
+
+def computed(scene: wf.Scene, rung: str, name: str) -> Column:
     """The airflow of a rung, solved where it is not in the cache."""
     plan = wf.plan(scene, rung=rung)
-    tell = (lambda stage, text: print(f"{stage}: {text}", end="\r", file=sys.stderr)) if said else (lambda *_: None)
     pipeline = Pipeline(scene, plan, tell, store=Store(cache_root()))
     case = pipeline.solution[1] / "case"
     spent = core_seconds(case) + (core_seconds(case / "span") if (case / "span").is_dir() else 0.0)
