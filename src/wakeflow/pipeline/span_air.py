@@ -26,7 +26,7 @@ class SpanAir(SolvedAir):
     """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
 
     def start(self) -> Path:
-        return self.steady()
+        return self.steady().case
 
     def make_solution(self) -> tuple[str, Path]:
         from ..foam.span_airflow import solve_span
