@@ -194,12 +194,13 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     assert found.cd.value is not None
     assert 1.0 < found.cd.value < 4.0
     assert abs(found.mass_error or 0.0) < 1e-3
+    assert found.residence_time is not None
     parts = {part.source: part for part in result.landings.budget[0].parts}  # type: ignore[union-attr]
     assert parts["airflow-model"].how == "unknown"
     assert sum(result.share("wheat", bin_)[0] for bin_ in [*scene.bin, "elsewhere"]) == pytest.approx(1.0)
 
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "undisturbed"))
-    column = three_dimensions.computed(scene, "3d", "3D")  # the study's way to an airflow
+    column = three_dimensions.deep(scene)  # the study's way to an airflow
     assert packed_of(tmp_path / "killed") == packed_of(tmp_path / "undisturbed")
     assert [field.period for field in column.fields] == [pytest.approx(found.period)] * len(found.span.flown)
     three_dimensions.print_table("rhombus", three_dimensions.spec_of(scene), scene, [column], fly=False)
