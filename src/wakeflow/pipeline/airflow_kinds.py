@@ -82,8 +82,8 @@ class AirflowKind(ABC):
 
     @property
     def residence(self) -> dict[str, Any] | None:
-        """H = tau U / D of fine dust in the near wake with its interval, by ``answer``, ``steady`` and
-        ``time_resolved``; None for an airflow that lies between no ends. It needs the compiled tracker.
+        """H = tau U / D of fine dust in the near wake with its interval: of the ``answer`` and, where it lies between
+        ends, of ``steady`` and ``time_resolved``; None where nobody asks for it. It needs the compiled tracker.
         """
         return None
 

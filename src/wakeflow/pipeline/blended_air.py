@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..laws.best_estimate import WakeEstimate
 
-__all__ = ["BestEstimateAir"]
+__all__ = ["BestEstimateAir", "residence_row"]
 
 
 @airflow_kinds.register("best-estimate")
@@ -56,14 +57,16 @@ class BestEstimateAir(TimeResolvedAir):
             found = {}
             for which, (_, field) in airs.items():
                 self.cache.tell("residence", f"fine dust in the near wake: {which}")
-                found[which] = _residence(field, *asked)
+                found[which] = residence_row(field, *asked)
             write_json(part / "residence.json", found)
 
         table: dict[str, Any] = json.loads((self.cache.make("residence", key, work) / "residence.json").read_text())
         return table
 
 
-def _residence(field: FlowField, outline: Any, direction: Any, speed: float, cycles: int) -> dict[str, float | None]:
+def residence_row(
+    field: FlowField | Sequence[FlowField], outline: Any, direction: Any, speed: float, cycles: int
+) -> dict[str, float | None]:
     """Value and interval; null for what is longer than tracers are followed."""
     from ..tracking.residence import residence_time
 

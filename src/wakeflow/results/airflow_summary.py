@@ -251,16 +251,17 @@ class Airflow(Partial):
 
 def with_residence(airflow: Airflow, found: dict[str, Any] | None) -> Airflow:
     """The airflow with the near wakes' residence times, ``found`` by ``AirflowKind.residence``; as it is without."""
-    if found is None or airflow.ends is None:
+    if found is None:
         return airflow
-    answer, steady, resolved = (
-        from_json(Measured, found[which], "residence.json") for which in ("answer", "steady", "time_resolved")
-    )
+    times = {which: from_json(Measured, row, "residence.json") for which, row in found.items()}
+    answered = airflow.extended(residence_time=times["answer"])
+    if airflow.ends is None:
+        return answered
     ends = WakeEnds(
-        airflow.ends.steady.extended(residence_time=steady),
-        airflow.ends.time_resolved.extended(residence_time=resolved),
+        airflow.ends.steady.extended(residence_time=times["steady"]),
+        airflow.ends.time_resolved.extended(residence_time=times["time_resolved"]),
     )
-    return replace(airflow.extended(residence_time=answer), ends=ends)
+    return replace(answered, ends=ends)
 
 
 def airflow_of(pipeline: Pipeline) -> Airflow:
