@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import aspirator_curve
+import best_estimate
 import domain
 import impaction
 import injection_or_resolved
@@ -20,12 +21,14 @@ import paper_compare
 import slope_angles
 import wakeflow as wf
 from support import CASES, ROOT, shipped
+from wakeflow.laws.best_estimate import wakes
 
 ELSEWHERE = {"printed_form", "robustness"}  # tests/laws/test_collision.py, tests/foam/test_robustness.py
 HERE = {
     study.__name__
     for study in (
-        aspirator_curve, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain, locked_band,
+        aspirator_curve, best_estimate, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain,
+        locked_band,
         mpi_ranks, paper_compare, slope_angles,
     )
 }  # fmt: skip
@@ -48,6 +51,11 @@ def test_aspirator_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     rows = table_rows(capsys.readouterr().out)
     assert [float(row[0]) for row in rows] == list(aspirator_curve.SPEEDS[::10])
     assert (tmp_path / "curve.png").stat().st_size > 0
+
+
+def test_best_estimate(capsys: pytest.CaptureFixture[str]) -> None:
+    best_estimate.main()
+    assert [row[0] for row in table_rows(capsys.readouterr().out)] == [entry.name for entry in wakes()]
 
 
 def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,14 @@ from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
 from .planning.make import Planner
-from .results.airflow_summary import Airflow, FieldDivergence, FieldTruncation, MomentumModel, airflow_of
+from .results.airflow_summary import (
+    Airflow,
+    FieldDivergence,
+    FieldTruncation,
+    MomentumModel,
+    airflow_of,
+    with_residence,
+)
 from .results.budget import flights_ahead, fly_again, make_budget, together
 from .results.companions import airflow_on_grids
 from .results.funnel_summary import FunnelSummary, funnel_of
@@ -128,6 +136,7 @@ class _Run:
                 fly_again(flown)
         if tracked is not None and airflow is not None:
             airflow = airflow.extended(divergence=_divergence(self.pipeline), truncation=_truncation(self.pipeline))
+            airflow = with_residence(airflow, self.pipeline.residence)
         flights = None if tracked is None else self._flights(tracked)
         landings = None if flown is None else self._landings(flown)
         scene, plan = self.pipeline.scene, self.pipeline.plan
@@ -163,7 +172,11 @@ class _Run:
         spare = replace(pipeline, workers=threads - 1)
         if until is None:
             return flights_ahead(spare)
-        return [lambda i=i: spare.on_grid(i).solution for i in range(1, len(pipeline.plan.airflow.scales))]
+
+        def solve(grid: int) -> object:
+            return spare.on_grid(grid).solution
+
+        return [partial(solve, grid) for grid in range(1, len(pipeline.plan.airflow.scales))]
 
     def _air(self) -> tuple[MeshSummary | None, Airflow | None]:
         """The mesh and the airflow; None without air, and where the run stops before them."""

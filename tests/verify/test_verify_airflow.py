@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,9 @@ from wakeflow.verify import runner
 from wakeflow.verify.airflow import airflow
 from wakeflow.verify.airflow.measured import SolvedAirflow, quantities
 from wakeflow.verify.airflow.published import Case, Published, cases, read_cases
+from wakeflow.verify.proof_tables import airflow_markdown
 
-VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted"}
+VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted", "reported": "as an example"}
 
 
 # -- published values and their scenes ---------------------------------------------------------------------------------
@@ -45,9 +47,10 @@ def test_scenes_are_what_their_titles_say(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", cases())
-def test_no_case_is_judged_by_unread_numbers_alone_unless_it_says_so(name: str) -> None:
-    judged = [v for v in cases()[name].values if v.within is not None]
-    assert all(v.status != "unchecked" for v in judged) or name == "triangle-100"
+def test_every_value_has_a_gate_or_the_reason_why_not_and_unread_numbers_are_no_gate(name: str) -> None:
+    for value in cases()[name].values:
+        assert (value.within is None) == bool(value.reported), value
+        assert value.within is None or value.status != "unchecked", value
 
 
 def test_channels_are_blocked_as_much_as_said() -> None:
@@ -67,11 +70,11 @@ def _scenes() -> dict[str, Scene]:
     ("value", "deviation"), [(1.8, -0.1), (2.0, 0.0), (2.1, 0.0), (2.2, 0.0), (2.31, 0.05)]
 )  # fmt: skip
 def test_deviation_is_from_the_nearer_end(value: float, deviation: float) -> None:
-    assert Published("cd", 2.0, 2.2, None, "", "read").deviation(value) == pytest.approx(deviation)
+    assert Published("cd", 2.0, 2.2, "", "read").deviation(value) == pytest.approx(deviation)
 
 
 def test_deviation_of_negative_numbers_has_the_sign_of_the_difference() -> None:
-    assert Published("cp_base", -0.5, -0.5, None, "", "read").deviation(-0.6) == pytest.approx(-0.2)
+    assert Published("cp_base", -0.5, -0.5, "", "read").deviation(-0.6) == pytest.approx(-0.2)
 
 
 @pytest.mark.parametrize(
@@ -85,6 +88,9 @@ def test_deviation_of_negative_numbers_has_the_sign_of_the_difference() -> None:
         ({"quik": True}, "quik"),
         ({"title": "T", "order": {"drag": 1.5}}, "unknown quantity"),
         ({"title": "T", "closer": "cd"}, "beside"),
+        ({"title": "T", "between": "cd"}, "beside"),
+        ({"value": [{**VALUE, "reported": ""}]}, "either within or reported"),
+        ({"value": [{**VALUE, "within": 0.1}]}, "either within or reported"),
     ],
 )
 def test_mistakes_in_the_table_are_named(table: dict[str, Any], words: str) -> None:
@@ -274,7 +280,7 @@ def test_the_command_names_a_missing_scene(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two rungs of one case: the own is judged, the other beside it is not, and the closer one is named."""
+    """Two rungs of one case: the own is judged, the other beside it is not; then the gates that ask for both."""
     (tmp_path / "airflow.json").write_text("{}")
     answers = {None: ("standard", 0.11), "draft": ("draft", 0.2)}
 
@@ -283,22 +289,33 @@ def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pyt
         return name, _airflow(tmp_path, suction={"reversal_length": length})
 
     monkeypatch.setattr(airflow, "solve", solve)
-    known = [{**VALUE, "quantity": "reversal", "within": 0.05}, {**VALUE, "value": 2.5}]
-    case = read_cases({"some": {"title": "T", "beside": "draft", "closer": "reversal", "value": known}})["some"]
-    rows, _ = airflow.compare_case(case, Scene.parse(tomllib.loads(PRISM)))
-    length, drag, length_beside, drag_beside, closer = rows
+    judged = {"quantity": "reversal", "value": 2.0, "within": 0.05, "source": "somebody 1999", "status": "quoted"}
+    table = {"title": "T", "beside": "draft", "closer": "reversal", "between": "reversal"}
+    case = read_cases({"some": {**table, "value": [judged, {**VALUE, "value": 2.5}]}})["some"]
+    scene = Scene.parse(tomllib.loads(PRISM))
+    length, drag, length_beside, drag_beside, closer, between = airflow.compare_case(case, scene)[0]
     assert (length.ours, length.deviation, length.met) == (pytest.approx(2.2), pytest.approx(0.1), False)
-    assert (drag.deviation, drag.met) == (pytest.approx(-0.2), None)
+    assert (drag.deviation, drag.met, drag.why) == (pytest.approx(-0.2), None, "as an example")
     assert (length_beside.rung, length_beside.met, drag_beside.met) == ("draft", None, None)
-    assert closer.met is True
-    answers["draft"] = ("draft", 0.101)
-    assert airflow.compare_case(case, Scene.parse(tomllib.loads(PRISM)))[0][-1].met is False
+    assert [row.gate for row in (length, drag, length_beside)] == ["5 %", "reported", "reported"]
+    assert (closer.gate, closer.met) == ("closer than draft", True)
+    assert (between.gate, between.met) == ("between draft and standard", False)  # 2.2 and 4, published 2
+    answers["draft"] = ("draft", 0.099)
+    closer, between = airflow.compare_case(case, scene)[0][-2:]
+    assert (closer.met, between.met) == (False, True)  # 2.2 and 1.98
+    printed = airflow_markdown(
+        {"date": "", "machine": "", "momentum": [], "notes": [], "failed": [],
+         "rows": [asdict(row) for row in airflow.compare_case(case, scene)[0]]}
+    )  # fmt: skip
+    assert "| reported | – |" in printed
+    assert "somebody 1999; reported: as an example" in printed
 
 
 # What misses today, with the cause in docs/validation.md: a miss that goes away fails the test as well
 MISSES: dict[str, set[str]] = {
     "dfg-2d1": {"order of mean Cd, at least 1.5"},
     "dfg-2d2": {"largest Cd", "Cl peak to peak"},
+    "square-100": {"base Cp"},
 }
 
 
@@ -306,7 +323,7 @@ MISSES: dict[str, set[str]] = {
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize(
-    "name", [name for name, case in cases().items() if case.order or case.closer or any(v.within for v in case.values)]
+    "name", [name for name, case in cases().items() if case.order or case.beside or any(v.within for v in case.values)]
 )
 def test_published_values_are_met(name: str, tmp_path: Path) -> None:
     rows = airflow.run_scene(verification_scenes()[name], tmp_path)["rows"]

@@ -29,7 +29,9 @@ CODE = {
     "airflow": ("wakeflow.foam.airflow",),
     "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.pipeline.case_field",),
+    "blend": ("wakeflow.field.blend",),
     "duct": ("wakeflow.pipeline.analytic",),
+    "residence": ("wakeflow.tracking.residence",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
 }
 

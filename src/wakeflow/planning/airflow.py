@@ -1,8 +1,9 @@
 """Which airflow a scene needs, and what it will cost: the plan of its rung (``scene.rungs``).
 
 Above the onset of three-dimensional motion the steady and the time-resolved solution in two dimensions bracket the
-truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Without a body the air is
-known (analytic); a user's own case is measured, not solved (given).
+truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Where the wake is turbulent
+the answer is a best estimate between these two ends (``wake``). Without a body the air is known (analytic); a user's
+own case is measured, not solved (given).
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ from typing import Literal
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.registry import did_you_mean
+from ..laws.best_estimate import WakeEstimate
 from ..laws.turbulence_models import model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import rungs
 from ..scene.user_case import is_laminar
+from .wake import Wake, wake_of, wakes_beside
 
 __all__ = [
     "FLAT_BELOW",
@@ -49,7 +52,8 @@ ACCURACY = {
 # Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
 LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
-WORTH_IT = 60_000  # cells from which a second MPI rank pays; each gets half of it at least
+WORTH_IT = 60_000  # cells from which a second MPI rank pays
+RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
 
 
@@ -62,6 +66,7 @@ class AirflowPlan:
     ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
     time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
+    ``wake``: how much of each end the answer is flown in, None where it is the time-resolved one or no end at all.
 
     This class plans an airflow that is known without a solver; each other kind of airflow has a class of its own.
     """
@@ -76,6 +81,7 @@ class AirflowPlan:
     brackets: bool = False
     moving: bool = False
     accuracy: float = 0.02
+    wake: WakeEstimate | None = None
 
     @property
     def turbulent(self) -> bool:
@@ -94,6 +100,11 @@ class AirflowPlan:
         from right, and a wake, computed whole, may lean.
         """
         return self.stepping is not None and self.symmetric and not self.half
+
+    @property
+    def wakes_beside(self) -> dict[Wake, tuple[float, float]]:
+        """Theta and strength of the wakes in which part of the granules fly for the error of the airflow's model."""
+        return wakes_beside(self.brackets, self.wake)
 
     @property
     def computes_streams(self) -> bool:
@@ -174,7 +185,7 @@ class SolvedAirPlan(AirflowPlan):
     @property
     def kind(self) -> str:
         assert self.stepping is not None
-        return self.stepping
+        return self.stepping if self.wake is None else "best-estimate"
 
     def warnings(self, scene: Scene) -> Iterator[str]:
         if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
@@ -182,7 +193,13 @@ class SolvedAirPlan(AirflowPlan):
                 f"{self.rung} airflow: a steady wake is too long and its suction too weak; rung {self.resolves} "
                 "resolves the shedding"
             )
-        if self.brackets:
+        if self.wake is not None:
+            theta = self.wake.theta
+            yield (
+                f"{self.rung} airflow: a best estimate between two wakes in two dimensions, of which neither is real; "
+                f"the share of the one that sheds is known to be {theta.low:.2f} to {theta.high:.2f}"
+            )
+        elif self.brackets:
             yield (
                 f"{self.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
                 "truth lies between it and the draft"
@@ -219,17 +236,19 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
-    steady = kind == "steady"
+    steady, model = kind == "steady", model_at(reynolds)
+    brackets = not steady and reynolds > FLAT_BELOW
     return SolvedAirPlan(
         rung=name,
         why=why,
         stepping=SOLVED[kind],
-        turbulence=model_at(reynolds).name,
+        turbulence=model.name,
         symmetric=symmetric,
         half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
         scales=rung.scales,
-        brackets=not steady and reynolds > FLAT_BELOW,
+        brackets=brackets,
         accuracy=rung.accuracy or ACCURACY["bracket" if reynolds > FLAT_BELOW else "flat"],
+        wake=wake_of(scene, reynolds) if brackets and model.turbulent else None,
     )
 
 
@@ -267,15 +286,14 @@ def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
         return "draft", f"{where} is below the onset of shedding: the steady solution is the flow itself"
     if reynolds < FLAT_BELOW:
         return "standard", f"{where} sheds vortices in two dimensions: the time-resolved solution is the flow itself"
-    return "standard", f"{where} sheds vortices: the truth lies between the steady and the time-resolved wake"
+    return "standard", f"{where} sheds vortices: a best estimate between the steady and the time-resolved wake"
 
 
-def ranks_for(cells: int, cores: int) -> tuple[int, str]:
-    """MPI ranks for a case of so many cells on so many cores, and the reason."""
-    ranks = max(1, min(cores, cells // (WORTH_IT // 2)))
-    if ranks == 1:
-        return 1, f"one process: {cells} cells are too few to share (MPI from {WORTH_IT} cells and two cores)"
-    return ranks, f"{ranks} MPI ranks of about {cells // ranks} cells"
+def ranks_for(cells: int) -> tuple[int, str]:
+    """MPI ranks for a case of so many cells, whatever machine it runs on, and the reason."""
+    if cells < WORTH_IT:
+        return 1, f"one process: {cells} cells are too few to share (two MPI ranks from {WORTH_IT} cells)"
+    return RANKS, f"{RANKS} MPI ranks of about {cells // RANKS} cells"
 
 
 def typical_cells(airflow: AirflowPlan, bodies: int) -> float:

@@ -40,7 +40,7 @@ class Separation:
     cut: tuple[str, ...] = column("", "empty: kept for cut sizes", default=())
 
     def share(self, fraction: str, place: str) -> tuple[float, float, float]:
-        """Share of a fraction in a bin, by mass, with its 95 % interval of sampling: (value, low, high)."""
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
         found = self.fractions[fraction][place]
         return found.value, found.low, found.high
 
@@ -90,6 +90,6 @@ class LandingResults:
 
     separation: Separation = column("", "the answer")
     bracket: dict[str, dict[str, dict[str, float]]] | None = column(
-        "1", "share by fraction, bin and wake: steady, mean, half, computed; null where the wakes are not compared"
+        "1", "share by fraction, bin and wake, the answer's own last; null where the wakes are not compared"
     )
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")

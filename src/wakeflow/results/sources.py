@@ -1,13 +1,14 @@
 """The sources of the budget.
 
-Measured: sampling (spread of independent replicates). By companions, the same granules flown again: integration (at a
-hundredth of the tolerance), the airflow's model (in the steady wake and with less of the fluctuation) and the mesh (on
-other grids). Calibrated: each term that is left out, by the plan's bound on its landing shift times the landing density
-found at a bin's ends; the airflow's statistics, by what the fluctuation changes. The rest is named and unknown.
+Measured: sampling (spread of independent replicates) and the airflow's statistics (spread of shedding cycles). By
+companions, the same granules flown again: integration (at a hundredth of the tolerance), the airflow's model (with
+another theta and strength of the wake) and the mesh (on other grids). Calibrated: each term that is left out, by the
+plan's bound on its landing shift times the landing density found at a bin's ends. The rest is named and unknown.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -15,10 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..pipeline.pipeline import Pipeline
+from ..planning.wake import Wake
 from .companions import (
     Comparison,
     Grid,
-    Wake,
     airflows,
     differences,
     finer_steps,
@@ -31,6 +32,7 @@ from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPar
 from .left_out import left_out_terms
 from .separation import upper_limit
 from .source import FractionResults, Source, budget_sources
+from .spread import cycles_of
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -47,7 +49,6 @@ __all__ = [
 
 Parts = Mapping[str, Sequence[BudgetPart]]
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
-STILL = 1e-12  # Cl rms: below it the lift does not fluctuate
 INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
 
 
@@ -58,9 +59,7 @@ class Sampling(Source[None]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         spent = fraction.flights.tracking
-        return {
-            bin_: [self.part(0.5 * (share.high - share.low), spent)] for bin_, share in fraction.shares.items()
-        }  # fmt: skip
+        return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
 
 
 class Integration(Source["tuple[Tracked, float]"]):
@@ -105,7 +104,9 @@ class LeftOutTerms(Source[None]):
 
 
 class AirflowModel(Source[Comparison[Wake]]):
-    """The airflow's model: the farthest of the steady wake, the mean wake and half of the fluctuation."""
+    """The airflow's model: of a best estimate the ranges of its two numbers, each with the other as it is; of a
+    time-resolved airflow the farthest of the steady wake, the mean wake and half of the fluctuation.
+    """
 
     name, how, place, fills = "airflow-model", COMPANION, 50, True
 
@@ -119,34 +120,36 @@ class AirflowModel(Source[Comparison[Wake]]):
         wakes = fraction.flights.of(self)
         if wakes is None:
             return _unless_known(self.name, fraction)
-        return {bin_: [self._farthest(wakes, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
+        told = self._farthest if fraction.pipeline.plan.airflow.wake is None else self._ranges
+        return {bin_: [told(moved, wakes.seconds)] for bin_, moved in _moved(wakes, fraction)}
 
-    def _farthest(self, wakes: Comparison[Wake], name: str, number: int) -> BudgetPart:
-        moved = dict(differences(wakes, name, number))
+    def _ranges(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
+        """Root of the squares of the largest changes: nobody knows that theta and the strength err together."""
+        parts = {"theta": (Wake.THETA_LOW, Wake.THETA_HIGH), "strength": (Wake.STRENGTH_LOW, Wake.STRENGTH_HIGH)}
+        error = math.hypot(*(max(abs(moved[wake]) for wake in ends) for ends in parts.values()))
+        told = (
+            f"{name} at its low and high end {100 * moved[low]:+.2g} and {100 * moved[high]:+.2g}"
+            for name, (low, high) in parts.items()
+        )
+        return self.part(error, seconds, f"{', '.join(told)} points")
+
+    def _farthest(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
         which = max(moved, key=lambda wake: abs(moved[wake]))
-        return self.part(abs(moved[which]), wakes.seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
+        return self.part(abs(moved[which]), seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
 
 
 class AirflowStatistics(Source[None]):
-    """The finite sample of the shedding: what the whole fluctuation changes more than half of it, per relative error of
-    its strength.
-    """
+    """The finite sample of the airflow: half of the 95 % interval over its shedding cycles, or its realisations."""
 
-    name, how, place, fills = "airflow-statistics", CALIBRATED, 60, True
+    name, how, place = "airflow-statistics", MEASURED, 60
 
     def shares(self, fraction: FractionResults) -> Parts:
-        wakes = fraction.flights.of(MODEL)
-        if wakes is None:
+        cycles = cycles_of([fraction.landings])
+        clusters = cycles * (1 + int(fraction.landings.realisation.max()))
+        if clusters == 1:
             return _unless_known(self.name, fraction)
-        strength = fraction.flights.airflow.cl_rms
-        assert strength is not None
-        assert strength.value is not None
-        relative = (strength.half or 0.0) / max(strength.value, STILL)
-        note = f"strength of the fluctuation (Cl rms) known within {100 * relative:.2g} %"
-        return {
-            bin_: [self.part(min(1.0, 2.0 * abs(moved[Wake.HALF]) * relative), note=note)]
-            for bin_, moved in _moved(wakes, fraction)
-        }
+        note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
+        return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
 
 
 class Mesh(Source[Comparison[Grid]]):

@@ -7,7 +7,7 @@ import json
 import os
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from .published import Case, Published, cases
 __all__ = ["ComparedValue", "compare_case", "grid_study", "momentum", "run_airflow", "run_scene"]
 
 Tell = Callable[[str], None]
+REPORTED = "reported"  # in place of a gate
 GRIDS = (1.0, 1.5, 2.25)  # mesh scales of the study of a scene that nothing is published of
 AIR_TABLES = ("body", "channel", "air", "vibration")  # what an airflow depends on, its numerics apart
 SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied there
@@ -34,7 +35,8 @@ SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied 
 class ComparedValue:
     """One number of one case. ``low`` .. ``high`` holds the 95 % interval of the finest mesh, or, where several were
     computed, the mesh error with it (``error`` says how, ``order`` the observed one). ``theirs``: low and high of what
-    is published; ``deviation`` relative to its nearer end; ``met`` None where no agreement was asked for.
+    is published; ``deviation`` relative to its nearer end. ``gate`` is what a row has to meet, in words, and ``met``
+    whether it does; where nothing is asked it is "reported", ``met`` None, and ``why`` the reason.
     """
 
     case: str
@@ -47,6 +49,8 @@ class ComparedValue:
     theirs: tuple[float, float] | None
     deviation: float | None
     within: float | None
+    gate: str
+    why: str
     met: bool | None
     cells: int
     core_seconds: float
@@ -136,7 +140,7 @@ def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple
 def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, SolvedAirflow]:
     """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
     changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
-    plan = make_plan(changed, rung=rung)
+    plan = make_plan(changed, rung=rung).as_computed()
     pipeline = Pipeline(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
     return plan.rung, measured(pipeline)
 
@@ -163,7 +167,8 @@ def _plain(
     return ComparedValue(
         case=case.name, title=case.title, rung=rung, quantity=quantities[name].label,
         ours=None if shown is None else shown.value, low=None if shown is None else shown.low,
-        high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, met=None,
+        high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, gate=REPORTED,
+        why="nothing is published of it", met=None,
         cells=airflow.cells, core_seconds=airflow.cost, date=airflow.day,
         error="one grid" if study is None else study.kind, order=None if study is None else study.order,
         source="", status="",
@@ -177,14 +182,17 @@ def _row(
     known: Published,
     number: QuantityValue | None,
     study: GridEstimate | None,
-    judged: bool = True,
+    reported: str = "",
 ) -> ComparedValue:
     row = asdict(_plain(case, rung, airflow, known.quantity, number, study))
     deviation = None if number is None else known.deviation(number.value)
-    within = known.within if judged else None
+    why = reported or known.reported
+    within = None if why else known.within
     met = None if within is None else deviation is not None and abs(deviation) <= within
+    gate = REPORTED if within is None else f"{100 * within:.2g} %"
     known_of = {"theirs": (known.low, known.high), "source": known.source, "status": known.status}
-    return ComparedValue(**{**row, **known_of, "deviation": deviation, "within": within, "met": met})
+    judged = {"deviation": deviation, "within": within, "gate": gate, "why": why, "met": met}
+    return ComparedValue(**{**row, **known_of, **judged})
 
 
 def _order_row(
@@ -193,23 +201,34 @@ def _order_row(
     for name, least in case.order.items():
         study = studies[name]
         row = asdict(_plain(case, rung, airflow, name, None, study))
-        label = f"order of {quantities[name].label}, at least {least:g}"
+        label, gate = f"order of {quantities[name].label}", f"at least {least:g}"
         met = study.order is not None and study.order >= least
         shown = {"quantity": label, "ours": study.order, "low": None, "high": None, "met": met, "source": study.why}
-        yield ComparedValue(**{**row, **shown})
+        yield ComparedValue(**{**row, **shown, "gate": gate, "why": ""})
 
 
 def _beside_rows(case: Case, scene: Scene, own: Sequence[ComparedValue], tell: Tell) -> Iterator[ComparedValue]:
-    """The other rung's numbers, only reported; and whether the scene's own rung is closer where it has to be."""
+    """The other rung's numbers, only reported; whether the scene's own rung is closer where it has to be, and whether
+    what is published lies between the two.
+    """
     rung, airflow = solve(scene, min(case.scales), case.beside, tell)
-    rows = {v: _row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, False) for v in case.values}
-    yield from (row for row in rows.values() if row.ours is not None)
+    why = f"rung {rung}, beside the scene's own"
+    rows = [_row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, why) for v in case.values]
+    yield from (row for row in rows if row.ours is not None)
+    pairs = [(v, mine, beside) for v, mine, beside in zip(case.values, own, rows, strict=False)]
     if case.closer is not None:
-        known = next(v for v in case.values if v.quantity == case.closer)
-        mine = next(row for row, v in zip(own, case.values, strict=False) if v is known)
-        distances = [abs(row.deviation) if row.deviation is not None else float("inf") for row in (mine, rows[known])]
-        table = asdict(mine) | {"quantity": f"{mine.quantity}: closer than {rung}", "within": None, "error": ""}
-        yield ComparedValue(**{**table, "met": distances[0] < distances[1]})
+        mine, beside = next((mine, beside) for v, mine, beside in pairs if v.quantity == case.closer)
+        distances = [abs(row.deviation) if row.deviation is not None else float("inf") for row in (mine, beside)]
+        yield _asked(mine, f"closer than {rung}", distances[0] < distances[1])
+    for known, mine, beside in pairs:
+        if known.checked(case.between) and mine.ours is not None and beside.ours is not None:
+            low, high = sorted((mine.ours, beside.ours))
+            yield _asked(mine, f"between {rung} and {mine.rung}", low <= known.low and known.high <= high)
+
+
+def _asked(row: ComparedValue, gate: str, met: bool) -> ComparedValue:
+    """The row once more, judged by another gate."""
+    return replace(row, within=None, error="", gate=gate, why="", met=met)
 
 
 def momentum(case: Case, scene: Scene, airflow: SolvedAirflow) -> dict[str, Any]:

@@ -19,16 +19,21 @@ STATUSES = ("read", "quoted", "unchecked")
 
 @dataclass(frozen=True)
 class Published:
-    """A published number ``low`` .. ``high`` of a quantity; ``within``: relative deviation up to which it counts as
-    met, None where it is only reported.
+    """A published number ``low`` .. ``high`` of a quantity. ``within``: relative deviation up to which it counts as
+    met; None where it is only ``reported``, for the reason given there.
     """
 
     quantity: str
     low: float
     high: float
-    within: float | None
     source: str
     status: str
+    within: float | None = None
+    reported: str = ""
+
+    def checked(self, quantity: str | None) -> bool:
+        """Whether this is a number of ``quantity`` that was read, here or by others."""
+        return self.quantity == quantity and self.status != "unchecked"
 
     def deviation(self, value: float) -> float:
         """Relative distance of ``value`` from the nearer end, negative below; 0 inside the range."""
@@ -48,6 +53,7 @@ class Case:
     order: Mapping[str, float] = field(default_factory=dict)
     beside: str | None = None
     closer: str | None = None
+    between: str | None = None
     note: str = ""
 
 
@@ -72,16 +78,18 @@ def _case(name: str, table: dict[str, Any]) -> Case:
         case = Case(name=name, values=values, **table)
     except TypeError as problem:
         raise SceneError(f"published.toml: {name}: {problem}") from None
-    for quantity in (case.closer, *case.order):
+    for quantity in (case.closer, case.between, *case.order):
         if quantity is not None and quantity not in quantities:
             raise SceneError(f"published.toml: {name}: unknown quantity {quantity!r}")
-    if case.closer is not None and (case.beside is None or not any(v.quantity == case.closer for v in values)):
-        raise SceneError(f"published.toml: {name}: closer needs beside and a value of {case.closer}")
+    for key in ("closer", "between"):
+        quantity = getattr(case, key)
+        if quantity is not None and (case.beside is None or not any(v.checked(quantity) for v in values)):
+            raise SceneError(f"published.toml: {name}: {key} needs beside and a checked value of {quantity}")
     return case
 
 
 def _published(name: str, row: Mapping[str, Any]) -> Published:
-    known = {"quantity", "value", "low", "high", "within", "source", "status"}
+    known = {"quantity", "value", "low", "high", "within", "reported", "source", "status"}
     low, high = row.get("low", row.get("value")), row.get("high", row.get("value"))
     wrong = (
         f"unknown keys {sorted(set(row) - known)}" if set(row) - known
@@ -89,8 +97,11 @@ def _published(name: str, row: Mapping[str, Any]) -> Published:
         else "needs value, or low and high" if low is None or high is None or not low <= high
         else f"status {row.get('status')!r}: one of {', '.join(STATUSES)}" if row.get("status") not in STATUSES
         else "needs a source" if not row.get("source")
+        else f"{row['quantity']} needs either within or reported, the reason why it is not judged"
+        if ("within" in row) == bool(row.get("reported"))
         else None
     )  # fmt: skip
     if wrong:
         raise SceneError(f"published.toml: {name}: {wrong}")
-    return Published(row["quantity"], float(low), float(high), row.get("within"), row["source"], row["status"])
+    judged = {key: row[key] for key in ("within", "reported") if key in row}
+    return Published(row["quantity"], float(low), float(high), source=row["source"], status=row["status"], **judged)
