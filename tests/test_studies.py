@@ -24,7 +24,8 @@ import wakeflow as wf
 from support import CASES, ROOT, shipped
 from wakeflow.laws.best_estimate import wakes
 
-ELSEWHERE = {"printed_form", "robustness"}  # tests/laws/test_collision.py, tests/foam/test_robustness.py
+# tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py
+ELSEWHERE = {"printed_form", "robustness", "three_dimensions"}
 HERE = {
     study.__name__
     for study in (

@@ -21,7 +21,7 @@ from .flow import NODAL, FlowField
 from .splines import fit
 from .triangles import Triangles
 
-__all__ = ["blended_wake", "carried"]
+__all__ = ["blended_wake", "interpolated"]
 
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")
@@ -48,7 +48,7 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
     share = resolved.time_axis.mean_weights()
     own = {name: values for name in NODAL if (values := getattr(resolved, name)) is not None}
     middle = {name: np.tensordot(share, values, axes=1) for name, values in own.items()}
-    still = _with_boundary(resolved, carried(steady, _like(steady, own), resolved.points), middle["velocity"])
+    still = _with_boundary(resolved, interpolated(steady, _like(steady, own), resolved.points), middle["velocity"])
     mean = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
     if strength == 0.0 and resolved.motion is None:
         return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **_any(mean))
@@ -61,7 +61,7 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
     return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
 
 
-def carried(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
+def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
     """Nodal arrays (N, ..) of ``mesh`` by name, at ``points`` (n, 2) m: linear inside every triangle.
 
     A point that lies outside, by round-off or beside the corners of a curved wall, takes the nearest value of the

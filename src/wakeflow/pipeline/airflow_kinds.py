@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
 
-__all__ = ["AirflowKind", "CaseAir", "TimeResolvedAir", "airflow_kinds"]
+__all__ = ["AirflowKind", "CaseAir", "SolvedAir", "TimeResolvedAir", "airflow_kinds"]
 
 
 @dataclass

@@ -27,9 +27,11 @@ Listener = Callable[[str, str], None]  # (stage, text): hears of progress
 CODE = {
     "mesh": ("wakeflow.meshing.build",),
     "airflow": ("wakeflow.foam.airflow",),
+    "span": ("wakeflow.foam.span_airflow",),
     "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.pipeline.case_field",),
     "blend": ("wakeflow.field.blend",),
+    "layers": ("wakeflow.pipeline.span_field",),
     "duct": ("wakeflow.pipeline.analytic",),
     "residence": ("wakeflow.tracking.residence",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),

@@ -17,10 +17,11 @@ from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.registry import did_you_mean
 from ..laws.best_estimate import WakeEstimate
-from ..laws.turbulence_models import model_at, turbulence_models
+from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import rungs
 from ..scene.user_case import is_laminar
+from .span import Span, SpanCost, cost_of, span_of
 from .wake import Wake, wake_of, wakes_beside
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "AirflowPlan",
     "choose_airflow",
     "ranks_for",
+    "span_cost",
     "typical_cells",
     "typical_seconds",
 ]
@@ -38,6 +40,7 @@ Stepping = Literal["steady", "time-resolved"]
 SOLVED: dict[str | None, Stepping] = {
     "steady": "steady",
     "time-resolved": "time-resolved",
+    "three-dimensional": "time-resolved",
 }  # kinds that OpenFOAM solves
 # Reynolds numbers on the body's width and the inlet's mean speed.
 SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle 46.2: Jackson 1987, J. Fluid Mech. 182)
@@ -67,6 +70,7 @@ class AirflowPlan:
     time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
     ``wake``: how much of each end the answer is flown in, None where it is the time-resolved one or no end at all.
+    ``span``: the third dimension, where it is resolved.
 
     This class plans an airflow that is known without a solver; each other kind of airflow has a class of its own.
     """
@@ -82,6 +86,7 @@ class AirflowPlan:
     moving: bool = False
     accuracy: float = 0.02
     wake: WakeEstimate | None = None
+    span: Span | None = None
 
     @property
     def turbulent(self) -> bool:
@@ -206,6 +211,14 @@ class SolvedAirPlan(AirflowPlan):
             )
 
 
+class SpanAirPlan(SolvedAirPlan):
+    """An airflow that OpenFOAM solves in three dimensions."""
+
+    @property
+    def kind(self) -> str:
+        return "three-dimensional"
+
+
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
     """The airflow of a rung asked for; ``auto`` goes by Reynolds number and the accuracy asked for (a share).
 
@@ -236,6 +249,10 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
+    if kind == "three-dimensional":
+        return SpanAirPlan(
+            name, why, SOLVED[kind], SPANWISE, symmetric, half=False, accuracy=ACCURACY["bracket"], span=span_of(scene)
+        )
     steady, model = kind == "steady", model_at(reynolds)
     brackets = not steady and reynolds > FLAT_BELOW
     return SolvedAirPlan(
@@ -298,7 +315,16 @@ def ranks_for(cells: int) -> tuple[int, str]:
 
 def typical_cells(airflow: AirflowPlan, bodies: int) -> float:
     """Cells to expect on the answer's grid, before it is meshed; good to a factor of two."""
-    return 0.0 if airflow.stepping is None else CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
+    layers = 1 if airflow.span is None else airflow.span.layers
+    return 0.0 if airflow.stepping is None else layers * CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
+
+
+def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
+    """What the third dimension costs, before the mesh is made; nothing where it is not resolved."""
+    if airflow.span is None:
+        return SpanCost(0.0, 0.0, 0.0, 0.0, 0.0)
+    scale = airflow.scales[0] * scene.numerics.mesh_scale
+    return cost_of(airflow.span, CELLS["time-resolved"] * len(scene.body) / scale**2, scale)
 
 
 def typical_seconds(airflow: AirflowPlan) -> float:

@@ -9,10 +9,11 @@ import numpy as np
 
 from ..funnel import summary
 from ..scene import Scene
-from .airflow import AirflowPlan, ranks_for, typical_cells
+from .airflow import AirflowPlan, ranks_for, span_cost, typical_cells
 from .coupling import Limit, strained
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
+from .span import span_lines
 from .standing import standing
 from .terms import Gate
 
@@ -37,6 +38,8 @@ def used_lines(
     ``motion``: what the vibration asks of the airflow; ``chain``: a scene with air is flown without.
     """
     yield from _airflow_lines(airflow, len(scene.body), scene.numerics.ranks)
+    if airflow.span is not None:
+        yield from span_lines(airflow.span, span_cost(scene, airflow))
     if chain:
         yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
     if scene.air is not None and scene.channel.inlet and airflow.computes_streams:

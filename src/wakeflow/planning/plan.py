@@ -71,7 +71,7 @@ class Plan:
 
     @property
     def rung(self) -> str:
-        """none | analytic | draft | standard | reference | given"""
+        """none | analytic | draft | standard | reference | 3d | given"""
         return self.airflow.rung
 
     def with_forces(self, forces: Sequence[str]) -> Plan:

@@ -11,6 +11,7 @@ from .measured import Measured
 
 __all__ = [
     "Airflow",
+    "AxisProfiles",
     "BestEstimate",
     "CheckMesh",
     "FieldDivergence",
@@ -20,6 +21,7 @@ __all__ = [
     "MomentumModel",
     "RunStatistics",
     "SolverAttempt",
+    "SpanwiseMotion",
     "SuctionZone",
     "WakeEnd",
     "WakeEnds",
@@ -167,10 +169,38 @@ class WakeEnds:
 
 
 @dataclass(frozen=True)
+class AxisProfiles:
+    """The mean wake behind the first body on its axis, rms values of what is resolved beside what is modelled."""
+
+    behind: tuple[float, ...] = column("body widths", "places, from the body's rear")
+    speed: tuple[float, ...] = column("air speeds", "mean velocity along the air")
+    along: tuple[float, ...] = column("air speeds", "rms of the velocity along the air")
+    across: tuple[float, ...] = column("air speeds", "rms of the velocity across it, in the picture")
+    spanwise: tuple[float, ...] = column("air speeds", "rms of the velocity along the span")
+    modelled: tuple[float, ...] = column("air speeds", "what the model adds to each: sqrt(2k/3)")
+
+
+@dataclass(frozen=True)
+class SpanwiseMotion:
+    """Of an airflow in three dimensions: what moves along its span, in the near wake."""
+
+    depth: float = column("m", "of the periodic span")
+    layers: int = column("1", "layers of cells over it")
+    recorded: float = column("s", "time that means and fields rest on")
+    snapshots: int = column("1", "of all layers in that time")
+    w_rms: float = column("air speeds", "rms of the velocity along the span")
+    uv_rms: float = column("air speeds", "rms of the other components about their mean over the span")
+    quarters: tuple[float, ...] = column("air speeds", "w_rms in each quarter of the time: growing or dying")
+    integral_lengths: tuple[float, ...] = column("m", "along the span: of the velocity across, along the air, spanwise")
+    flown: tuple[int, ...] = column("1", "the layers that granules are flown in, each a plane airflow")
+    axis: AxisProfiles = column("", "on the body's axis")
+
+
+@dataclass(frozen=True)
 class Airflow(Partial):
     """What was measured on the airflow, or is known of it. Which keys are told depends on the kind of airflow."""
 
-    rung: str = column("", "analytic, draft, standard, reference or given", default="")
+    rung: str = column("", "analytic, draft, standard, reference, 3d or given", default="")
     stepping: str | None = column("", "steady, time-resolved or given", default=None)
     verdict: str = column("", "steady, periodic, broadband, given, or the profile of air that is known", default="")
     turbulence: str | None = column("", "turbulence model", default=None)
@@ -203,6 +233,7 @@ class Airflow(Partial):
     settings: str | None = column("", "the solver's settings that served", default=None)
     attempts: tuple[SolverAttempt, ...] | None = column("", "solutions that failed before", default=None)
     checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)
+    span: SpanwiseMotion | None = column("", "of an airflow in three dimensions; null in the plane", default=None)
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)
     grids: tuple[GridStudy, ...] | None = column("", "quantities on several grids; null with one", default=None)
     residence_time: Measured | None = column("1", "of fine dust in the near wake, times U / D", default=None)

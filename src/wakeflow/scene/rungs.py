@@ -70,3 +70,12 @@ rungs.add(
         accuracy=0.005,  # below a third of what the grids differ by
     ),
 )
+rungs.add(
+    "3d",
+    Rung(
+        "scale-resolving in three dimensions on a periodic span, for hours: the wake breaks up as a real one does; "
+        "steady where the wake does not shed",
+        "three-dimensional",
+        kind_below_shedding="steady",
+    ),
+)
