@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from wakeflow.foam.span_measure import measure_span
 from wakeflow.foam.span_read import lead_of, read_layers
 from wakeflow.foam.span_record import SpanRecord
 from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.airflow_kinds import TimeResolvedAir
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
@@ -101,18 +102,34 @@ def plain(found: AirflowResult) -> dict[str, Any]:
     return table
 
 
-def computed(scene: wf.Scene, rung: str, name: str, said: bool = True) -> Column:
-    """The airflow of a rung, solved where it is not in the cache."""
-    plan = wf.plan(scene, rung=rung)
-    tell = (lambda stage, text: print(f"{stage}: {text}", end="\r", file=sys.stderr)) if said else (lambda *_: None)
-    pipeline = Pipeline(scene, plan, tell, store=Store(cache_root()))
-    case = pipeline.solution[1] / "case"
-    spent = core_seconds(case) + (core_seconds(case / "span") if (case / "span").is_dir() else 0.0)
-    fields = [pipeline.field[1]]
-    if plan.airflow.span is not None:
-        airs = pipeline.kind.realisations
-        fields = [made for i in range(len(airs)) if (made := airs.make(i)) is not None]
-    return Column(name, pipeline.airflow, fields, spent / 3600)
+def tell(stage: str, text: str) -> None:
+    """How far it is, on a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r{stage}: {text}\033[K", end="", file=sys.stderr)
+
+
+def pipeline_at(scene: wf.Scene, rung: str) -> Pipeline:
+    """The scene's pipeline at a rung; what it makes stands in the cache afterwards."""
+    return Pipeline(scene, wf.plan(scene, rung=rung), tell, store=Store(cache_root()))
+
+
+def plane(scene: wf.Scene) -> Iterator[Column]:
+    """The steady end, the time-resolved end, and the best estimate between them."""
+    draft, standard = pipeline_at(scene, "draft"), pipeline_at(scene, "standard")
+    steady, spent = draft.solution[1] / "case", core_seconds(standard.solution[1] / "case") / 3600
+    yield Column("steady", draft.airflow, [draft.field[1]], core_seconds(steady) / 3600)
+    air = standard.kind
+    assert isinstance(air, TimeResolvedAir)
+    yield Column("2D", air.measured, [air.resolved[1]], spent)
+    yield Column("blended", standard.airflow, [standard.field[1]], spent)
+
+
+def deep(scene: wf.Scene) -> Column:
+    """The airflow in three dimensions."""
+    pipeline = pipeline_at(scene, "3d")
+    case, airs = pipeline.solution[1] / "case", pipeline.kind.realisations
+    fields = [made for i in range(len(airs)) if (made := airs.make(i)) is not None]
+    return Column("3D", pipeline.airflow, fields, (core_seconds(case) + core_seconds(case / "span")) / 3600)
 
 
 def shares(scene: wf.Scene, fields: Sequence[FlowField]) -> Shares:
@@ -180,7 +197,7 @@ def percent(row: dict[str, Interval], bins: Sequence[str]) -> str:
     return f"{100 * value:.1f} ± {100 * half:.1f}"
 
 
-def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Column], fly: bool) -> None:
+def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Column], *, fly: bool) -> None:
     """All airflows of a body side by side."""
     width = spec.mesh.projected_width
     assert scene.first_outline is not None
@@ -252,12 +269,10 @@ def main() -> None:
             parser.error(f"{name}: its name begins with none of {', '.join(BODIES)}")
         scene = scene_of(body, asked.count or COUNT, changes_of(asked.set))
         spec = spec_of(scene)
-        deep = analysed(folder, spec, asked.begin) if folder is not None else computed(scene, "3d", "3D")
-        plane = []
-        if folder is None or asked.beside:
-            plane = [computed(scene, "draft", "steady"), computed(scene, "standard", "2D")]
-        print_table(name, spec, scene, [*plane, deep], asked.count > 0)
-        print_proof(deep, spec)
+        last = analysed(folder, spec, asked.begin) if folder is not None else deep(scene)
+        others = plane(scene) if folder is None or asked.beside else ()
+        print_table(name, spec, scene, [*others, last], fly=asked.count > 0)
+        print_proof(last, spec)
 
 
 if __name__ == "__main__":

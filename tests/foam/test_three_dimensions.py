@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import three_dimensions
+import wakeflow as wf
 from wakeflow.core.errors import FoamError, SceneError
-from wakeflow.core.store import Store
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.extrude import layer_map, make_periodic
 from wakeflow.foam.span_measure import PLANE_BELOW
@@ -25,12 +26,12 @@ from wakeflow.foam.span_run import record_ends
 from wakeflow.foam.span_start import span_modes
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import plan_mesh
-from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning import span as span_module
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.span import Span, cost_of
 from wakeflow.scene import Scene
 
+OFF = {"collisions-between-granules": False, "basset-history": False}
 SPAN = Span(depth=2.0, layers=8, sheddings=2.0)
 BOUNDARY = """FoamFile { version 2.0; }
 2
@@ -163,7 +164,7 @@ def packed_of(root: Path) -> dict[str, bytes]:
 
 @pytest.mark.openfoam
 def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
-    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(span_module, "START_UP", 4.0)
     scene = Scene.load(cases / "rhombus.toml").replace(COARSE)
@@ -176,27 +177,37 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     os.killpg(child.pid, signal.SIGKILL)
     child.wait()
     told: list[str] = []
-    resumed = Pipeline(
-        scene, make_plan(scene, rung="3d"), lambda _, text: told.append(text), store=Store(tmp_path / "killed")
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "killed"))
+    result = wf.run(
+        scene, tmp_path / "out", rung="3d", force=OFF, target_error=0.5, listener=lambda _, text: told.append(text)
     )
-    found = resumed.airflow
+    found = result.airflow
+    assert found is not None
     assert any("three dimensions, t = " in line and "left" in line for line in told)
-    assert found["span"]["layers"] == 4
-    assert found["span"]["w_rms"] > PLANE_BELOW
-    assert len(found["span"]["quarters"]) == 4
-    assert found["turbulence"] == "kOmegaSSTDDES"
-    assert 1.0 < found["cd"]["value"] < 4.0
-    assert abs(found["mass_error"]) < 1e-3
-    field = resumed.field[1]
-    assert field.period == pytest.approx(found["period"])
-    assert field.k is not None
-    assert np.abs(np.array(found["span"]["axis"]["across"])).max() > 0.1
-    tracked = resumed.tracks()
-    assert sum(tracked.fates["wheat"].values()) == len(tracked.landings["wheat"].bin)
+    assert found.span is not None
+    assert found.span.layers == 4
+    assert found.span.w_rms > PLANE_BELOW
+    assert len(found.span.quarters) == 4
+    assert max(found.span.axis.across) > 0.1
+    assert found.turbulence == "kOmegaSSTDDES"
+    assert found.cd is not None
+    assert found.cd.value is not None
+    assert 1.0 < found.cd.value < 4.0
+    assert abs(found.mass_error or 0.0) < 1e-3
+    assert found.residence_time is not None
+    parts = {part.source: part for part in result.landings.budget[0].parts}  # type: ignore[union-attr]
+    assert parts["airflow-model"].how == "unknown"
+    assert sum(result.share("wheat", bin_)[0] for bin_ in [*scene.bin, "elsewhere"]) == pytest.approx(1.0)
 
-    again = Pipeline(scene, make_plan(scene, rung="3d"), store=Store(tmp_path / "undisturbed"))
-    _ = again.solution
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "undisturbed"))
+    column = three_dimensions.deep(scene)  # the study's way to an airflow
     assert packed_of(tmp_path / "killed") == packed_of(tmp_path / "undisturbed")
+    assert [field.period for field in column.fields] == [pytest.approx(found.period)] * len(found.span.flown)
+    three_dimensions.print_table("rhombus", three_dimensions.spec_of(scene), scene, [column], fly=False)
+    three_dimensions.print_proof(column, three_dimensions.spec_of(scene))
+    said = capsys.readouterr().out
+    assert "residence time" in said
+    assert f"{found.span.w_rms:.3f} U" in said
 
 
 def test_layers_that_are_flown_in_lie_apart() -> None:

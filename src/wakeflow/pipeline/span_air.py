@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from ..core.files import write_json
 from ..core.resources import case_template
 from ..core.store import content_key, digest_files
 from ..planning.airflow import ranks_for
@@ -26,7 +28,7 @@ class SpanAir(SolvedAir):
     """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
 
     def start(self) -> Path:
-        return self.steady()
+        return self.steady().case
 
     def make_solution(self) -> tuple[str, Path]:
         from ..foam.span_airflow import solve_span
@@ -89,6 +91,23 @@ class SpanAir(SolvedAir):
         number = 1.0 / CONVECTIVE_PERIOD if table["strouhal"] is None else table["strouhal"]["value"]
         sheddings = table["period"] / self.flow_spec.convective_time * number
         return max(1, int(sheddings / len(table["span"]["flown"])))
+
+    @cached_property
+    def residence(self) -> dict[str, Any]:
+        from .blended_air import residence_row
+
+        body, air, airs = next(iter(self.scene.body.values())), self.scene.air, self.realisations
+        assert air is not None
+        asked = body.outline().tolist(), air.direction, air.speed, self.cycles
+        key = content_key("residence", self.layers[0], asked, code_of("residence"))
+
+        def work(part: Path) -> None:
+            self.cache.tell("residence", "fine dust in the near wake")
+            fields = [field for i in range(len(airs)) if (field := airs.make(i)) is not None]
+            write_json(part / "residence.json", {"answer": residence_row(fields, *asked)})
+
+        table: dict[str, Any] = json.loads((self.cache.make("residence", key, work) / "residence.json").read_text())
+        return table
 
     @property
     def model_is_unknown(self) -> bool:

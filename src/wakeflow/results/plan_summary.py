@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..core.record import Partial, column, from_json
 from ..planning.plan import Plan
+from .airflow_summary import BestEstimate
 
 __all__ = [
     "CostEstimate",
@@ -100,6 +101,7 @@ class PlanSummary(Partial):
     brackets: bool | None = column("", "whether steady and time-resolved wake bracket the truth", default=None)
     moving: bool | None = column("", "whether the mesh vibrates with the body", default=None)
     accuracy: float | None = column("1", "relative half width at which a time-resolved run may end", default=None)
+    wake: BestEstimate | None = column("", "how much of the time-resolved wake the answer is flown in", default=None)
     span: PlannedSpan | None = column("", "the third dimension; null where the airflow is plane", default=None)
     target_error: float | None = column("1", "error of a share that the bounds were compared with", default=None)
     force: dict[str, bool] | None = column("", "terms switched by hand", default=None)

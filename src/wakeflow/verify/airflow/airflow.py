@@ -157,7 +157,7 @@ def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple
 def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, SolvedAirflow]:
     """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
     changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
-    plan = make_plan(changed, rung=rung)
+    plan = make_plan(changed, rung=rung).as_computed()
     pipeline = Pipeline(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
     return plan.rung, measured(pipeline)
 
