@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import aspirator_curve
+import best_estimate
+import domain
 import impaction
 import injection_or_resolved
 import kernel_speed
@@ -17,15 +19,19 @@ import locked_band
 import mpi_ranks
 import paper_compare
 import slope_angles
+import time_resolved_cost
 import wakeflow as wf
 from support import CASES, ROOT, shipped
+from wakeflow.laws.best_estimate import wakes
 
-ELSEWHERE = {"printed_form", "robustness"}  # tests/laws/test_collision.py, tests/foam/test_robustness.py
+# tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py
+ELSEWHERE = {"printed_form", "robustness", "three_dimensions"}
 HERE = {
     study.__name__
     for study in (
-        aspirator_curve, impaction, injection_or_resolved, kernel_speed, labyrinth_chain, locked_band, mpi_ranks,
-        paper_compare, slope_angles,
+        aspirator_curve, best_estimate, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain,
+        locked_band,
+        mpi_ranks, paper_compare, slope_angles, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -49,9 +55,24 @@ def test_aspirator_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert (tmp_path / "curve.png").stat().st_size > 0
 
 
+def test_best_estimate(capsys: pytest.CaptureFixture[str]) -> None:
+    best_estimate.main()
+    assert [row[0] for row in table_rows(capsys.readouterr().out)] == [entry.name for entry in wakes()]
+
+
 def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:
     impaction.cylinder()
     assert len(table_rows(capsys.readouterr().out)) == len(impaction.K)
+
+
+@pytest.mark.openfoam
+def test_domain() -> None:
+    """Two rows: the distances asked for, and those that the program chooses."""
+    told: list[str] = []
+    domain.main(["draft"], told.append, quick=True)
+    rows = table_rows("\n".join(told))
+    assert [row[:2] for row in rows] == [["3.5", "8.0"], ["8.8", "17.6"]]
+    assert float(rows[1][-1]) == 0.0
 
 
 @pytest.mark.openfoam
@@ -113,3 +134,11 @@ def test_slope_angles(tmp_path: Path) -> None:
     assert len(scenes) == len(slope_angles.ANGLES)
     for scene in scenes:
         wf.Scene.load(scene)
+
+
+@pytest.mark.openfoam
+def test_time_resolved_cost(tmp_path: Path) -> None:
+    told: list[str] = []
+    names = ["the program's own", "pressure: one level of cells at a time"]
+    time_resolved_cost.main(tmp_path, names, told.append, time_resolved_cost.QUICK)
+    assert [row[0] for row in table_rows("\n".join(told))] == names

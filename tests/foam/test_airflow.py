@@ -153,6 +153,22 @@ class TestRhombus:
         assert light["k"].min() > 0
         assert light["dissipation"].min() > 0
 
+    def test_wall_pressure_is_that_whose_force_is_the_drag(self, rhombus_flow: Solved, tmp_path: Path) -> None:
+        """k is 0 at the wall: p there is what it would be without a k field, and off the wall it is lower by 2k/3."""
+        laminar = copied(rhombus_flow, tmp_path)
+        for path in laminar.glob("*/k"):
+            path.unlink()
+        flow, whole = read_flow(rhombus_flow.case, density=1.0), read_flow(laminar, density=1.0)["pressure"]
+        x, y = flow["points"].T
+        on_body = np.abs(np.abs(x) + np.abs(y) - WIDTH / 2) < 1e-9
+        np.testing.assert_allclose(flow["pressure"][on_body], whole[on_body], rtol=1e-12)
+        behind = ~on_body & (np.abs(x) + np.abs(y) < 0.6 * WIDTH) & (y < 0)
+        assert (flow["pressure"][behind] < whole[behind]).all()
+        rear = int(np.flatnonzero(on_body)[y[on_body].argmin()])
+        inlet = rhombus_flow.result["p_inlet"] / AIR["density"]
+        cp = (whole[rear] - inlet) / (0.5 * rhombus_flow.spec.speed**2)
+        assert rhombus_flow.result["cp_base"]["value"] == pytest.approx(cp, abs=2e-3)
+
     def test_velocity_is_that_of_the_boundaries(self, rhombus_flow: Solved) -> None:
         flow = read_flow(rhombus_flow.case)
         x, y = flow["points"].T

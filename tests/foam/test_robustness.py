@@ -21,6 +21,7 @@ import pytest
 import robustness
 from support import RHOMBUS, WIDTH
 from wakeflow.core.errors import FoamError, SceneError
+from wakeflow.core.files import write_json
 from wakeflow.core.resources import case_template
 from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
@@ -216,6 +217,33 @@ def test_the_ladder_is_climbed_in_order_and_remembered_over_an_interruption(tmp_
     assert "first order" in told
     assert "normal diverged, careful diverged" in told
     assert warning("normal", []) is None
+
+
+@pytest.mark.parametrize("back_to", [1.0, 0.0])
+def test_going_back_is_finished_where_it_was_interrupted(back_to: float, tmp_path: Path) -> None:
+    """Killed between the note of what failed and the last of what had to be removed."""
+    failed = Attempt("normal", "diverged", "the airflow diverged")
+    write_json(tmp_path / "attempts.json", {"attempts": [asdict(failed)], "back_to": back_to})
+    write_json(tmp_path / "segments.json", {"ends": ["1", "2"], "early": None})
+    write_json(tmp_path / "phase.json", {"phase": "loop"})
+    (tmp_path / "log.pimpleFoam").write_text("failed\n")
+    for name in ("1", "2", "2.5", "constant"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "U").touch()
+        (tmp_path / "postProcessing" / "forceCoefficients" / name).mkdir(parents=True)
+    seen: list[tuple[str, list[float], list[str]]] = []
+
+    def solve(how: FlowSpec, first_order: bool) -> str:
+        seen.append((how.settings, segment_ends(tmp_path), [path.name for path in time_folders(tmp_path)]))
+        return "solved"
+
+    _, _, tried = climb(flow(100.0, "standard"), tmp_path, solve, "log.pimpleFoam")
+    assert tried == [failed]
+    assert seen == [("careful", [1.0], ["1"]) if back_to else ("careful", [], [])]
+    assert not (tmp_path / "phase.json").exists()
+    assert (tmp_path / "failed-1.log").read_text() == "failed\n"
+    assert (tmp_path / "constant").exists()
+    assert json.loads((tmp_path / "attempts.json").read_text())["back_to"] is None
 
 
 def test_when_nothing_serves_all_that_was_tried_is_named_and_the_next_call_starts_anew(tmp_path: Path) -> None:
@@ -422,6 +450,8 @@ class TestRanks:
         assert (np.diff(read_table(case, "forceCoefficients", (1,))[:, 0]) == 1).all()
         assert not list(case.glob("processor*"))
         assert "nProcs : 2" in (case / "log.simpleFoam").read_text()
+        undisturbed = solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "undisturbed")
+        assert replace(result, seconds=0.0) == replace(undisturbed, seconds=0.0)
         assert result.cd.value == pytest.approx(alone.cd.value, rel=1e-3)
         assert result.verdict == alone.verdict
         assert result.mass_error == pytest.approx(0.0, abs=1e-6)

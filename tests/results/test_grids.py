@@ -45,14 +45,32 @@ def test_celik_example_below_first_order() -> None:
     assert 100 * found.gci_fine / 10.788 == pytest.approx(1.1, abs=0.05)
 
 
-def test_oscillating_values_give_the_range() -> None:
+def test_oscillating_values_give_three_times_their_range() -> None:
     found = estimate(*CELIK_OSCILLATING)
     assert found.kind == "range-oscillating"
     assert found.order is None
-    assert (found.low, found.value, found.high) == (5.9624, 6.0042, 6.0909)
+    half = 3 * (6.0909 - 5.9624)
+    assert (found.low, found.value, found.high) == pytest.approx((6.0042 - half, 6.0042, 6.0042 + half), rel=1e-12)
+    assert "3 times the range" in found.why
 
 
-@pytest.mark.parametrize("order", [0.6, 1.0, 1.7, 2.0, 2.4])
+def test_an_order_above_the_formal_one_enters_the_index_as_the_formal_one() -> None:
+    """Cells 1.5 apart, order 2.45: 1.25 |f1 - f2| / (1.5^p - 1) is 0.037 with that order, 0.050 with 2."""
+    near, sizes = 0.05, [1.0, 1.5, 2.25]
+    values = [1.0, 1.0 - near, 1.0 - near - near * 1.5**2.45]
+    found = estimate(sizes, values)
+    assert found.order == pytest.approx(2.45, rel=1e-9)
+    assert 1.25 * near / (1.5**found.order - 1) == pytest.approx(0.037, abs=5e-4)
+    assert found.gci_fine == pytest.approx(0.050, rel=1e-9)
+    assert found.high - found.value == pytest.approx(0.050, rel=1e-9)
+    assert found.extrapolated == pytest.approx(1.0 + near / (1.5**2 - 1), rel=1e-12)
+    assert found.asymptotic == pytest.approx(1.5**0.45, rel=1e-9)
+    assert "counted as 2" in found.why
+    third = estimate(sizes, values, formal=3.0)
+    assert third.gci_fine == pytest.approx(1.25 * near / (1.5**2.45 - 1), rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 1.7, 2.0])
 @pytest.mark.parametrize("ratios", [(1.2, 1.2), (1.5, 2.0), (2.0, 1.3)])
 def test_a_power_law_gives_its_order_and_limit(order: float, ratios: tuple[float, float]) -> None:
     sizes = [0.1, 0.1 * ratios[0], 0.1 * ratios[0] * ratios[1]]
@@ -67,21 +85,23 @@ def test_a_power_law_gives_its_order_and_limit(order: float, ratios: tuple[float
     assert found.asymptotic == pytest.approx(1.0, rel=1e-9)
 
 
-@pytest.mark.parametrize("order", [0.2, 3.5])
-def test_implausible_orders_give_the_range(order: float) -> None:
+@pytest.mark.parametrize(("order", "times"), [(0.2, 3.0), (3.5, 1.25)])
+def test_implausible_orders_give_a_multiple_of_the_range(order: float, times: float) -> None:
     values = [1.0 + 0.5 * h**order for h in (1.0, 1.5, 2.25)]
     found = estimate([1.0, 1.5, 2.25], values)
     assert found.kind == "range-oscillating"
     assert "order" in found.why
-    assert (found.low, found.high) == (min(values), max(values))
+    half = times * (max(values) - min(values))
+    assert (found.low, found.high) == pytest.approx((values[0] - half, values[0] + half), rel=1e-12)
     assert estimate([1.0, 1.5, 2.25], values, formal=4.0).kind == ("richardson" if order > 3 else "range-oscillating")
 
 
-def test_diverging_values_give_the_range() -> None:
+def test_diverging_values_give_three_times_their_range() -> None:
     assert observed_order([1, 2, 4], [1.0, 1.5, 1.6]) is None
     found = estimate([1, 2, 4], [1.0, 1.5, 1.6])
     assert found.kind == "range-oscillating"
     assert "do not shrink" in found.why
+    assert (found.low, found.high) == pytest.approx((1.0 - 1.8, 1.0 + 1.8))
 
 
 def test_two_grids_assume_the_order_and_take_factor_three() -> None:
@@ -107,10 +127,11 @@ def test_noise_above_a_third_of_the_difference_forbids_extrapolation() -> None:
     assert estimate([1, 2], [1.0, 1.0], [1e-3, 1e-3]).kind == "range-statistics"
 
 
-def test_statistical_intervals_are_inside_the_range() -> None:
+def test_statistical_intervals_are_inside_the_band() -> None:
     found = estimate([1, 2, 4], [1.0, 1.2, 1.1], [0.01, 0.02, 0.01])
     assert found.kind == "range-oscillating"
-    assert (found.low, found.high) == pytest.approx((0.99, 1.22))
+    assert found.high - found.value == pytest.approx(np.hypot(3 * 0.2, 0.01))
+    assert found.value - found.low == pytest.approx(np.hypot(3 * 0.2, 0.01))
 
 
 def test_grids_that_agree_have_no_error() -> None:

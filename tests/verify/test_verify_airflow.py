@@ -4,27 +4,36 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.resources import verification_scenes
+from wakeflow.field import FlowField
 from wakeflow.foam.cost import core_seconds
+from wakeflow.laws.best_estimate import best_estimate
+from wakeflow.laws.best_estimate import wakes as wakes_data
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.planning.make import make_plan
 from wakeflow.results.airflow_summary import Airflow
 from wakeflow.scene import Scene
 from wakeflow.verify import runner
-from wakeflow.verify.airflow import airflow
+from wakeflow.verify.airflow import airflow, wake_lines
+from wakeflow.verify.airflow.dust import DustyWake, estimate_without
 from wakeflow.verify.airflow.measured import SolvedAirflow, quantities
 from wakeflow.verify.airflow.published import Case, Published, cases, read_cases
+from wakeflow.verify.proof_tables import airflow_markdown
 
-VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted"}
+VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted", "reported": "as an example"}
 
 
 # -- published values and their scenes ---------------------------------------------------------------------------------
@@ -39,22 +48,24 @@ def test_scenes_are_what_their_titles_say(name: str) -> None:
     case, scene = cases()[name], Scene.load(verification_scenes()[name])
     said = float(case.title.rsplit("Re ", 1)[1].replace(" ", ""))
     assert scene.reynolds == pytest.approx(said, rel=0.01)
-    assert make_plan(scene).rung in ("draft", "standard")
+    assert make_plan(scene).rung in (("3d",) if case.alone else ("draft", "standard"))
     if case.beside is not None:
         assert make_plan(scene, rung=case.beside).rung != make_plan(scene).rung
 
 
 @pytest.mark.parametrize("name", cases())
-def test_no_case_is_judged_by_unread_numbers_alone_unless_it_says_so(name: str) -> None:
-    judged = [v for v in cases()[name].values if v.within is not None]
-    assert all(v.status != "unchecked" for v in judged) or name == "triangle-100"
+def test_every_value_has_a_gate_or_the_reason_why_not_and_unread_numbers_are_no_gate(name: str) -> None:
+    for value in cases()[name].values:
+        assert (value.within is None) == bool(value.reported), value
+        assert value.within is None or value.status != "unchecked", value
 
 
 def test_channels_are_blocked_as_much_as_said() -> None:
     blocked = {name: scene.width / scene.channel.width for name, scene in _scenes().items()}
     assert blocked["dfg-2d1"] == blocked["dfg-2d2"] == pytest.approx(0.1 / 0.41)
     assert blocked["volvo"] == pytest.approx(1 / 3)
-    assert blocked["square-100"] == blocked["triangle-100"] == pytest.approx(0.05)
+    assert [blocked[f"square-channel-{re}"] for re in (20, 40, 100)] == pytest.approx([1 / 8] * 3)
+    assert blocked["square-100"] == blocked["triangle-100"] == blocked["plate"] == pytest.approx(0.05)
     off_axis = _scenes()["dfg-2d1"].body["cylinder"].at[0] / _scenes()["dfg-2d1"].width
     assert abs(off_axis) == pytest.approx(0.005 / 0.1)
 
@@ -63,15 +74,55 @@ def _scenes() -> dict[str, Scene]:
     return {name: Scene.load(path) for name, path in verification_scenes().items()}
 
 
+def test_drags_without_walls_are_brought_to_the_blockage_of_the_scene() -> None:
+    """Maskell: Cd = Cd_c / (1 - Cd_c B / -Cp_base). A square on its edge, 1.6 and -1.45 to -1.2, 5 % blocked."""
+    known = read_cases({"some": {"title": "T", "value": [{**VALUE, "value": 1.6, "base": [-1.45, -1.2]}, VALUE]}})[
+        "some"
+    ]
+    drag, other = known.between_walls(0.05).values
+    assert (drag.low, drag.high) == pytest.approx((1.6 / (1 - 0.08 / 1.45), 1.6 / (1 - 0.08 / 1.2)))
+    assert "1.6 without walls, here at 5 % blockage by Maskell's rule" in drag.source
+    assert drag.between_walls(0.05) == drag
+    assert (other.low, other.high, other.source) == (2.0, 2.0, "somebody 1999")
+    free = [(n, v) for n, case in cases().items() for v in case.values if v.base is not None]
+    assert {name for name, _ in free} == {"triangle-up-high", "triangle-down-high", "diamond-high", "plate"}
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_lines_of_the_wake_are_read_where_they_say(half: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Downward air u / U = 1 + s/10 - x^2 in widths, s behind the rear at y = -1 m; the body is 2 m wide, U 3 m/s."""
+    x, y = np.meshgrid(np.linspace(0 if half else -3, 3, 61), np.linspace(2, -22, 121))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    s, beside = (-1 - points[:, 1]) / 2, points[:, 0] / 2
+    velocity = np.column_stack([np.zeros(len(points)), -3 * (1 + s / 10 - beside**2)])
+    field = FlowField.from_arrays(points, Delaunay(points).simplices, velocity, density=1.2, viscosity=1.8e-5)
+    given = {"basePoint": "(0 -1 0.1)", "flowDirection": "(0 -1 0)", "inletSpeed": "3", "bodyWidth": "2"}
+    monkeypatch.setattr(wake_lines, "read_parameters", lambda _: given)
+    monkeypatch.setattr(FlowField, "from_openfoam", lambda *_: field)
+    solved = SolvedAirflow(None, tmp_path, 2.0)  # type: ignore[arg-type]
+
+    def value(name: str) -> float:
+        number = quantities[name].of(solved)
+        assert number is not None
+        return number.value
+
+    assert value("axis_0.95") == pytest.approx(1.095)
+    assert value("axis_9.4") == pytest.approx(1.94)
+    assert value("beside_3.75") == pytest.approx(1.375, abs=0.02)  # on the axis: it is the largest there
+    assert wake_lines.mean_axial(tmp_path, np.array([2.0, 2.0]), np.array([0.5, -0.5])) == pytest.approx(0.95, abs=0.02)
+    assert (value("axis_least"), value("axis_least_at")) == pytest.approx((1.001, 0.01))
+    assert np.isnan(wake_lines.mean_axial(tmp_path, np.array([40.0]), np.zeros(1))).all()
+
+
 @pytest.mark.parametrize(
     ("value", "deviation"), [(1.8, -0.1), (2.0, 0.0), (2.1, 0.0), (2.2, 0.0), (2.31, 0.05)]
 )  # fmt: skip
 def test_deviation_is_from_the_nearer_end(value: float, deviation: float) -> None:
-    assert Published("cd", 2.0, 2.2, None, "", "read").deviation(value) == pytest.approx(deviation)
+    assert Published("cd", 2.0, 2.2, "", "read").deviation(value) == pytest.approx(deviation)
 
 
 def test_deviation_of_negative_numbers_has_the_sign_of_the_difference() -> None:
-    assert Published("cp_base", -0.5, -0.5, None, "", "read").deviation(-0.6) == pytest.approx(-0.2)
+    assert Published("cp_base", -0.5, -0.5, "", "read").deviation(-0.6) == pytest.approx(-0.2)
 
 
 @pytest.mark.parametrize(
@@ -85,6 +136,13 @@ def test_deviation_of_negative_numbers_has_the_sign_of_the_difference() -> None:
         ({"quik": True}, "quik"),
         ({"title": "T", "order": {"drag": 1.5}}, "unknown quantity"),
         ({"title": "T", "closer": "cd"}, "beside"),
+        ({"title": "T", "between": "cd"}, "beside"),
+        ({"title": "T", "blend": "plate"}, "beside"),
+        ({"title": "T", "beside": "draft", "blend": "platter"}, "one of rhombus"),
+        ({"value": [{**VALUE, "reported": ""}]}, "either within or reported"),
+        ({"value": [{**VALUE, "within": 0.1}]}, "either within or reported"),
+        ({"value": [{**VALUE, "base": [-1.0]}]}, "two base pressure coefficients"),
+        ({"value": [{**VALUE, "quantity": "strouhal", "base": [-1.2, -1.0]}]}, "of a drag"),
     ],
 )
 def test_mistakes_in_the_table_are_named(table: dict[str, Any], words: str) -> None:
@@ -150,7 +208,8 @@ def _airflow(case: Path, **changes: Any) -> SolvedAirflow:
 
 
 def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> None:
-    found = {name: quantities[name].of(_airflow(tmp_path)) for name in quantities}
+    asked = ("cd", "reversal", "dp", "strouhal", "cd_max", "residence_time")
+    found = {name: quantities[name].of(_airflow(tmp_path)) for name in asked}
     assert found["cd"] is not None
     assert found["cd"].half == pytest.approx(0.1)
     assert found["reversal"] is not None
@@ -159,6 +218,7 @@ def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> N
     assert (found["dp"].low, found["dp"].value, found["dp"].high) == pytest.approx((1.9, 2.0, 2.1))
     assert found["strouhal"] is None
     assert found["cd_max"] is None
+    assert found["residence_time"] is None
 
 
 def test_extremes_are_of_the_last_period(tmp_path: Path) -> None:
@@ -239,7 +299,11 @@ def test_a_case_that_fails_does_not_stop_the_others(tmp_path: Path, monkeypatch:
     assert ran == quick
     report = json.loads((tmp_path / "airflow.json").read_text())
     assert len(report["momentum"]) == len(quick) - 1
-    assert report["notes"] == [f"{case.title}: {case.note}" for case in cases().values() if case.quick and case.note]
+    *notes, apart = report["notes"]
+    assert notes == [f"{case.title}: {case.note}" for case in cases().values() if case.quick and case.note]
+    assert "2.7 core-hours" in apart
+    assert "not computed here" in apart
+    assert "wakeflow verify cases/verify/square-3d.toml" in apart
     assert "failed: dfg-2d1" in (tmp_path / "airflow.md").read_text()
 
 
@@ -274,7 +338,7 @@ def test_the_command_names_a_missing_scene(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two rungs of one case: the own is judged, the other beside it is not, and the closer one is named."""
+    """Two rungs of one case: the own is judged, the other beside it is not; then the gates that ask for both."""
     (tmp_path / "airflow.json").write_text("{}")
     answers = {None: ("standard", 0.11), "draft": ("draft", 0.2)}
 
@@ -283,30 +347,129 @@ def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pyt
         return name, _airflow(tmp_path, suction={"reversal_length": length})
 
     monkeypatch.setattr(airflow, "solve", solve)
-    known = [{**VALUE, "quantity": "reversal", "within": 0.05}, {**VALUE, "value": 2.5}]
-    case = read_cases({"some": {"title": "T", "beside": "draft", "closer": "reversal", "value": known}})["some"]
-    rows, _ = airflow.compare_case(case, Scene.parse(tomllib.loads(PRISM)))
-    length, drag, length_beside, drag_beside, closer = rows
+    judged = {"quantity": "reversal", "value": 2.0, "within": 0.05, "source": "somebody 1999", "status": "quoted"}
+    table = {"title": "T", "beside": "draft", "closer": "reversal", "between": "reversal"}
+    case = read_cases({"some": {**table, "value": [judged, {**VALUE, "value": 2.5}]}})["some"]
+    scene = Scene.parse(tomllib.loads(PRISM))
+    length, drag, length_beside, drag_beside, closer, between = airflow.compare_case(case, scene)[0]
     assert (length.ours, length.deviation, length.met) == (pytest.approx(2.2), pytest.approx(0.1), False)
-    assert (drag.deviation, drag.met) == (pytest.approx(-0.2), None)
+    assert (drag.deviation, drag.met, drag.why) == (pytest.approx(-0.2), None, "as an example")
     assert (length_beside.rung, length_beside.met, drag_beside.met) == ("draft", None, None)
-    assert closer.met is True
-    answers["draft"] = ("draft", 0.101)
-    assert airflow.compare_case(case, Scene.parse(tomllib.loads(PRISM)))[0][-1].met is False
+    assert [row.gate for row in (length, drag, length_beside)] == ["5 %", "reported", "reported"]
+    assert (closer.gate, closer.met) == ("closer than draft", True)
+    assert (between.gate, between.met) == ("between draft and standard", False)  # 2.2 and 4, published 2
+    answers["draft"] = ("draft", 0.099)
+    closer, between = airflow.compare_case(case, scene)[0][-2:]
+    assert (closer.met, between.met) == (False, True)  # 2.2 and 1.98
+    printed = airflow_markdown(
+        {"date": "", "machine": "", "momentum": [], "notes": [], "failed": [],
+         "rows": [asdict(row) for row in airflow.compare_case(case, scene)[0]]}
+    )  # fmt: skip
+    assert "| reported | – |" in printed
+    assert "somebody 1999; reported: as an example" in printed
+
+
+# -- dust in the near wake ---------------------------------------------------------------------------------------------
+
+
+def _thinning(rate: float) -> DustyWake:
+    """Air behind a plate in which dust thins out as exp(-rate t); the plate is 1 m wide, the air 1 m/s fast."""
+    corners = np.array([(-4, -4), (4, -4), (4, 4), (-4, 4)], float)
+    field = FlowField.from_arrays(corners, [[0, 1, 2], [0, 2, 3]], rate * corners * (-1, 1))
+    plate = np.array([(-0.5, 0), (0.5, 0), (0.5, 0.01), (-0.5, 0.01)])
+    return DustyWake(lambda: Realisations(field), plate, "down", 1.0)
+
+
+def _same(field: FlowField | None) -> FlowField:
+    assert field is not None
+    return field
+
+
+def _swinging(rate: float) -> DustyWake:
+    """The same in time: four sheddings in which the rate swings by a tenth."""
+    still, times = _thinning(rate), np.arange(8) / 8
+    field = still.air().field
+    assert field is not None
+    speed = (1 + 0.1 * (-1.0) ** np.arange(8))[:, None, None] * field.velocity
+    moving = replace(field, velocity=speed, times=times, period=1.0)
+    return replace(still, air=lambda: Realisations(moving, cycles=4))
+
+
+def test_a_residence_time_is_a_quantity_with_its_interval(tmp_path: Path) -> None:
+    found = quantities["residence_time"].of(replace(_airflow(tmp_path), wake=_thinning(0.25)))
+    assert found is not None
+    assert found.low < 4.0 < found.high
+    assert found.value == pytest.approx(4.0, rel=0.1)
+    layers = (_thinning(rate).air().field for rate in (0.2, 0.25, 0.3))
+    several = Realisations(_thinning(0.25).air().field, tuple(partial(_same, layer) for layer in layers))
+    spread = quantities["residence_time"].of(
+        replace(_airflow(tmp_path), wake=replace(_thinning(0.25), air=lambda: several))
+    )
+    assert spread is not None
+    assert spread.half > found.half  # realisations differ
+    still = replace(_airflow(tmp_path), wake=_thinning(0.0))
+    assert quantities["residence_time"].of(still) is None  # never thins out
+
+
+def test_the_blend_is_judged_by_what_knows_nothing_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends of 8 and 2: the estimate without any residence time lies between, and its range is wider than the dust's."""
+    (tmp_path / "airflow.json").write_text("{}")
+    wakes = {None: ("standard", _swinging(0.5)), "draft": ("draft", _thinning(0.125))}
+
+    def solve(scene: Scene, scale: float, rung: str | None, tell: Any) -> tuple[str, SolvedAirflow]:
+        name, wake = wakes[rung]
+        return name, replace(_airflow(tmp_path), wake=wake)
+
+    monkeypatch.setattr(airflow, "solve", solve)
+    published = {"quantity": "residence_time", "low": 2.5, "high": 7.0, "within": 0.0, "source": "s", "status": "read"}
+    table = {"title": "T", "beside": "draft", "between": "residence_time", "blend": "plate", "value": [published]}
+    scene = Scene.parse(tomllib.loads(PRISM))
+    rows = airflow.compare_case(read_cases({"some": table})["some"], scene)[0]
+    own, beside, _, blend = rows
+    assert [row.met for row in rows] == [None, None, True, True]
+    assert "an end of the blend" in own.why
+    assert blend.rung.startswith("blend 0.")
+    assert blend.gate == "in the range"
+    assert own.ours is not None
+    assert beside.ours is not None
+    assert blend.ours is not None
+    assert own.ours < blend.ours < beside.ours
+    assert (blend.low, blend.high) != (blend.ours, blend.ours)
+    others = [entry for entry in wakes_data() if entry.quantity != "residence_time"]
+    assert estimate_without("residence_time", "plate", 1 / 6, scene.reynolds or 0.0) == best_estimate(
+        "plate", 1 / 6, scene.reynolds or 0.0, others
+    )
+
+
+@pytest.mark.openfoam
+def test_dust_stays_longer_behind_a_plate_in_the_steady_wake_than_in_the_one_that_sheds() -> None:
+    """Coarse: the row of `wakeflow verify airflow --slow` on a mesh of some 800 cells."""
+    scene = _scenes()["plate"]
+    ends = [airflow.solve(scene, 3.0, rung, lambda _: None)[1] for rung in ("draft", "standard")]
+    steady, resolved = (quantities["residence_time"].of(end) for end in ends)
+    assert steady is not None
+    assert resolved is not None
+    assert 1.0 < resolved.value < steady.value
 
 
 # What misses today, with the cause in docs/validation.md: a miss that goes away fails the test as well
 MISSES: dict[str, set[str]] = {
     "dfg-2d1": {"order of mean Cd, at least 1.5"},
     "dfg-2d2": {"largest Cd", "Cl peak to peak"},
+    "square-100": {"base Cp"},
 }
+
+
+def judged(case: Case) -> bool:
+    return any(value.within is not None for value in case.values)
 
 
 @pytest.mark.openfoam
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize(
-    "name", [name for name, case in cases().items() if case.order or case.closer or any(v.within for v in case.values)]
+    "name",
+    [name for name, case in cases().items() if not case.alone and (case.order or case.beside or judged(case))],
 )
 def test_published_values_are_met(name: str, tmp_path: Path) -> None:
     rows = airflow.run_scene(verification_scenes()[name], tmp_path)["rows"]

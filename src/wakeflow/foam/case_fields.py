@@ -40,7 +40,9 @@ class Snapshot:
     """One time of a case: velocity (m, 2) m/s at cells and (b, 2) at boundary edges, kinematic static pressure
     (m2/s2), k, omega (1/s).
 
-    ``pressure`` is OpenFOAM's p minus 2k/3, which its linear eddy-viscosity models leave in p.
+    ``pressure`` is OpenFOAM's p minus 2k/3, which its linear eddy-viscosity models leave in p. On the edges of no-slip
+    walls it is p itself: k is 0 there. ``k_faces`` holds what OpenFOAM stores, on walls its wall function's value, that
+    of the air beside the wall.
     """
 
     velocity: Array
@@ -137,7 +139,8 @@ class CaseFields:
         k = k_faces = dissipation = None
         if self.has(folder, "k" + suffix) and self.eddy_viscosity:
             k, k_faces = self.field(folder, "k" + suffix)
-            pressure, pressure_faces = pressure - 2 / 3 * k, pressure_faces - 2 / 3 * k_faces
+            at_rest = self.wall & ~sliding
+            pressure, pressure_faces = pressure - 2 / 3 * k, pressure_faces - 2 / 3 * np.where(at_rest, 0.0, k_faces)
             stored = (law for law in self._dissipations() if self.has(folder, law.field + suffix))
             if law := next(stored, None):
                 dissipation = law.rate(k, self.field(folder, law.field + suffix)[0])

@@ -19,7 +19,7 @@ from .failure import AirflowFailure, Attempt
 from .prepare import CHECKED
 from .read import LOOP
 from .sanity import is_sane
-from .segments import drop_after, last_state, run_segment, states
+from .segments import drop_after, ended_early, last_state, run_segment, states
 from .solver import PHASE
 from .start import first_step, perturb, start_from
 from .time_resolved import COLLAPSED
@@ -130,8 +130,9 @@ def first_order_start(
         folder, "steady" if steady else "first-order start", listener, expected=end,
         least_step=0.0 if steady else COLLAPSED * scale,
     )  # fmt: skip
-    program = "simpleFoam" if steady else "pimpleFoam"
-    run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch, timeout)
+    if not ended_early(folder):  # and was interrupted before it said so
+        program = "simpleFoam" if steady else "pimpleFoam"
+        run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch, timeout)
     write_parameters(folder, spec.parameters())
     write_json(folder / STARTED, {"end": end})
 

@@ -14,7 +14,7 @@ from ..core.errors import FoamError
 from .case_fields import CaseFields, Snapshot, time_folders
 from .reconstruction import Reconstruction, triangulate
 
-__all__ = ["LOOP", "STATES", "FlowArrays", "late_states", "loop_of", "read_flow"]
+__all__ = ["LOOP", "STATES", "FlowArrays", "late_states", "loop_of", "nodes_of", "read_flow"]
 
 Array = NDArray[np.float64]
 LOOP = "loop.json"  # what a time-resolved airflow keeps: {"period": s, "times": [names of time folders]}
@@ -45,15 +45,15 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     "all" (the stored times; a loop of whole shedding periods where the case was made by the time-resolved rung), or
     "states" (:func:`late_states`, against iterations; their mean is then what "mean" gives).
     Pressure is OpenFOAM's kinematic p times ``density`` (kg/m3), in Pa, less 2k/3 where a k field and a linear
-    eddy-viscosity model are present. Node values are second order up to the walls, see
-    :mod:`.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises FoamError
-    for a case that is not one layer, decomposed only, or without the asked time.
+    eddy-viscosity model are present; at a no-slip wall k = 0, and it is p itself. Node values are second order up to
+    the walls, see :mod:`.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises
+    FoamError for a case that is not one layer, decomposed only, or without the asked time.
     """
     fields = CaseFields(Path(case_dir))
     loop = loop_of(fields.case)
     folders, suffix = _folders_of(fields, time, loop)
     shots = [fields.snapshot(folder, suffix) for folder in folders]
-    nodes = _at_nodes(fields, folders[0], shots)
+    nodes = nodes_of(fields, folders[0], shots)
     looped = time in ("all", "states") and len(folders) > 1
     if not looped:
         nodes = nodes.mean()
@@ -129,7 +129,7 @@ class _Nodes(NamedTuple):
         return _Nodes(self.velocity.mean(axis=0), self.pressure.mean(axis=0), k, dissipation)
 
 
-def _at_nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _Nodes:
+def nodes_of(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _Nodes:
     """The snapshots' fields at the nodes; ``folder`` tells which boundary values are prescribed."""
     plane = fields.mesh.plane
     slip = fields.slip(folder)
@@ -140,14 +140,16 @@ def _at_nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _N
     def stack(name: str) -> Array:
         return np.stack([getattr(shot, name) for shot in shots])
 
+    pressure = nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet)
     k = dissipation = None
     if shots[0].k is not None:
+        at_rest = np.unique(plane.faces[wall])
+        pressure[:, at_rest] += 2 / 3 * nodes.scalar(stack("k"), stack("k_faces"), outlet)[:, at_rest]
         k = nodes.scalar(stack("k"), stack("k_faces"), inlet | wall, bounded=True)
     if shots[0].dissipation is not None:
         no_faces, none = np.zeros((len(shots), len(plane.faces))), np.zeros(len(plane.faces), dtype=bool)
         dissipation = nodes.scalar(stack("dissipation"), no_faces, none, bounded=True)
     velocity = nodes.vector(stack("velocity"), stack("velocity_faces"), inlet | wall)
-    pressure = nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet)
     return _Nodes(velocity, pressure, k, dissipation)
 
 

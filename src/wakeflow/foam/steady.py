@@ -117,7 +117,8 @@ def _apart(drag: Array) -> int:
 def _keep_states(folder: Path, begin: float, every: int, watch: Watch, timeout: float | None) -> None:
     """Iterate on from ``begin`` and keep STATES_KEPT states, ``every`` so many iterations one."""
     end = begin + STATES_KEPT * every
-    run_segment(folder, "simpleFoam", end, {"deltaT": 1, "writeInterval": every}, watch, timeout)
+    if not ended_early(folder):
+        run_segment(folder, "simpleFoam", end, {"deltaT": 1, "writeInterval": every}, watch, timeout)
     purge(folder, STATES_KEPT)
     names = [path.name for path in time_folders(folder) if float(path.name) > begin]
     write_json(folder / STATES, {"begin": begin, "states": names})

@@ -209,12 +209,12 @@ def _on_body(
 
 
 def _drag(spec: FlowSpec, fields: CaseFields, folder: Path, shot: Snapshot, wall: NDArray[np.bool_]) -> float:
-    """Cd of all bodies: pressure, with the 2k/3 that acts on walls too, and nu_eff u / y of the cells at them, which is
+    """Cd of all bodies: p as OpenFOAM has it, static at walls (k = 0), and nu_eff u / y of the cells at them, which is
     what the solver's momentum equation hands to a wall (0.4 % off forceCoeffs, which adds the transposed gradient).
     """
     plane = fields.mesh.plane
     normal, length, cell = plane.normals[wall], plane.lengths[wall], plane.owner[wall]
-    pressure = shot.pressure_faces[wall] + (0.0 if shot.k_faces is None else 2.0 / 3.0 * shot.k_faces[wall])
+    pressure = fields.field(folder, "p")[1][wall]
     slip = shot.velocity[cell] - shot.velocity_faces[wall]
     away = ((plane.midpoints[wall] - plane.centres[cell]) * normal).sum(axis=1)
     effective = np.full(len(cell), spec.viscosity / spec.density)

@@ -1,8 +1,10 @@
 """What a few grids say about the mesh error: Richardson extrapolation and the grid convergence index (GCI).
 
-After Celik, Ghia, Roache & Freitas 2008 (J. Fluids Eng. 130, 078001) and ASME V&V 20-2009. The index is meant as a 95 %
-band round the finest grid's value. It holds for values that approach their limit from one side at a plausible order;
-where they do not, or where the statistical error of the values hides the differences, only the range is reported.
+After Celik, Ghia, Roache & Freitas 2008 (J. Fluids Eng. 130, 078001), ASME V&V 20-2009 and Eca & Hoekstra 2014 (J.
+Comput. Phys. 262, 104). The index is meant as a 95 % band round the finest grid's value. It holds for values that
+approach their limit from one side at a plausible order; an observed order above the schemes' own is an accident of
+three grids and enters as the formal one. Where values oscillate or move apart the band is three times their range to
+either side; where their statistical error hides the differences only the range is reported.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ SAFETY = 1.25  # factor of the GCI from three grids (Roache)
 SAFETY_TWO = 3.0  # from two grids, the order assumed
 LEAST_RATIO = 1.1  # of cell sizes: nearer grids differ by their irregularities (Celik et al. ask for 1.3)
 LEAST_ORDER, ABOVE_FORMAL = 0.5, 0.5  # orders from 0.5 to the formal one plus 0.5 are plausible
+OF_RANGE = 3.0  # half bands over the range, where no order is seen (Eca & Hoekstra's procedure)
+OF_RANGE_ABOVE = 1.25  # the same where values settle faster than the schemes can (likewise)
 NOISE = 1 / 3  # largest statistical half width over a grid difference that still lets the difference count
 TINY = 1e-14  # relative: values that agree so well are one value
 
@@ -29,12 +33,13 @@ TINY = 1e-14  # relative: values that agree so well are one value
 class GridEstimate:
     """A number with its mesh error.
 
-    ``value``: the finest grid's (shares that add up to 1 still do). ``low`` .. ``high``: the GCI round it, the
-    statistical interval added in quadrature; or the range of all grids with their statistical intervals. ``order``:
-    observed; None where none was. ``kind``: "richardson" (three grids), "two-grid" (order assumed),
-    "range-oscillating" (also monotonic with an implausible order) or "range-statistics"; ``why`` says it in words.
-    ``extrapolated`` to cells of no size; ``gci_fine`` and ``gci_coarse``: half bands between grids 1 and 2, 2 and 3, in
-    the value's unit; ``asymptotic``: gci_coarse / (r21^p gci_fine), near 1 in the asymptotic range.
+    ``value``: the finest grid's (shares that add up to 1 still do). ``low`` .. ``high``: the GCI round it, or a
+    multiple of the grids' range round it, the statistical interval added in quadrature; of "range-statistics" the range
+    of all grids with their statistical intervals. ``order``: observed; None where none was. ``kind``: "richardson"
+    (three grids), "two-grid" (order assumed), "range-oscillating" (also monotonic with an implausible order) or
+    "range-statistics"; ``why`` says it in words. ``extrapolated`` to cells of no size; ``gci_fine`` and ``gci_coarse``:
+    half bands between grids 1 and 2, 2 and 3, in the value's unit; ``asymptotic``: gci_coarse / (r21^p gci_fine), near
+    1 in the asymptotic range. In these p is the observed order, at most the formal one.
     """
 
     value: float
@@ -114,7 +119,7 @@ def estimate(
                             extrapolated=f[0], gci_fine=0.0, gci_coarse=0.0)  # fmt: skip
     if max(e) >= NOISE * min(differences) and any(e):
         why = f"statistical half width {max(e):.2g} is not below a third of the grid difference {min(differences):.2g}"
-        return _range(f, e, "range-statistics", why)
+        return _range(f, e, why)
     return _two(h, f, e, formal) if len(f) == 2 else _three(h, f, e, formal)
 
 
@@ -133,18 +138,20 @@ def _three(h: list[float], f: list[float], e: list[float], formal: float) -> Gri
     near, far = f[1] - f[0], f[2] - f[1]
     if order is None:
         why = "the values oscillate" if near * far <= 0 else "the differences do not shrink as the grids get finer"
-        return _range(f, e, "range-oscillating", why)
+        return _multiple_of_range(f, e, OF_RANGE, why)
     highest = formal + ABOVE_FORMAL
     if not LEAST_ORDER <= order <= highest:
         why = f"the observed order {order:.2f} is not between {LEAST_ORDER:g} and {highest:g}"
-        return _range(f, e, "range-oscillating", why)
-    grown = (h[1] / h[0]) ** order
+        return _multiple_of_range(f, e, OF_RANGE if order < LEAST_ORDER else OF_RANGE_ABOVE, why)
+    counted = min(order, formal)
+    grown = (h[1] / h[0]) ** counted
     fine = SAFETY * abs(near) / (grown - 1)
-    coarse = SAFETY * abs(far) / ((h[2] / h[1]) ** order - 1)
+    coarse = SAFETY * abs(far) / ((h[2] / h[1]) ** counted - 1)
     half = math.hypot(fine, e[0])
+    why = f"three grids converge at order {order:.2f}" + (f", counted as {formal:g}" if order > formal else "")
     return GridEstimate(
-        f[0], f[0] - half, f[0] + half, order, "richardson", f"three grids converge at order {order:.2f}",
-        extrapolated=extrapolate(h, f, order), gci_fine=fine, gci_coarse=coarse, asymptotic=coarse / (grown * fine),
+        f[0], f[0] - half, f[0] + half, order, "richardson", why, extrapolated=extrapolate(h, f, counted),
+        gci_fine=fine, gci_coarse=coarse, asymptotic=coarse / (grown * fine),
     )  # fmt: skip
 
 
@@ -156,7 +163,13 @@ def _two(h: list[float], f: list[float], e: list[float], formal: float) -> GridE
                         extrapolated=extrapolate(h, f, formal), gci_fine=fine)  # fmt: skip
 
 
-def _range(f: list[float], e: list[float], kind: str, why: str) -> GridEstimate:
+def _multiple_of_range(f: list[float], e: list[float], times: float, why: str) -> GridEstimate:
+    half = math.hypot(times * (max(f) - min(f)), e[0])
+    why = f"{why}: {times:g} times the range of the grids"
+    return GridEstimate(f[0], f[0] - half, f[0] + half, None, "range-oscillating", why)
+
+
+def _range(f: list[float], e: list[float], why: str) -> GridEstimate:
     low = min(value - half for value, half in zip(f, e, strict=True))
     high = max(value + half for value, half in zip(f, e, strict=True))
-    return GridEstimate(f[0], low, high, None, kind, f"{why}: the range of the grids")
+    return GridEstimate(f[0], low, high, None, "range-statistics", f"{why}: the range of the grids")

@@ -25,7 +25,7 @@ COLUMNS = (
     "others %", "bin share %",
 )  # fmt: skip
 AIRFLOW = (
-    "case", "rung", "quantity", "published", "ours", "95 % or mesh error", "deviation %", "within %", "met", "order",
+    "case", "rung", "quantity", "published", "ours", "95 % or mesh error", "deviation %", "gate", "met", "order",
     "cells", "core-s", "date", "status", "source",
 )  # fmt: skip
 MOMENTUM = ("case", "front Cp: 2 cos^2 beta", "computed", "base Cp", "Cd by momentum", "computed", "ratio")
@@ -190,9 +190,10 @@ def _airflow_cells(row: dict[str, Any]) -> list[str]:
     band = "–" if row["low"] is None else f"{row['low']:.4g} to {row['high']:.4g}"
     return [
         row["title"], row["rung"], row["quantity"], theirs, "–" if row["ours"] is None else f"{row['ours']:.4g}",
-        band, percent(row["deviation"], True), percent(row["within"]),
+        band, percent(row["deviation"], True), row["gate"],
         {None: "–", True: "yes", False: "NO"}[row["met"]], "–" if row["order"] is None else f"{row['order']:.2f}",
-        str(row["cells"]), f"{row['core_seconds']:.0f}", row["date"], row["status"] or "–", row["source"] or "–",
+        str(row["cells"]), f"{row['core_seconds']:.0f}", row["date"], row["status"] or "–",
+        "; ".join(filter(None, (row["source"], row["why"] and f"reported: {row['why']}"))) or "–",
     ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import json
 import os
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,14 @@ from ...pipeline.pipeline import Pipeline
 from ...planning.make import make_plan
 from ...results.grid_convergence import GridEstimate, cell_size, estimate
 from ...scene import Scene
+from .dust import RESIDENCE, estimate_without, within_estimate
 from .measured import QuantityValue, SolvedAirflow, measured, quantities
 from .published import Case, Published, cases
 
 __all__ = ["ComparedValue", "compare_case", "grid_study", "momentum", "run_airflow", "run_scene"]
 
 Tell = Callable[[str], None]
+REPORTED = "reported"  # in place of a gate
 GRIDS = (1.0, 1.5, 2.25)  # mesh scales of the study of a scene that nothing is published of
 AIR_TABLES = ("body", "channel", "air", "vibration")  # what an airflow depends on, its numerics apart
 SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied there
@@ -34,7 +36,8 @@ SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied 
 class ComparedValue:
     """One number of one case. ``low`` .. ``high`` holds the 95 % interval of the finest mesh, or, where several were
     computed, the mesh error with it (``error`` says how, ``order`` the observed one). ``theirs``: low and high of what
-    is published; ``deviation`` relative to its nearer end; ``met`` None where no agreement was asked for.
+    is published; ``deviation`` relative to its nearer end. ``gate`` is what a row has to meet, in words, and ``met``
+    whether it does; where nothing is asked it is "reported", ``met`` None, and ``why`` the reason.
     """
 
     case: str
@@ -47,6 +50,8 @@ class ComparedValue:
     theirs: tuple[float, float] | None
     deviation: float | None
     within: float | None
+    gate: str
+    why: str
     met: bool | None
     cells: int
     core_seconds: float
@@ -63,8 +68,13 @@ def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None
     Everything is cached: the same call goes on after an interruption. Where the mesh or airflow of a case fails the
     others are still computed; FoamError is raised at the end, after the report is written.
     """
-    chosen = [case for case in cases().values() if slow or case.quick]
-    return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell)
+    chosen = [case for case in cases().values() if case.quick or (slow and not case.alone)]
+    apart = [
+        f"{case.title}: not computed here but by `wakeflow verify cases/verify/{case.name}.toml`; {case.note}"
+        for case in cases().values()
+        if case.alone
+    ]
+    return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell, apart)
 
 
 def run_scene(path: Path, folder: Path, *, tell: Tell = lambda _: None) -> dict[str, Any]:
@@ -84,13 +94,15 @@ def _scene(case: Case) -> Scene:
     return Scene.load(verification_scenes()[case.name])
 
 
-def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Tell) -> dict[str, Any]:
+def _run(
+    folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Tell, apart: Sequence[str] = ()
+) -> dict[str, Any]:
     report: dict[str, Any] = {
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
         "rows": [],
         "momentum": [],
-        "notes": [f"{case.title}: {case.note}" for case, _ in chosen if case.note],
+        "notes": [f"{case.title}: {case.note}" for case, _ in chosen if case.note] + list(apart),
         "failed": [],
     }
     for case, scene in chosen:
@@ -118,25 +130,34 @@ def _write(report: dict[str, Any], folder: Path, name: str) -> None:
 
 
 def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple[list[ComparedValue], dict[str, Any]]:
-    """All rows of one case, and the momentum model beside it."""
+    """All rows of one case, and the momentum model beside it. Drags published without walls are brought to the
+    scene's blockage first.
+    """
+    case = case.between_walls(scene.width / scene.channel.width)
     asked = tuple(dict.fromkeys(v.quantity for v in case.values)) or SHARED
     grids = [solve(scene, scale, None, tell) for scale in sorted(case.scales)]
     rung, finest = grids[0]
     numbers = {name: quantities[name].of(finest) for name in asked}
     studies = grid_study([airflow for _, airflow in grids], asked, scene)
-    rows = [_row(case, rung, finest, v, numbers[v.quantity], studies.get(v.quantity)) for v in case.values]
+    rows = [
+        _row(case, rung, finest, v, numbers[v.quantity], studies.get(v.quantity), _an_end(case, v.quantity))
+        for v in case.values
+    ]
     if not case.values:
         rows = [_plain(case, rung, finest, name, numbers[name], studies.get(name)) for name in asked if numbers[name]]
     rows += _order_row(case, rung, finest, studies)
     if case.beside is not None:
-        rows += _beside_rows(case, scene, rows, tell)
+        beside = solve(scene, min(case.scales), case.beside, tell)
+        rows += _beside_rows(case, rows, *beside)
+        if case.blend is not None:
+            rows += _blended_rows(case, scene, finest, beside[1])
     return rows, momentum(case, scene, finest)
 
 
 def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, SolvedAirflow]:
     """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
     changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
-    plan = make_plan(changed, rung=rung)
+    plan = make_plan(changed, rung=rung).as_computed()
     pipeline = Pipeline(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
     return plan.rung, measured(pipeline)
 
@@ -163,7 +184,8 @@ def _plain(
     return ComparedValue(
         case=case.name, title=case.title, rung=rung, quantity=quantities[name].label,
         ours=None if shown is None else shown.value, low=None if shown is None else shown.low,
-        high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, met=None,
+        high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, gate=REPORTED,
+        why="nothing is published of it", met=None,
         cells=airflow.cells, core_seconds=airflow.cost, date=airflow.day,
         error="one grid" if study is None else study.kind, order=None if study is None else study.order,
         source="", status="",
@@ -177,14 +199,17 @@ def _row(
     known: Published,
     number: QuantityValue | None,
     study: GridEstimate | None,
-    judged: bool = True,
+    reported: str = "",
 ) -> ComparedValue:
     row = asdict(_plain(case, rung, airflow, known.quantity, number, study))
     deviation = None if number is None else known.deviation(number.value)
-    within = known.within if judged else None
+    why = reported or known.reported
+    within = None if why else known.within
     met = None if within is None else deviation is not None and abs(deviation) <= within
+    gate = REPORTED if within is None else f"{100 * within:.2g} %" if within > 0.0 else "in the range"
     known_of = {"theirs": (known.low, known.high), "source": known.source, "status": known.status}
-    return ComparedValue(**{**row, **known_of, "deviation": deviation, "within": within, "met": met})
+    judged = {"deviation": deviation, "within": within, "gate": gate, "why": why, "met": met}
+    return ComparedValue(**{**row, **known_of, **judged})
 
 
 def _order_row(
@@ -193,23 +218,58 @@ def _order_row(
     for name, least in case.order.items():
         study = studies[name]
         row = asdict(_plain(case, rung, airflow, name, None, study))
-        label = f"order of {quantities[name].label}, at least {least:g}"
+        label, gate = f"order of {quantities[name].label}", f"at least {least:g}"
         met = study.order is not None and study.order >= least
         shown = {"quantity": label, "ours": study.order, "low": None, "high": None, "met": met, "source": study.why}
-        yield ComparedValue(**{**row, **shown})
+        yield ComparedValue(**{**row, **shown, "gate": gate, "why": ""})
 
 
-def _beside_rows(case: Case, scene: Scene, own: Sequence[ComparedValue], tell: Tell) -> Iterator[ComparedValue]:
-    """The other rung's numbers, only reported; and whether the scene's own rung is closer where it has to be."""
-    rung, airflow = solve(scene, min(case.scales), case.beside, tell)
-    rows = {v: _row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, False) for v in case.values}
-    yield from (row for row in rows.values() if row.ours is not None)
+def _an_end(case: Case, quantity: str) -> str:
+    """Why a value is not judged in the own rung of a case that is blended; empty where it is."""
+    return "an end of the blend, which is judged" if case.blend is not None and quantity == RESIDENCE else ""
+
+
+def _beside_rows(
+    case: Case, own: Sequence[ComparedValue], rung: str, airflow: SolvedAirflow
+) -> Iterator[ComparedValue]:
+    """The other rung's numbers, only reported; whether the scene's own rung is closer where it has to be, and whether
+    what is published lies between the two.
+    """
+    why = f"rung {rung}, beside the scene's own"
+    rows = [_row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, why) for v in case.values]
+    yield from (row for row in rows if row.ours is not None)
+    pairs = [(v, mine, beside) for v, mine, beside in zip(case.values, own, rows, strict=False)]
     if case.closer is not None:
-        known = next(v for v in case.values if v.quantity == case.closer)
-        mine = next(row for row, v in zip(own, case.values, strict=False) if v is known)
-        distances = [abs(row.deviation) if row.deviation is not None else float("inf") for row in (mine, rows[known])]
-        table = asdict(mine) | {"quantity": f"{mine.quantity}: closer than {rung}", "within": None, "error": ""}
-        yield ComparedValue(**{**table, "met": distances[0] < distances[1]})
+        mine, beside = next((mine, beside) for v, mine, beside in pairs if v.quantity == case.closer)
+        distances = [abs(row.deviation) if row.deviation is not None else float("inf") for row in (mine, beside)]
+        yield _asked(mine, f"closer than {rung}", distances[0] < distances[1])
+    for known, mine, beside in pairs:
+        if known.checked(case.between) and mine.ours is not None and beside.ours is not None:
+            low, high = sorted((mine.ours, beside.ours))
+            yield _asked(mine, f"between {rung} and {mine.rung}", low <= known.low and known.high <= high)
+
+
+def _blended_rows(case: Case, scene: Scene, own: SolvedAirflow, beside: SolvedAirflow) -> Iterator[ComparedValue]:
+    """The residence time in the best estimate between the two rungs, which knows nothing of what it is judged by.
+
+    Its interval holds those at both ends of the ranges of theta and of the strength.
+    """
+    assert case.blend is not None
+    assert scene.reynolds is not None
+    assert own.wake is not None
+    assert beside.wake is not None
+    blockage = scene.width / scene.channel.width
+    estimate = estimate_without(RESIDENCE, case.blend, blockage, scene.reynolds)
+    found = list(within_estimate(own.wake, beside.wake, estimate))
+    band = min(one.low for one in found), max(one.high for one in found)
+    number = None if found[0].closed else QuantityValue(found[0].value, *band)
+    rung = f"blend {estimate.theta.value:.2f}, {estimate.strength.value:.2f}"
+    yield from (_row(case, rung, own, v, number, None) for v in case.values if v.quantity == RESIDENCE)
+
+
+def _asked(row: ComparedValue, gate: str, met: bool) -> ComparedValue:
+    """The row once more, judged by another gate."""
+    return replace(row, within=None, error="", gate=gate, why="", met=met)
 
 
 def momentum(case: Case, scene: Scene, airflow: SolvedAirflow) -> dict[str, Any]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from ...core.errors import SceneError
+from ...laws.best_estimate import WAKE_FAMILIES, blocked
+from . import wake_lines  # noqa: F401  its quantities are registered when it is imported
 from .measured import quantities
 
 __all__ = ["STATUSES", "Case", "Published", "cases", "read_cases"]
@@ -19,16 +21,34 @@ STATUSES = ("read", "quoted", "unchecked")
 
 @dataclass(frozen=True)
 class Published:
-    """A published number ``low`` .. ``high`` of a quantity; ``within``: relative deviation up to which it counts as
-    met, None where it is only reported.
+    """A published number ``low`` .. ``high`` of a quantity. ``within``: relative deviation up to which it counts as
+    met; None where it is only ``reported``, for the reason given there. ``base``: of a drag without walls, the least
+    and the greatest base pressure coefficient that may go with it.
     """
 
     quantity: str
     low: float
     high: float
-    within: float | None
     source: str
     status: str
+    within: float | None = None
+    reported: str = ""
+    base: tuple[float, float] | None = None
+
+    def between_walls(self, blockage: float) -> Published:
+        """A drag without walls as it would be where the body blocks a channel by ``blockage``, by Maskell's rule
+        (:func:`wakeflow.laws.best_estimate.blocked`); any other number as it is.
+        """
+        if self.base is None:
+            return self
+        drags = [blocked(drag, base, blockage)[0] for drag in (self.low, self.high) for base in self.base]
+        without = f"{self.low:g}" if self.low == self.high else f"{self.low:g} to {self.high:g}"
+        said = f"{self.source}: {without} without walls, here at {100 * blockage:.3g} % blockage by Maskell's rule"
+        return replace(self, low=min(drags), high=max(drags), source=said, base=None)
+
+    def checked(self, quantity: str | None) -> bool:
+        """Whether this is a number of ``quantity`` that was read, here or by others."""
+        return self.quantity == quantity and self.status != "unchecked"
 
     def deviation(self, value: float) -> float:
         """Relative distance of ``value`` from the nearer end, negative below; 0 inside the range."""
@@ -44,11 +64,18 @@ class Case:
     title: str
     values: tuple[Published, ...] = ()
     quick: bool = False
+    alone: bool = False
     scales: tuple[float, ...] = (1.0,)
     order: Mapping[str, float] = field(default_factory=dict)
     beside: str | None = None
     closer: str | None = None
+    between: str | None = None
+    blend: str | None = None
     note: str = ""
+
+    def between_walls(self, blockage: float) -> Case:
+        """The case with every published number as it would be at that blockage."""
+        return replace(self, values=tuple(value.between_walls(blockage) for value in self.values))
 
 
 @cache
@@ -72,16 +99,20 @@ def _case(name: str, table: dict[str, Any]) -> Case:
         case = Case(name=name, values=values, **table)
     except TypeError as problem:
         raise SceneError(f"published.toml: {name}: {problem}") from None
-    for quantity in (case.closer, *case.order):
+    for quantity in (case.closer, case.between, *case.order):
         if quantity is not None and quantity not in quantities:
             raise SceneError(f"published.toml: {name}: unknown quantity {quantity!r}")
-    if case.closer is not None and (case.beside is None or not any(v.quantity == case.closer for v in values)):
-        raise SceneError(f"published.toml: {name}: closer needs beside and a value of {case.closer}")
+    for key in ("closer", "between"):
+        quantity = getattr(case, key)
+        if quantity is not None and (case.beside is None or not any(v.checked(quantity) for v in values)):
+            raise SceneError(f"published.toml: {name}: {key} needs beside and a checked value of {quantity}")
+    if case.blend is not None and (case.beside is None or case.blend not in WAKE_FAMILIES):
+        raise SceneError(f"published.toml: {name}: blend needs beside, and is one of {', '.join(WAKE_FAMILIES)}")
     return case
 
 
 def _published(name: str, row: Mapping[str, Any]) -> Published:
-    known = {"quantity", "value", "low", "high", "within", "source", "status"}
+    known = {"quantity", "value", "low", "high", "within", "reported", "source", "status", "base"}
     low, high = row.get("low", row.get("value")), row.get("high", row.get("value"))
     wrong = (
         f"unknown keys {sorted(set(row) - known)}" if set(row) - known
@@ -89,8 +120,14 @@ def _published(name: str, row: Mapping[str, Any]) -> Published:
         else "needs value, or low and high" if low is None or high is None or not low <= high
         else f"status {row.get('status')!r}: one of {', '.join(STATUSES)}" if row.get("status") not in STATUSES
         else "needs a source" if not row.get("source")
+        else f"{row['quantity']} needs either within or reported, the reason why it is not judged"
+        if ("within" in row) == bool(row.get("reported"))
+        else "base: of a drag without walls, two base pressure coefficients below 0, the lower first"
+        if "base" in row and not (row["quantity"] == "cd" and len(row["base"]) == 2 and sorted(row["base"])[1] < 0)
         else None
     )  # fmt: skip
     if wrong:
         raise SceneError(f"published.toml: {name}: {wrong}")
-    return Published(row["quantity"], float(low), float(high), row.get("within"), row["source"], row["status"])
+    judged = {key: row[key] for key in ("within", "reported") if key in row}
+    judged |= {"base": tuple(row["base"])} if "base" in row else {}
+    return Published(row["quantity"], float(low), float(high), source=row["source"], status=row["status"], **judged)

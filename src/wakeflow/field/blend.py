@@ -1,0 +1,137 @@
+"""The wake between its two ends: a steady solution and one in time, blended on the nodes of the latter.
+
+u = (1 - theta) u_s + theta u_m + strength u', with u_s the steady solution, u_m the mean of the one in time and u' its
+fluctuation; the pressure likewise. The form is linear, its ends are the two solutions (theta = 0 without fluctuation;
+theta = strength = 1), and every air between them keeps its volume, the walls and the inlet, since each of the three
+does. k and its dissipation take min(strength, theta) of their fluctuation: what is left is then a mixture of positive
+numbers, and stays positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import SceneError
+from .flow import NODAL, FlowField
+from .splines import fit
+from .triangles import Triangles
+
+__all__ = ["blended_wake", "interpolated"]
+
+Array = NDArray[np.float64]
+POSITIVE = ("k", "dissipation")
+NEAR = 8  # triangles tried for a point outside the mesh: those whose centres are nearest
+AT_REST, FIXED = 1e-3, 1e-6  # of the fastest air: mean speed at a wall, moving or not; fluctuation where air is given
+SAMPLES = 8  # of the swing for each knot of the splines in time: enough that the fit is theirs
+
+
+def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength: float) -> FlowField:
+    """The air between ``steady`` and the field in time ``resolved``, on the latter's nodes and functions of time.
+
+    ``theta``: share of the mean of ``resolved`` in the mean; ``strength``: rms of the fluctuation over that of
+    ``resolved``; both 0 to 1. ``steady`` may stand on another mesh of the same channel. A field that is steady itself
+    comes back as it is, and without fluctuation the result is steady. On a mesh that swings with the body the steady
+    air swings with it as it would past a slow body: u_s + V (e - u_s / U), V(t) e the velocity of the mesh and U the
+    mean air speed, which is V at the body and the given velocity at the inlet.
+    Raises SceneError for numbers out of range, and for a ``steady`` field that lacks what ``resolved`` has.
+    """
+    for name, number in (("theta", theta), ("strength", strength)):
+        if not 0.0 <= number <= 1.0:
+            raise SceneError(f"blended_wake: {name} = {number:g}, allowed 0 to 1")
+    if resolved.times is None or theta == strength == 1.0:
+        return resolved
+    share = resolved.time_axis.mean_weights()
+    own = {name: values for name in NODAL if (values := getattr(resolved, name)) is not None}
+    middle = {name: np.tensordot(share, values, axes=1) for name, values in own.items()}
+    still = _with_boundary(resolved, interpolated(steady, _like(steady, own), resolved.points), middle["velocity"])
+    mean = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
+    if strength == 0.0 and resolved.motion is None:
+        return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **_any(mean))
+    kept = {name: min(strength, theta) if name in POSITIVE else strength for name in own}
+    if resolved.coefficients is None:
+        nodal = {name: mean[name] + kept[name] * (values - middle[name]) for name, values in own.items()}
+    else:  # part 0 is the mean, the others have none
+        nodal = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
+    made = replace(resolved, **_any(nodal))
+    return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
+
+
+def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
+    """Nodal arrays (N, ..) of ``mesh`` by name, at ``points`` (n, 2) m: linear inside every triangle.
+
+    A point that lies outside, by round-off or beside the corners of a curved wall, takes the nearest value of the
+    triangle that it is least outside of.
+    """
+    from scipy.spatial import cKDTree
+
+    triangle = mesh.locate(points)
+    out = np.flatnonzero(triangle < 0)
+    if len(out):
+        centres = cKDTree(mesh.points[mesh.triangles].mean(axis=1))
+        near = centres.query(points[out], k=min(NEAR, len(mesh.triangles)))[1].reshape(len(out), -1)
+        spread = np.repeat(points[out], near.shape[1], axis=0)
+        least = mesh.barycentric(near.ravel(), spread).min(axis=1).reshape(near.shape)
+        triangle[out] = near[np.arange(len(out)), least.argmax(axis=1)]
+    weight = np.clip(mesh.barycentric(triangle, points), 0.0, None)
+    weight /= weight.sum(axis=1, keepdims=True)
+    corner = mesh.triangles[triangle]
+    return {name: np.einsum("nk,nk...->n...", weight, values[corner]) for name, values in nodal.items()}
+
+
+def _like(steady: FlowField, own: Mapping[str, Array]) -> dict[str, Array]:
+    """The nodal arrays of the steady field that a field in time has as well."""
+    if steady.times is not None:
+        raise SceneError("blended_wake: the steady field is one in time")
+    given: dict[str, Any] = {
+        name: steady.pressure_gradient if name == "given_gradient" else getattr(steady, name) for name in own
+    }
+    for name, values in given.items():
+        if values is None:
+            raise SceneError(f"blended_wake: the steady field has no {name}, the one in time has")
+    return given
+
+
+def _with_boundary(resolved: FlowField, still: dict[str, Array], mean: Array) -> dict[str, Array]:
+    """The steady arrays with the velocity (N, 2) at walls and inlets as it is given there: that of the field in time.
+
+    These are the nodes of the boundary where the mean air rests, or where nothing fluctuates.
+    """
+    moving = resolved.velocity - mean if resolved.coefficients is None else resolved.velocity[1:]
+    fastest = float(np.linalg.norm(mean, axis=1).max())
+    rests = np.linalg.norm(mean, axis=1) < AT_REST * fastest
+    given = np.linalg.norm(moving, axis=-1).max(axis=0, initial=0.0) < FIXED * fastest
+    fixed = np.zeros(len(mean), dtype=bool)
+    fixed[resolved.boundary] = (rests | given)[resolved.boundary]
+    return {**still, "velocity": np.where(fixed[:, None], mean, still["velocity"])}
+
+
+def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
+    """The ``field`` with ``share`` of what the swing of its mesh does to the steady air ``still`` (N, 2) m/s."""
+    assert field.motion is not None
+    assert field.times is not None
+    assert field.period is not None
+    amplitude = np.array(field.motion[:2])
+    along = amplitude / np.linalg.norm(amplitude)
+    width, height = np.ptp(field.points, axis=0)
+    through = float(field.area @ still[field.triangles, 1].mean(axis=1)) / (width * height)  # the same at every height
+    pushed = along - still * float(along[1]) / through
+    if field.coefficients is None:
+        speed = field.motion.velocity(field.times) @ along
+        return replace(field, velocity=field.velocity + share * speed[:, None, None] * pushed)
+    count = len(field.times)
+    times = field.times[0] + np.arange(SAMPLES * count) * (field.period / (SAMPLES * count))
+    found = fit(times, (field.motion.velocity(times) @ along)[:, None], field.period, count)
+    nodal = {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+    more = {name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal.items()}
+    more["velocity"][-1] = share * pushed
+    return replace(field, coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **_any(more))
+
+
+def _any(arrays: Mapping[str, Array]) -> dict[str, Any]:
+    """Arrays by name as the arguments of :func:`replace`, whose other fields are of other types."""
+    return dict(arrays)
