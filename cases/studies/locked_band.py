@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wakeflow.core.files import write_json
-from wakeflow.foam.case import FlowSpec, write_parameters
+from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
 from wakeflow.foam.mesh_motion import MeshMotion, repeats
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.solver import run_solver
+from wakeflow.foam.segments import run_segment
 from wakeflow.foam.start import perturb, start_from
 from wakeflow.foam.watch import Watch
 from wakeflow.laws.shape import shapes
@@ -74,11 +74,8 @@ def solve(
         perturb(spec, case)
     with (case / "system" / "controlDict").open("a") as stream:
         stream.write(AVERAGE.format(begin=begin))
-    write_parameters(case, {
-        "endTime": end, "deltaT": 0.2 * spec.mesh.h_corner / spec.speed, "writeControl": "adjustableRunTime",
-        "writeInterval": end, "purgeWrite": 1,
-    })  # fmt: skip
-    run_solver(case, "pimpleFoam", Watch(case, "locked band", lambda _: None, lambda _: False, expected=end), None)
+    watch = Watch(case, "locked band", lambda _: None, expected=end)
+    run_segment(case, "pimpleFoam", end, {"deltaT": 0.2 * spec.mesh.h_corner / spec.speed}, watch)
     rows = read_table(case, "forceCoefficients", (CD, CL))
     rows = rows[rows[:, 0] >= begin]
     clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * window)

@@ -35,7 +35,7 @@ class Chained:
         return table
 
     def share(self, fraction: str, place: str) -> tuple[float, float, float]:
-        """Share of a fraction in a bin, by mass, with its 95 % interval of sampling: (value, low, high)."""
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
         return self.shares.share(fraction, place)
 
 

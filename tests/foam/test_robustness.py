@@ -10,7 +10,6 @@ import re
 import shutil
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,11 +21,12 @@ import pytest
 import robustness
 from support import RHOMBUS, WIDTH
 from wakeflow.core.errors import FoamError, SceneError
+from wakeflow.core.files import write_json
 from wakeflow.core.resources import case_template
 from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
 from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.case import SETTINGS, FlowSpec, write_case, write_parameters
+from wakeflow.foam.case import SETTINGS, FlowSpec, write_case
 from wakeflow.foam.case_fields import time_folders
 from wakeflow.foam.failure import AirflowFailure, Attempt, Cause, diagnose, disk_trouble_named
 from wakeflow.foam.history import read_table
@@ -34,7 +34,7 @@ from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.measure import AirflowResult
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
-from wakeflow.foam.solver import run_solver
+from wakeflow.foam.segments import run_segment, segment_ends
 from wakeflow.foam.watch import Progress, Watch
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.airflow import ranks_for
@@ -97,7 +97,7 @@ def test_only_what_the_numbers_did_is_tried_again_and_what_is_not_is_told_what_t
 
 
 def test_a_time_that_stands_still_and_a_pressure_that_is_never_solved_are_stalls(tmp_path: Path) -> None:
-    watch = Watch(tmp_path, "start-up", lambda _: None, lambda _: False, expected=1.0, least_step=1e-7)
+    watch = Watch(tmp_path, "start-up", lambda _: None, expected=1.0, least_step=1e-7)
     for step in ["3e-07"] * 199 + ["2e-6"] + ["3e-07"] * 199:
         watch(f"deltaT = {step}")
     with pytest.raises(AirflowFailure, match="stalled: 200 time steps") as stalled:
@@ -219,6 +219,33 @@ def test_the_ladder_is_climbed_in_order_and_remembered_over_an_interruption(tmp_
     assert warning("normal", []) is None
 
 
+@pytest.mark.parametrize("back_to", [1.0, 0.0])
+def test_going_back_is_finished_where_it_was_interrupted(back_to: float, tmp_path: Path) -> None:
+    """Killed between the note of what failed and the last of what had to be removed."""
+    failed = Attempt("normal", "diverged", "the airflow diverged")
+    write_json(tmp_path / "attempts.json", {"attempts": [asdict(failed)], "back_to": back_to})
+    write_json(tmp_path / "segments.json", {"ends": ["1", "2"], "early": None})
+    write_json(tmp_path / "phase.json", {"phase": "loop"})
+    (tmp_path / "log.pimpleFoam").write_text("failed\n")
+    for name in ("1", "2", "2.5", "constant"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "U").touch()
+        (tmp_path / "postProcessing" / "forceCoefficients" / name).mkdir(parents=True)
+    seen: list[tuple[str, list[float], list[str]]] = []
+
+    def solve(how: FlowSpec, first_order: bool) -> str:
+        seen.append((how.settings, segment_ends(tmp_path), [path.name for path in time_folders(tmp_path)]))
+        return "solved"
+
+    _, _, tried = climb(flow(100.0, "standard"), tmp_path, solve, "log.pimpleFoam")
+    assert tried == [failed]
+    assert seen == [("careful", [1.0], ["1"]) if back_to else ("careful", [], [])]
+    assert not (tmp_path / "phase.json").exists()
+    assert (tmp_path / "failed-1.log").read_text() == "failed\n"
+    assert (tmp_path / "constant").exists()
+    assert json.loads((tmp_path / "attempts.json").read_text())["back_to"] is None
+
+
 def test_when_nothing_serves_all_that_was_tried_is_named_and_the_next_call_starts_anew(tmp_path: Path) -> None:
     def solve(how: FlowSpec, first_order: bool) -> None:
         raise numerical()
@@ -272,16 +299,15 @@ class TestLadder:
         assert told["attempts"][0]["cause"] in {cause.word for cause in Cause if cause.numerical}
 
     def test_careful_settings_go_on_from_the_last_sound_time(self, tmp_path: Path) -> None:
-        """Re 100, two times saved: the later one holds 50 times the speed there can be, so the earlier one is kept."""
+        """Re 100, three segments: the second one's end holds 50 times the speed there can be, so the first is kept."""
         spec = flow(100.0, "standard")
         build_mesh(spec.mesh, tmp_path)
         case = tmp_path / "case"
         prepare_case(spec, tmp_path / "mesh.msh", case)
+        watch = Watch(case, "start-up", lambda _: None, expected=0.15)
         for end in (0.05, 0.1, 0.15):
-            write_parameters(case, {"endTime": end, "deltaT": 5e-4, "writeControl": "adjustableRunTime",
-                                    "writeInterval": 0.05})  # fmt: skip
-            run_solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, lambda _: False, expected=end), None)
-            assert float(time_folders(case)[-1].name) == pytest.approx(end, rel=0.02)
+            assert run_segment(case, "pimpleFoam", end, {"deltaT": 5e-4}, watch) == pytest.approx(end, rel=1e-9)
+        assert segment_ends(case) == [0.05, 0.1, 0.15]
         sound, bad, last = time_folders(case)
         raw = (bad / "U").read_bytes()
         at = raw.index(b"(", raw.index(b"List<vector>")) + 1
@@ -389,25 +415,19 @@ class TestSanity:
 
 
 def test_only_large_cases_are_shared() -> None:
-    assert ranks_for(40_000, 8)[0] == 1
-    assert ranks_for(10**6, 1)[0] == 1
-    ranks, why = ranks_for(200_000, 2)
+    assert ranks_for(40_000)[0] == 1
+    ranks, why = ranks_for(200_000)
     assert ranks == 2
     assert "2 MPI ranks" in why
-    assert "too few" in ranks_for(3000, 2)[1]
+    assert "too few" in ranks_for(3000)[1]
 
 
 class TestRanks:
     pytestmark = pytest.mark.openfoam
 
     @pytest.mark.mpi
-    def test_two_ranks_give_the_same_drag_and_survive_an_interruption(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_two_ranks_give_the_same_drag_and_survive_an_interruption(self, tmp_path: Path) -> None:
         """On cells enough for a run of some seconds, so that there is something to interrupt."""
-        from wakeflow.foam import steady
-
-        monkeypatch.setattr(steady, "SAVE_EVERY", 1)
         spec, case = flow(), tmp_path / "case"
         spec = replace(spec, mesh=spec.mesh.scaled(0.4))
         build_mesh(spec.mesh, tmp_path)
@@ -416,9 +436,9 @@ class TestRanks:
         saved: list[float] = []
 
         def stop(_: Progress) -> None:
-            saved.extend(float(path.parents[1].name) for path in (case / "processor0").glob("[1-9]*/uniform/time"))
+            saved.extend(segment_ends(case))
             if saved:
-                time.sleep(0.3)  # it is written to its end meanwhile
+                assert (case / "processor1").is_dir()
                 raise KeyboardInterrupt
 
         spec = replace(spec, ranks=2)
@@ -426,7 +446,7 @@ class TestRanks:
             solve_airflow(spec, tmp_path / "mesh.msh", case, listener=stop)
         seen: list[Progress] = []
         result = solve_airflow(spec, tmp_path / "mesh.msh", case, listener=seen.append)
-        assert seen[0].time > min(saved)
+        assert seen[0].time > max(saved)
         assert (np.diff(read_table(case, "forceCoefficients", (1,))[:, 0]) == 1).all()
         assert not list(case.glob("processor*"))
         assert "nProcs : 2" in (case / "log.simpleFoam").read_text()

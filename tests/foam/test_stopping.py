@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from wakeflow.core.store import Store, cache_root, content_key
-from wakeflow.foam.case import FlowSpec, write_parameters
+from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.history import Interval, Tail
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.solver import run_solver
+from wakeflow.foam.segments import purge, run_segment
 from wakeflow.foam.start import perturb
 from wakeflow.foam.statistics import Statistics, Stopping, evaluate
 from wakeflow.foam.watch import Watch
@@ -63,21 +63,14 @@ def long_record(spec: FlowSpec, folder: Path) -> None:
     case = folder / "case"
     prepare_case(spec, folder / "mesh.msh", case)
     perturb(spec, case)
-    end: float | None = None
-
-    def finished(rows: np.ndarray) -> bool:
-        nonlocal end
-        if end is None and rows[-1, 0] > looked[0] + 4.0:
-            looked[0] = rows[-1, 0]
-            found = stop_of(rows)
-            end = LONGER * found + SPARE if found else None
-        return bool(rows[-1, 0] > (LONGER * MOST if end is None else end))
-
-    looked = [20.0]
-    write_parameters(
-        case, {"endTime": LONGER * MOST, "deltaT": 1e-3, "writeControl": "clockTime", "writeInterval": 1e6}
-    )
-    run_solver(case, "pimpleFoam", Watch(case, "start-up", lambda _: None, finished, expected=MOST), None)
+    watch = Watch(case, "start-up", lambda _: None, expected=MOST)
+    end, now = LONGER * MOST, 20.0
+    while now < end:
+        run_segment(case, "pimpleFoam", now, {"deltaT": 1e-3}, watch)
+        purge(case)
+        found = stop_of(Tail(case).update())
+        end = LONGER * found + SPARE if found else end
+        now += 20.0
     np.save(folder / "record.npy", Tail(case).update())
     shutil.rmtree(case)
 

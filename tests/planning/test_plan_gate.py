@@ -451,7 +451,8 @@ def landings_at(x: np.ndarray, scene: Scene) -> Landings:
         place[(x >= low) & (x < high)] = i  # type: ignore[operator]
     zero = np.zeros(len(x))
     position = np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1)
-    return Landings(position, place, np.arange(len(x)) % 16, zero, zero.astype(int), zero, zero.astype(int))
+    none = zero.astype(int)
+    return Landings(position, place, np.arange(len(x)) % 16, zero, none, zero, none, none, none)
 
 
 def test_a_shift_carries_its_length_times_the_density_over_an_end() -> None:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from wakeflow.core.store import Store
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.stages import StageKey
 from wakeflow.pipeline.track_stage import Companion
-from wakeflow.pipeline.warm_start import nearest, remember
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.results.companions import Comparison, Grid, Wake, compared, differences, mesh_error
@@ -65,27 +62,3 @@ def test_a_share_that_converges_at_second_order_has_its_mesh_error() -> None:
     assert found.low <= 0.3 <= found.high
     loud = {n: {"chaff": s["chaff"] + 1000 * noise[:, None]} for n, s in shares.items()}
     assert mesh_error(Comparison(loud, 1.0), "chaff", 0).kind == "range-statistics"
-
-
-def test_a_time_resolved_airflow_starts_from_the_nearest_solved_one(cases: Path, tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    scene = Scene.load(cases / "rhombus.toml", {"numerics.rung": "standard"})
-    plan = make_plan(scene)
-    spec = flow_spec(scene, plan, mesh_spec(scene, plan))
-    assert nearest(store, "mesh", spec) is None
-
-    def solved(key: str, mesh: str, ratio: float, stepping: str = "time-resolved") -> None:
-        card = SimpleNamespace(stepping=stepping, reynolds=ratio * spec.reynolds)
-        store.make("airflow", key, lambda part: remember(part, mesh, card))  # type: ignore[arg-type]
-
-    solved("far", "mesh", 3.0)
-    solved("other", "another mesh", 1.0)
-    solved("steady", "mesh", 1.0, "steady")
-    assert nearest(store, "mesh", spec) is None
-    solved("near", "mesh", 1.5)
-    solved("nearer", "mesh", 0.8)
-    assert nearest(store, "mesh", spec) == tmp_path / "airflow" / "nearer" / "case"
-    (tmp_path / "airflow" / "nearer" / "start.json").write_text(
-        '{"mesh": "mesh", "stepping": "time-resolved", "reynolds": 1}'
-    )
-    assert nearest(store, "mesh", spec) == tmp_path / "airflow" / "near" / "case"  # a changed one is not trusted

@@ -23,6 +23,8 @@ def landings(bins: np.ndarray, replicates: int = 16) -> Landings:
         fate=np.zeros(n, dtype=int),
         time=zero,
         impacts=np.zeros(n, dtype=int),
+        realisation=np.zeros(n, dtype=int),
+        cycle=np.zeros(n, dtype=int),
     )
 
 

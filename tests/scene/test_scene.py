@@ -81,6 +81,8 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"channel.inlet.a": INLET, "air": None}, "secondary air streams need an [air] table"),
         ({"air.profile": "flat"}, "'uniform' or 'parabolic'"),
         ({"numerics.mesh_scale": 9}, "allowed: >= 0.2 and <= 4"),
+        ({"numerics.ranks": 0}, "ranks = 0: give auto, or a whole number"),
+        ({"numerics.ranks": "two"}, "ranks = 'two': give auto"),
         ({"channel.extend": "no"}, "channel.extend = 'no'"),
         ({"channel": 3}, "channel = 3"),
         ({"channel.top": -0.6}, "channel.bottom"),

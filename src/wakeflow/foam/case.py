@@ -69,8 +69,8 @@ class FlowSpec:
     ``turbulence``: one of ``laws.turbulence_models``; ``intensity`` (u'/U at the inlet; not used when laminar),
     ``profile`` of the inlet's velocity (parabolic: fully developed laminar channel flow, 3/2 of the mean in the
     middle), ``inlets``: secondary streams. ``vibration``: of bodies and mesh along the channel; None: the bodies are at
-    rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes.
-    ``accuracy``: relative half-width of the 95 % intervals at which a time-resolved run ends, see
+    rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes,
+    0: not decided yet. ``accuracy``: relative half-width of the 95 % intervals at which a time-resolved run ends, see
     :func:`wakeflow.foam.statistics.wanted`."""
 
     mesh: MeshSpec
@@ -97,6 +97,8 @@ class FlowSpec:
             )
         if self.stepping == "steady" and self.vibration is not None:
             raise SceneError("a steady airflow cannot follow a vibrating body: use rung standard")
+        if self.ranks > 1 and self.vibration is not None:
+            raise SceneError("numerics.ranks: an airflow round a vibrating body runs as one process; leave it out")
 
     @property
     def reynolds(self) -> float:

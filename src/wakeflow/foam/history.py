@@ -10,7 +10,19 @@ from numpy.typing import NDArray
 
 from .case import read_parameters
 
-__all__ = ["CD", "CL", "Interval", "Tail", "kind_of", "read_table", "read_vectors", "upward_crossings"]
+__all__ = [
+    "CD",
+    "CL",
+    "Interval",
+    "Table",
+    "Tail",
+    "kind_of",
+    "oscillation",
+    "read_table",
+    "read_vectors",
+    "spread",
+    "upward_crossings",
+]
 
 Array = NDArray[np.float64]
 CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...
@@ -68,11 +80,11 @@ class Tail:
 
     def __init__(self, case: Path) -> None:
         self.case = case
-        self.parts = [_Table(case, "forceCoefficients", (CD, CL))]
+        self.parts = [Table(case, "forceCoefficients", (CD, CL))]
         speed = read_parameters(case).get("inletSpeed")
         self.dynamic = None if speed is None else 0.5 * float(speed) ** 2
         if self.dynamic:
-            self.parts += [_Table(case, "basePressure", (1,)), _Table(case, "inletPressure", (1,))]
+            self.parts += [Table(case, "basePressure", (1,)), Table(case, "inletPressure", (1,))]
 
     def update(self) -> Array:
         """All rows (n, 4) so far."""
@@ -86,8 +98,8 @@ class Tail:
         return np.column_stack([forces, (at_base - at_inlet) / self.dynamic])
 
 
-class _Table:
-    """Rows of one function object's output, read on from where the last look ended."""
+class Table:
+    """Rows (n, 1 + c) of one function object's output, as of :func:`read_table`, read on from the last look."""
 
     def __init__(self, case: Path, what: str, columns: tuple[int, ...]) -> None:
         self.folder, self.columns = case / "postProcessing" / what, columns
@@ -143,13 +155,30 @@ def kind_of(signal: Array, tolerance: float) -> str:
     """steady | periodic | broadband: range within ``tolerance`` of the mean; autocorrelation above 0.5 again;
     neither.
     """
-    mean = float(signal.mean())
-    if np.ptp(signal) <= tolerance * max(abs(mean), 1e-12):
+    if spread(signal) <= tolerance:
         return "steady"
-    deviation = signal - mean
+    return "broadband" if oscillation(signal) is None else "periodic"
+
+
+def spread(signal: Array) -> float:
+    """Range over mean."""
+    return float(np.ptp(signal)) / max(abs(float(signal.mean())), 1e-12)
+
+
+def oscillation(signal: Array) -> int | None:
+    """Rows after which a signal repeats: the first peak of its autocorrelation above 0.5 after it was negative, looked
+    for up to half the signal's length; None without one, and for a signal at rest.
+    """
+    deviation = signal - float(signal.mean())
     spectrum = np.fft.rfft(deviation, 2 * len(deviation))
     lagged = np.fft.irfft(np.abs(spectrum) ** 2)[: len(deviation) // 2]
+    if not len(lagged) or lagged[0] <= 0:
+        return None
     lagged = lagged / lagged[0] * len(deviation) / (len(deviation) - np.arange(len(lagged)))
     negative = np.flatnonzero(lagged < 0)
-    again = lagged[negative[0] :].max() if len(negative) else 0.0
-    return "periodic" if again > AGAIN else "broadband"
+    again = np.flatnonzero(lagged[negative[0] :] > AGAIN) if len(negative) else negative
+    if not len(again):
+        return None
+    first = int(negative[0] + again[0])
+    fallen = np.flatnonzero(lagged[first:] <= AGAIN)
+    return first + int(lagged[first : first + fallen[0] if len(fallen) else None].argmax())

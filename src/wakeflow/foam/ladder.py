@@ -15,14 +15,14 @@ from typing import TypeVar
 from ..core.errors import SceneError
 from ..core.files import write_json
 from .case import FlowSpec, write_parameters
-from .case_fields import time_folders
 from .failure import AirflowFailure, Attempt
 from .prepare import CHECKED
 from .read import LOOP
 from .sanity import is_sane
-from .solver import PHASE, SAVE_EVERY, run_solver
+from .segments import drop_after, ended_early, last_state, run_segment, states
+from .solver import PHASE
 from .start import first_step, perturb, start_from
-from .time_resolved import COLLAPSED, RECORDED
+from .time_resolved import COLLAPSED
 from .watch import ProgressListener, Watch
 
 __all__ = ["LADDER", "climb", "first_order_start", "warning"]
@@ -38,7 +38,6 @@ ATTEMPTS, STARTED = "attempts.json", "first_order_start.json"
 # Length of a first-order start. Chosen: the impulse of the start has left the near wake by then.
 START_ITERATIONS = 300  # of a steady run
 START_TIME = 10.0  # of a time-resolved run, in convective times
-SPARE = 1000  # iterations or convective times beyond: the file "stop", not OpenFOAM's endTime, ends the start
 
 
 def climb(
@@ -54,7 +53,7 @@ def climb(
     if spec.settings not in names:
         raise SceneError(f"settings = {spec.settings!r}: unknown (known: {', '.join(names)})")
     names = names[names.index(spec.settings) :]
-    tried = _attempts_so_far(folder)
+    tried = _attempts_so_far(folder, log)
     while True:
         settings = names[len(tried)]
         known = "careful" if settings == "first-order-start" else settings
@@ -64,18 +63,28 @@ def climb(
             if not failure.cause.numerical:
                 raise
             tried.append(Attempt(settings, failure.cause.word, str(failure).split("; log:")[0]))
-            if (folder / log).exists():
-                (folder / log).replace(folder / f"failed-{len(tried)}.log")
             if len(tried) == len(names):
+                _put_away(folder, log, tried)
                 _clear(folder)  # the next call starts anew
                 raise _all_failed(failure, folder, tried) from None
-            _set_back(spec, folder, names[len(tried)])
-            write_json(folder / ATTEMPTS, [asdict(attempt) for attempt in tried])
+            _go_back(folder, log, tried, _sound_state(spec, folder, names[len(tried)]))
 
 
-def _attempts_so_far(folder: Path) -> list[Attempt]:
+def _attempts_so_far(folder: Path, log: str) -> list[Attempt]:
     path = folder / ATTEMPTS
-    return [Attempt(**row) for row in json.loads(path.read_text())] if path.exists() else []
+    if not path.exists():
+        return []
+    known = json.loads(path.read_text())
+    tried = [Attempt(**row) for row in known["attempts"]]
+    if known["back_to"] is not None:  # interrupted while it went back
+        _go_back(folder, log, tried, known["back_to"])
+    return tried
+
+
+def _put_away(folder: Path, log: str, tried: list[Attempt]) -> None:
+    """Keep the log of the last attempt as failed-N.log."""
+    if (folder / log).exists():
+        (folder / log).replace(folder / f"failed-{len(tried)}.log")
 
 
 def _all_failed(failure: AirflowFailure, folder: Path, tried: list[Attempt]) -> AirflowFailure:
@@ -112,46 +121,55 @@ def first_order_start(
     steady = spec.stepping == "steady"
     scale = 1.0 if steady else spec.convective_time
     end = START_ITERATIONS if steady else START_TIME * scale
-    if not steady and not time_folders(folder):
+    drop_after(folder, last_state(folder))
+    if not steady and not last_state(folder):
         start_from(spec, folder, start)
         perturb(spec, folder)
-    first = 1.0 if steady else first_step(spec)
-    write_parameters(folder, {
-        **replace(spec, settings="first-order").parameters(), "startFrom": "latestTime", "endTime": end + SPARE * scale,
-        "deltaT": first, "writeControl": "clockTime", "writeInterval": SAVE_EVERY, "purgeWrite": 2,
-    })  # fmt: skip
+    write_parameters(folder, replace(spec, settings="first-order").parameters())
     watch = Watch(
-        folder, "steady" if steady else "first-order start", listener, lambda rows: bool(rows[-1, 0] >= end),
-        expected=end, least_step=0.0 if steady else COLLAPSED * scale,
+        folder, "steady" if steady else "first-order start", listener, expected=end,
+        least_step=0.0 if steady else COLLAPSED * scale,
     )  # fmt: skip
-    run_solver(folder, "simpleFoam" if steady else "pimpleFoam", watch, timeout)
+    if not ended_early(folder):  # and was interrupted before it said so
+        program = "simpleFoam" if steady else "pimpleFoam"
+        run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch, timeout)
     write_parameters(folder, spec.parameters())
     write_json(folder / STARTED, {"end": end})
 
 
-def _set_back(spec: FlowSpec, folder: Path, settings: str) -> None:
-    """Go back to where ``settings`` should start: the last sound state of a time-resolved run, else the beginning.
+def _sound_state(spec: FlowSpec, folder: Path, settings: str) -> float:
+    """Where ``settings`` should start (s, or iterations): the last sound end of a segment of a time-resolved run, else
+    0, the beginning.
 
     Iterations that diverge have passed no state worth keeping, and first-order schemes must not share statistics with
     others; only the careful settings, as accurate as the normal ones, go on.
     """
-    if settings == "careful" and spec.stepping == "time-resolved":
-        folders = time_folders(folder)
-        older = reversed(folders[:-1])  # the last may hold the beginning of the end
-        sound = next((path for path in older if is_sane(spec, folder, path)), None)
-        if sound is not None:
-            for path in folders[folders.index(sound) + 1 :]:
-                shutil.rmtree(path)
-            for name in (PHASE, LOOP, RECORDED):
-                (folder / name).unlink(missing_ok=True)
-            return
-    _clear(folder)
+    if settings != "careful" or spec.stepping != "time-resolved":
+        return 0.0
+    older = reversed(states(folder)[:-1])  # the last may hold the beginning of the end
+    return next((float(path.name) for path in older if is_sane(spec, folder, path)), 0.0)
 
 
-def _clear(folder: Path) -> None:
-    """Remove everything but the mesh and the logs of failed attempts."""
+def _go_back(folder: Path, log: str, tried: list[Attempt], time: float) -> None:
+    """Bring the case back to the end ``time`` of a segment, or to the beginning; what is to be done is noted first, so
+    that an interruption changes nothing.
+    """
+    rows = [asdict(attempt) for attempt in tried]
+    write_json(folder / ATTEMPTS, {"attempts": rows, "back_to": time})
+    _put_away(folder, log, tried)
+    if time > 0:
+        drop_after(folder, time)
+        for name in (PHASE, LOOP):
+            (folder / name).unlink(missing_ok=True)
+    else:
+        _clear(folder, ATTEMPTS)
+    write_json(folder / ATTEMPTS, {"attempts": rows, "back_to": None})
+
+
+def _clear(folder: Path, *kept: str) -> None:
+    """Remove everything but the mesh, the logs of failed attempts, and what ``kept`` names."""
     for path in folder.iterdir():
-        if path.name in ("constant", CHECKED) or path.name.startswith(("failed-", "log.")):
+        if path.name in ("constant", CHECKED, *kept) or path.name.startswith(("failed-", "log.")):
             continue
         if path.is_dir():
             shutil.rmtree(path)

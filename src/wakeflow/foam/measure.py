@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,8 +15,8 @@ from ..laws.turbulence_models import NUT
 from .case import FlowSpec, axis_points
 from .case_fields import CaseFields, Snapshot
 from .failure import Attempt
-from .history import CD, Interval, Tail, read_table
-from .read import loop_of, read_flow
+from .history import CD, Interval, Tail, read_table, spread
+from .read import STATES, late_states, loop_of, read_flow
 from .reconstruction import PlaneMesh
 from .statistics import evaluate, is_still
 from .steady import WINDOW
@@ -35,17 +36,18 @@ class AirflowResult:
     ``cp_base`` and ``cp_front`` are taken where the vertical line through the middle of the first body meets its rear
     and its front. ``p_inlet`` (Pa): mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the
     outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel); ``mass_error``: inflow less outflow over inflow.
-    ``strouhal`` = f D / U, None when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking.
-    ``loop_mismatch``: rms velocity difference between the snapshots at the join of the loop over the rms fluctuation.
-    ``motion``: of the mesh, where the body vibrates in the air: amplitude (x, y) m, omega (rad/s), phase (rad) at the
-    loop's start; the stored field belongs to positions less amplitude sin(omega t + phase). ``seconds`` of wall time.
-    ``settings`` that served and the ``attempts`` that failed before, see :mod:`wakeflow.foam.ladder`; ``checks``: share
-    of each limit of :mod:`wakeflow.foam.sanity` that the solution takes up.
+    ``strouhal`` = f D / U, None when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking
+    ("states": one of ``late_states`` after the other). ``loop_mismatch``: rms velocity difference between the snapshots
+    at the join of the loop over the rms fluctuation. ``motion``: of the mesh, where the body vibrates in the air:
+    amplitude (x, y) m, omega (rad/s), phase (rad) at the loop's start; the stored field belongs to positions less
+    amplitude sin(omega t + phase). ``seconds`` of wall time. ``settings`` that served and the ``attempts`` that failed
+    before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of :mod:`wakeflow.foam.sanity` that is
+    taken up.
 
-    Intervals: of a steady run the range over its last iterations; of a time-resolved one 95 % intervals of the
-    long-time mean (:mod:`wakeflow.foam.statistics`). ``statistics`` of a time-resolved run: whole ``periods`` averaged,
-    ``start_up`` (s) dropped, ``accuracy`` asked, ``excess`` (largest half-width over the one asked). ``notes``: what a
-    reader must know.
+    Intervals: of a steady run the range over its last iterations, of one that did not settle over those of its late
+    states; of a time-resolved one 95 % intervals of the long-time mean (:mod:`wakeflow.foam.statistics`).
+    ``statistics`` of a time-resolved run: whole ``periods`` averaged, ``start_up`` (s) dropped, ``accuracy`` asked,
+    ``excess`` (largest half-width over the one asked). ``notes``: what a reader must know.
 
     Cd is OpenFOAM's forceCoeffs. Its pressure part uses OpenFOAM's p, which is right: at a wall k = 0, and p there is
     the static pressure (p, static pressure plus normal stress 2k/3, does not change across the layer beside it).
@@ -97,9 +99,10 @@ def measure(
     ``verdict``, ``seconds``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
     FoamError for a case without a solved time, or whose values are not finite.
     """
-    loop = loop_of(folder)
+    loop, states = loop_of(folder), late_states(folder)
     rows = Tail(folder).update()
-    history = _coefficients(spec, rows, loop)
+    since = json.loads((folder / STATES).read_text())["begin"] if states else None
+    history = _coefficients(spec, rows, loop, since)
     return AirflowResult(
         stepping=spec.stepping,
         verdict=verdict,
@@ -110,7 +113,7 @@ def measure(
         strouhal=history.strouhal,
         steps=history.steps,
         seconds=seconds,
-        field_time="all" if loop else "latest",
+        field_time="all" if loop else "states" if states else "latest",
         period=loop["period"] if loop else None,
         motion=loop.get("motion") if loop else None,
         loop_mismatch=loop["mismatch"] if loop else None,
@@ -118,7 +121,7 @@ def measure(
         mesh=mesh or {},
         statistics=history.statistics,
         notes=history.notes,
-        cd_of=_drag_of_each(spec, folder, None if loop is None else loop["begin"]),
+        cd_of=_drag_of_each(spec, folder, loop["begin"] if loop else since),
         **_from_fields(spec, folder, loop, rows, history.cp_base),
     )
 
@@ -128,9 +131,10 @@ def _from_fields(
 ) -> dict[str, Any]:
     """What the stored fields say, by the names of :class:`AirflowResult`; ``probed``: the history's base pressure."""
     fields = CaseFields(folder)
-    times = [fields.folder(name) for name in loop["times"]] if loop else [fields.folder("latest")]
+    names = loop["times"] if loop else late_states(folder)
+    times = [fields.folder(name) for name in names or ["latest"]]
     shots = [fields.snapshot(time) for time in times]
-    flow = read_flow(folder, "mean" if loop else "latest", density=1.0)
+    flow = read_flow(folder, "mean" if names else "latest", density=1.0)
     plane = fields.mesh.plane
     at_inlet, at_outlet = (mean_pressure(plane, shots, plane.on(patch)) for patch in ("inlet", "outlet"))
     cp = (flow["pressure"] - at_inlet) / (0.5 * spec.speed**2)
@@ -141,7 +145,7 @@ def _from_fields(
     flow_rate, mass_error = _mass_balance(spec, fields, shots)
     return {
         "cells": len(plane.cells),
-        "cp_base": _base(probed, rows, loop, at_rear),
+        "cp_base": _base(probed, rows, names, at_rear),
         "cp_front": on_edges(points, edges, cp, np.array([middle, front * spec.along])),
         "p_inlet": spec.density * at_inlet,
         "pressure_drop": spec.density * (at_inlet - at_outlet),
@@ -196,15 +200,20 @@ def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str
     return found
 
 
-def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _Coefficients:
-    """Steady: means over the last iterations with the range they moved through. Time-resolved: means since the end of
-    the start-up; the last values of a wake that came to rest.
+def _coefficients(
+    spec: FlowSpec, rows: Array, loop: dict[str, Any] | None, since: float | None = None
+) -> _Coefficients:
+    """Steady: means over the last iterations with the range they moved through; those ``since`` an iteration where the
+    airflow did not settle. Time-resolved: means since the end of the start-up; the last values of a wake that came to
+    rest.
     """
     if loop is None:
-        recent, ended = _window(rows), _range if spec.stepping == "steady" else _last
+        recent = _window(rows) if since is None else rows[rows[:, 0] > since]
+        ended = _range if spec.stepping == "steady" else _last
         rms = float(recent[:, 2].std())
         lift = Interval(rms, 0.0, float(np.ptp(recent[:, 2])))
-        return _Coefficients(ended(recent[:, 1]), lift, ended(recent[:, 3]), None, len(rows), {}, [])
+        said = [] if since is None else [_unsettled(recent[:, 1])]
+        return _Coefficients(ended(recent[:, 1]), lift, ended(recent[:, 3]), None, len(rows), {}, said)
     swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
     found = None if swings else evaluate(rows, spec.accuracy)
     if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
@@ -226,6 +235,13 @@ def _coefficients(spec: FlowSpec, rows: Array, loop: dict[str, Any] | None) -> _
     return _Coefficients(found.cd, found.cl_rms, found.cp_base, number, len(rows), table, notes)
 
 
+def _unsettled(drag: Array) -> str:
+    part = 50 * spread(drag)
+    return (
+        f"the iterations do not settle: over the last {len(drag)} Cd swings by {part:.2g} % to either side of its mean"
+    )
+
+
 def _window(rows: Array) -> Array:
     """The last iterations or steps that a steady airflow is measured on."""
     return rows[-max(min(WINDOW, len(rows) // 4), 1) :]
@@ -243,15 +259,15 @@ def _times(part: Interval, factor: float) -> Interval:
     return Interval(part.value * factor, part.low * factor, part.high * factor)
 
 
-def _base(probed: Interval, rows: Array, loop: dict[str, Any] | None, field: float) -> Interval:
+def _base(probed: Interval, rows: Array, names: Sequence[str], field: float) -> Interval:
     """The probe's base pressure coefficient, shifted to what the fields give: second order on the wall, and less the
     static pressure on the inlet, where the probe's is less p.
 
-    The shift is the fields' mean over the loop less the probe's over the same times.
+    The shift is the mean of the fields at the times ``names`` (none: the last one) less the probe's at the same times.
     """
     if not rows[:, 3].any():
         return Interval(field, field, field)
-    times = rows[-1:, 0] if loop is None else np.array([float(name) for name in loop["times"]])
+    times = np.array([float(name) for name in names]) if names else rows[-1:, 0]
     shift = field - float(np.interp(times, rows[:, 0], rows[:, 3]).mean())
     return Interval(probed.value + shift, probed.low + shift, probed.high + shift)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 from .case import read_parameters
@@ -27,16 +26,13 @@ def scatter(folder: Path) -> tuple[list[str], list[str]]:
     return ["mpirun", "-np", str(ranks), *how.split()], ["-parallel"]
 
 
-def gather(folder: Path, *, is_whole: Callable[[Path], bool]) -> None:
-    """Put the times that all ranks wrote to their ends together again and remove the parts; nothing without parts.
-
-    A time that any rank left half-written is dropped.
-    """
+def gather(folder: Path) -> None:
+    """Put the times that all ranks wrote together again and remove the parts; nothing without parts."""
     parts = sorted(folder.glob("processor[0-9]*"))
     if not parts:
         return
-    whole = [{p.name for p in part.iterdir() if _is_time(p.name) and is_whole(p)} for part in parts]
-    new = set.intersection(*whole) - {p.name for p in folder.iterdir()}
+    written = [{path.name for path in part.iterdir() if _is_time(path.name)} for part in parts]
+    new = set.intersection(*written) - {path.name for path in folder.iterdir()}
     if new:
         call(folder, ["reconstructPar", "-time", ",".join(sorted(new, key=float))])
     for part in parts:

@@ -10,13 +10,15 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import FoamError
 from .case_fields import CaseFields, Snapshot, time_folders
 from .reconstruction import Reconstruction, triangulate
 
-__all__ = ["LOOP", "FlowArrays", "loop_of", "read_flow"]
+__all__ = ["LOOP", "STATES", "FlowArrays", "late_states", "loop_of", "read_flow"]
 
 Array = NDArray[np.float64]
 LOOP = "loop.json"  # what a time-resolved airflow keeps: {"period": s, "times": [names of time folders]}
+STATES = "states.json"  # what a steady airflow that does not settle keeps: {"begin": iteration, "states": [names]}
 
 
 class FlowArrays(TypedDict):
@@ -40,7 +42,8 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     """Keyword arguments for ``FlowField.from_arrays`` from a one-layer OpenFOAM case.
 
     ``time``: "latest", a time (s), "mean" (OpenFOAM's UMean of the last time, else the mean over the stored times),
-    or "all" (the stored times; a loop of whole shedding periods where the case was made by the time-resolved rung).
+    "all" (the stored times; a loop of whole shedding periods where the case was made by the time-resolved rung), or
+    "states" (:func:`late_states`, against iterations; their mean is then what "mean" gives).
     Pressure is OpenFOAM's kinematic p times ``density`` (kg/m3), in Pa, less 2k/3 where a k field and a linear
     eddy-viscosity model are present; at a no-slip wall k = 0, and it is p itself. Node values are second order up to
     the walls, see :mod:`.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises
@@ -51,7 +54,7 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     folders, suffix = _folders_of(fields, time, loop)
     shots = [fields.snapshot(folder, suffix) for folder in folders]
     nodes = _at_nodes(fields, folders[0], shots)
-    looped = time == "all" and len(folders) > 1
+    looped = time in ("all", "states") and len(folders) > 1
     if not looped:
         nodes = nodes.mean()
     flow = FlowArrays(
@@ -79,8 +82,13 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
 
 def _folders_of(fields: CaseFields, time: str | float, loop: dict[str, Any] | None) -> tuple[list[Path], str]:
     """The time folders that ``time`` means, and what OpenFOAM appends to the names of the fields to read there."""
-    if time not in ("mean", "all"):
+    if time not in ("mean", "all", "states"):
         return [fields.folder(time)], ""
+    kept = [] if time == "all" else late_states(fields.case)
+    if kept:
+        return [fields.folder(name) for name in kept], ""
+    if time == "states":
+        raise FoamError(f"{fields.case} has no {STATES}: its airflow settled, or was not computed by wakeflow")
     if loop:
         return [fields.folder(name) for name in loop["times"]], ""
     latest = fields.folder("latest")
@@ -95,6 +103,14 @@ def loop_of(case: Path) -> dict[str, Any] | None:
     """
     path = case / LOOP
     return json.loads(path.read_text()) if path.exists() else None
+
+
+def late_states(case: Path) -> list[str]:
+    """The time folders, in order, that a steady airflow which does not settle keeps: iterations spread over its
+    oscillation, each of which ``read_flow`` and ``FlowField.from_openfoam`` take as a ``time``; empty for others.
+    """
+    path = case / STATES
+    return list(json.loads(path.read_text())["states"]) if path.exists() else []
 
 
 class _Nodes(NamedTuple):

@@ -1,9 +1,8 @@
-"""Run a solver from the latest time that a case holds whole: an interrupted run is picked up again."""
+"""Run a solver once, on one rank or several, and see that it left its times whole."""
 
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 from ..laws.turbulence_models import USUAL, turbulence_models
@@ -11,49 +10,34 @@ from .case import read_parameters
 from .failure import AirflowFailure, Cause, disk_is_full
 from .parallel import gather, scatter
 from .programs import call
-from .watch import STOP, Watch
+from .watch import Watch
 
-__all__ = ["PHASE", "SAVE_EVERY", "drop_broken_times", "run_solver"]
+__all__ = ["PHASE", "is_whole", "run_solver"]
 
 PHASE = "phase.json"  # in the case: which part of its run is done
-SAVE_EVERY = 5  # s of wall time between savings: what an interruption may cost
 DIGITS = 15  # timePrecision in the template
 
 
 def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> None:
-    """Run a solver from the latest whole time folder on as many ranks as system/parameters says; ``watch`` follows it
-    and may end it.
+    """Run a solver from the time and to the end that system/parameters says, on as many ranks; ``watch`` follows it.
 
     Raises AirflowFailure, also when it ended well but left a time cut short: then the disk was full.
     """
-    (folder / STOP).unlink(missing_ok=True)
-    gather(folder, is_whole=lambda path: _is_whole(folder, path))  # what an interrupted parallel run left
-    drop_broken_times(folder)
-    _name_plainly(folder)
     launcher, options = scatter(folder)
-    try:
-        call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
-        gather(folder, is_whole=lambda path: _is_whole(folder, path))
-    finally:
-        (folder / STOP).unlink(missing_ok=True)
+    call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
+    gather(folder)
     for path in _times(folder):
-        if not _is_whole(folder, path):
+        if not is_whole(folder, path):
             why = "the disk is full or its quota used up" if disk_is_full(folder) else "the disk was full for a while"
             raise AirflowFailure(
                 Cause.DISK_FULL, f"{program} left {path} cut short: {why}; {Cause.DISK_FULL.advice}", command=program
             )
+    _name_plainly(folder)
 
 
 def _times(folder: Path) -> list[Path]:
     """Time folders, whole or not; 0 is left out."""
     return [p for p in folder.iterdir() if re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", p.name) and p.is_dir()]
-
-
-def drop_broken_times(folder: Path) -> None:
-    """Remove time folders that a killed solver left half-written: the solver would start from the last one."""
-    for path in _times(folder):
-        if not _is_whole(folder, path):
-            shutil.rmtree(path)
 
 
 def _name_plainly(folder: Path) -> None:
@@ -64,8 +48,8 @@ def _name_plainly(folder: Path) -> None:
             path.rename(plain)
 
 
-def _is_whole(folder: Path, path: Path) -> bool:
-    """Whether the time folder ``path`` of the case ``folder``, or of one of its ranks, holds all that a run needs."""
+def is_whole(folder: Path, path: Path) -> bool:
+    """Whether the time folder ``path`` of the case ``folder`` holds all that a run needs, each file to its end."""
     parameters = read_parameters(folder)
     name = parameters.get("turbulence", USUAL)
     model = turbulence_models[name if name in turbulence_models else USUAL]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Sequence
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,13 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from ..core.files import write_json
-from .case import FlowSpec, write_parameters
+from .case import FlowSpec
 from .case_fields import CaseFields, time_folders
 from .history import Tail
 from .mesh_motion import MeshMotion
 from .read import LOOP
-from .solver import PHASE, SAVE_EVERY, run_solver
+from .segments import SAME, drop_after, last_state, purge, run_segment, segment_ends
+from .solver import PHASE
 from .start import first_step, perturb, start_from
 from .statistics import Stopping, cycles, evaluate, is_still
 from .watch import ProgressListener, Watch
@@ -31,7 +33,8 @@ SNAPSHOTS = 24  # a shedding period: the field between them is interpolated
 LOOP_PERIODS = 3  # at least this many in the loop of a periodic wake
 BROADBAND_PERIODS = 6  # the same where periods differ from each other
 SPARE_PERIODS = 3  # more are kept until the run ends, to choose the loop from
-RECORDED = "recorded"  # a file: the solver ended by itself
+SEGMENT = 5.0  # convective times between two decisions of a start-up: starting the solver anew costs 2 or 3 % of them
+LONG = 10.0  # convective times of a recording that an interruption may cost, about
 COLLAPSED = 1e-7  # convective times: a time step this short will never arrive
 PUSHED = 2.0  # convective times at the beginning that show the push, not the shedding
 LEAST_START = 15.0  # convective times before a start-up may end: the wake has to fill first
@@ -40,7 +43,7 @@ LONGEST_START = 80.0  # convective times before a start-up is given up as irregu
 LONGEST = 300.0  # convective times after which a run ends with what it has, its intervals wider than asked
 TYPICAL = 40.0  # convective times of a start-up, or of a whole run: what the time left is estimated from
 BLUFF_PERIOD = 6.0  # convective times: shedding period of a bluff body at its usual Strouhal number of 1/6
-WHOLE = 1e-6  # vibrations: a run that is so near to the end of one has reached it
+WHOLE = 1e-6  # relative: a time so near to another one has reached it
 USABLE = 0.9  # of a recording that is shorter than the loop wanted: what of it the loop may still take
 SHORTER = 0.92  # of the length wanted: shedding periods vary, so that a loop may be so much shorter
 OFF_BEAT = 0.02  # cadences by which a snapshot may miss its beat: OpenFOAM rounds the names of times
@@ -61,7 +64,7 @@ def run_time_resolved(
 
     From ``start`` (any solved case, best the draft of the same bodies) or a uniform flow, with a transverse push behind
     the body that sets off the shedding. Once three periods look alike, or after 80 widths of travel, snapshots are
-    written, 24 a period, of which OpenFOAM keeps the last; when the run ends, the loop of ``periods`` whole periods (3
+    written, 24 a period, of which the last are kept; when the run ends, the loop of ``periods`` whole periods (3
     when periodic, 6 when broadband) that closes best stays, listed in loop.json. A wake that does not shed is kept as
     one steady time. The run ends unfinished after 300 widths of travel: the intervals say what is lacking. Where the
     body vibrates (``spec.vibration``) the loop is whole periods of the vibration, and loop.json holds the motion of the
@@ -69,12 +72,14 @@ def run_time_resolved(
     """
     phase = folder / PHASE
     if not phase.exists():
-        if not time_folders(folder):
+        drop_after(folder, last_state(folder))
+        if not last_state(folder):
             start_from(spec, folder, start)
             perturb(spec, folder)
         _start_up(spec, folder, listener, timeout)
-        period = _period(Tail(folder).update(), spec)
-        write_json(phase, {"phase": "loop", "begin": float(time_folders(folder)[-1].name), "period": period})
+        write_json(phase, {
+            "phase": "loop", "begin": last_state(folder), "period": _period(Tail(folder).update(), spec),
+        })  # fmt: skip
     state = json.loads(phase.read_text())
     if state["period"] is None:
         return "steady"
@@ -99,44 +104,31 @@ def _verdict(spec: FlowSpec, rows: Array) -> str:
 
 
 def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener, timeout: float | None) -> None:
-    scale = spec.convective_time
+    """Run on until the start-up is over, in segments of five convective times. With a vibration they are equal parts or
+    multiples of one, and the start-up ends with a whole one: the recording, and so the loop, begins at phase zero.
+    """
+    length, vibration = SEGMENT * spec.convective_time, spec.vibration
+    if vibration is not None:
+        parts = round(vibration.period / length)
+        length = vibration.period / parts if parts > 1 else vibration.period * ceil(length / vibration.period)
+    watch = _watch(spec, folder, "start-up", listener, TYPICAL * spec.convective_time)
+    while True:
+        now = last_state(folder)
+        begins = vibration is None or abs(now - vibration.period * round(now / vibration.period)) < WHOLE * length
+        if now and begins and _has_started(Tail(folder).update(), spec):
+            return
+        end = (int(now / length + WHOLE) + 1) * length
+        run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch, timeout)
+        purge(folder)
 
-    def finished(rows: Array) -> bool:
-        now = rows[-1, 0]
-        if now < LEAST_START * scale:
-            return False
-        still = is_still(rows, scale, swings=spec.vibration is not None)
-        return still or now > LONGEST_START * scale or alike(rows[rows[:, 0] > PUSHED * scale])
 
-    write_parameters(folder, {
-        "startFrom": "latestTime", "endTime": 2 * LONGEST_START * scale, "deltaT": first_step(spec),
-        "writeControl": "clockTime", "writeInterval": SAVE_EVERY, "purgeWrite": 2,
-    })  # fmt: skip
-    run_solver(folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, finished, TYPICAL * scale), timeout)
-    if spec.vibration is not None:
-        _swing_to_middle(spec.vibration, spec, folder, listener, timeout)
-
-
-def _swing_to_middle(
-    vibration: MeshMotion, spec: FlowSpec, folder: Path, listener: ProgressListener, timeout: float | None
-) -> None:
-    """Go on to the end of the vibration: the recording, and so the loop, begins at phase zero, as the scene does."""
-    now = float(time_folders(folder)[-1].name)
-    left = -now % vibration.period
-
-    def runs_to_its_end(_: Array) -> bool:
+def _has_started(rows: Array, spec: FlowSpec) -> bool:
+    """Whether the start-up is over: the wake rests, its last periods look alike, or it will not become regular."""
+    now, scale = rows[-1, 0], spec.convective_time
+    if now < LEAST_START * scale * (1 - WHOLE):
         return False
-
-    if left > WHOLE * vibration.period:
-        end: dict[str, str | float | int] = {
-            "endTime": now + left,
-            "writeControl": "adjustableRunTime",
-            "writeInterval": left,
-        }
-        write_parameters(folder, {"startFrom": "latestTime", **end})
-        run_solver(
-            folder, "pimpleFoam", _watch(spec, folder, "start-up", listener, runs_to_its_end, now + left), timeout
-        )
+    still = is_still(rows, scale, swings=spec.vibration is not None)
+    return still or now > LONGEST_START * scale or alike(rows[rows[:, 0] > PUSHED * scale])
 
 
 def alike(rows: Array) -> bool:
@@ -145,11 +137,9 @@ def alike(rows: Array) -> bool:
     return len(last) == 3 and bool((np.ptp(last[:, 1:3], axis=0) <= ALIKE * np.abs(last[:, 1:3].mean(axis=0))).all())
 
 
-def _watch(
-    spec: FlowSpec, folder: Path, stage: str, listener: ProgressListener, finished: Callable[[Array], bool], end: float
-) -> Watch:
+def _watch(spec: FlowSpec, folder: Path, stage: str, listener: ProgressListener, end: float) -> Watch:
     """A watch that expects the run to end at ``end`` (s) and knows time steps that will never arrive."""
-    return Watch(folder, stage, listener, finished, expected=end, least_step=COLLAPSED * spec.convective_time)
+    return Watch(folder, stage, listener, expected=end, least_step=COLLAPSED * spec.convective_time)
 
 
 def _period(rows: Array, spec: FlowSpec) -> float | None:
@@ -175,23 +165,37 @@ def _record(
     begin, step, scale = state["begin"], _cadence(spec, state), spec.convective_time
     vibration = 0.0 if spec.vibration is None else spec.vibration.period  # the loop begins and ends on a whole one
     kept = int(((periods + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2
-    least = begin + (LOOP_PERIODS + 1) * state["period"] + 2 * vibration + 2 * step
-    end = max(LONGEST * scale, least)
+    least = (LOOP_PERIODS + 1) * state["period"] + 2 * vibration + 2 * step
+    end = max(LONGEST * scale - begin, least)
+    watch = _watch(spec, folder, "recording", listener, min(max(TYPICAL * scale, begin + least), begin + end))
+    most = LONG * scale / step  # snapshots in a segment, about
+    while True:
+        rows, done = Tail(folder).update(), round((last_state(folder) - begin) / step)
+        ends = [end for end in segment_ends(folder) if end > begin + 0.5 * step]
+        over, look = _looks(spec, rows, ends, begin + least)
+        if over or done * step >= end:
+            return
+        until = max(min(ceil((look - begin) / step), ceil(end / step)), done + 1)
+        parts = max(1, round((until - done) / most))
+        run_segment(
+            folder, "pimpleFoam", begin + (done + ceil((until - done) / parts)) * step, {"writeInterval": step}, watch,
+            timeout,
+        )  # fmt: skip
+        purge(folder, kept)
+
+
+def _looks(spec: FlowSpec, rows: Array, ends: Sequence[float], least: float) -> tuple[bool, float]:
+    """Whether a record may end with the last of its segments' ``ends`` (s), and when to look again (s): what looks at
+    the earlier ends found is found again. ``least`` (s): the earliest look.
+    """
     stopping = Stopping(spec.accuracy)
-
-    def finished(rows: Array) -> bool:
-        still = is_still(rows, scale, swings=spec.vibration is not None)
-        return bool(rows[-1, 0] > least and (still or stopping.look(rows)))
-
-    if (folder / RECORDED).exists():
-        return
-    write_parameters(folder, {
-        "startFrom": "latestTime", "endTime": end, "writeControl": "adjustableRunTime", "writeInterval": step,
-        "purgeWrite": kept,
-    })  # fmt: skip
-    expected = min(max(TYPICAL * scale, least), end)
-    run_solver(folder, "pimpleFoam", _watch(spec, folder, "recording", listener, finished, expected), timeout)
-    (folder / RECORDED).touch()
+    over = False
+    for end in ends:
+        seen = rows[: np.searchsorted(rows[:, 0], end * (1 + SAME), side="right")]
+        if end > least * (1 - WHOLE):
+            still = is_still(seen, spec.convective_time, swings=spec.vibration is not None)
+            over = still or stopping.look(seen)
+    return over, max(least, stopping.next)
 
 
 def _cadence(spec: FlowSpec, state: dict[str, float]) -> float:
@@ -230,8 +234,8 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
 
 
 def _on_beat(folders: list[Path], begin: float, step: float, vibration: MeshMotion | None) -> list[Path]:
-    """The times of the recording, every ``step`` (s) from ``begin``: not those at which a run was stopped in between,
-    nor those before a gap (the begin itself stays when OpenFOAM has thrown away what followed).
+    """The times of the recording, every ``step`` (s) from ``begin``: not those of the start-up, nor those before a gap
+    (where older ones were thrown away).
 
     With a vibration the first one lies a whole number of its periods after ``begin``, where its phase is zero.
     """

@@ -1,4 +1,4 @@
-"""A running solver followed by its log: where it stands, whether it may end, whether it has gone astray."""
+"""A running solver followed by its log: where it stands, whether it has gone astray."""
 
 from __future__ import annotations
 
@@ -9,21 +9,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.process import tail
 from .case import read_parameters
 from .failure import AirflowFailure, Cause
-from .history import Tail
+from .history import CD, Table
 
-__all__ = ["STOP", "Progress", "ProgressListener", "Watch"]
+__all__ = ["Progress", "ProgressListener", "Watch"]
 
-Array = NDArray[np.float64]
-STOP = "stop"  # a file of this name in the case ends the run after writing (system/controlDict)
 LOOK_EVERY = 0.2  # s of wall time between two looks at the history; chosen: an eye sees no faster
 ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
 MOST_SWEEPS, UNSOLVED = 1000, 20  # OpenFOAM's own limit on a linear solver; reached so often in a row it is stuck
 CRAWL, CRAWLING = 10.0, 200  # so many time steps in a row below so many of the least ones: time stands still
+NEXT = 1e-9  # relative: a row of the history so much before a step belongs to the one before it
 IMPULSE = 50  # first steps, in which a flow started from a guess pushes the body without bound as the step shrinks
 
 
@@ -55,28 +53,40 @@ ProgressListener = Callable[[Progress], None]
 
 
 class Watch:
-    """Reads a solver's log line by line: residuals, time, drag; ends the run when ``finished`` says so."""
+    """Reads a solver's log line by line: residuals, time, drag; tells how far it is and ends it where it went astray.
+
+    Which failure it finds does not depend on when it looks: lines and drags are judged in the order of the run.
+    """
 
     def __init__(
-        self,
-        folder: Path,
-        stage: str,
-        listener: ProgressListener,
-        finished: Callable[[Array], bool],
-        *,
-        expected: float,
-        least_step: float = 0.0,
+        self, folder: Path, stage: str, listener: ProgressListener, *, expected: float, least_step: float = 0.0
     ) -> None:
-        self.folder, self.stage, self.listener, self.finished = folder, stage, listener, finished
+        """``expected``: where the run may end; ``least_step`` (s): a shorter time step will never arrive."""
+        self.folder, self.stage, self.listener = folder, stage, listener
         self.expected, self.least_step = expected, least_step
-        self.history = Tail(folder)
-        self.residuals: dict[str, float] = {}
-        self.started = time.monotonic()
-        self.begin: float | None = None
-        self.looked = 0.0
-        self.stopping = False
-        self.crawling = self.unsolved = 0
         self.absurd = ABSURD * max(1.0, 1.0 / _reynolds(folder))
+        self.spent = self.covered = 0.0  # wall seconds, and flow time (s) or iterations, of the segments that ended
+        self.begin()
+
+    def begin(self) -> None:
+        """A segment of the run begins."""
+        self.drags = Table(self.folder, "forceCoefficients", (CD,))
+        self.judged = len(self.drags.rows)
+        self.residuals: dict[str, float] = {}
+        self.started = self.looked = 0.0
+        self.first: float | None = None
+        self.now = 0.0
+        self.failed = False
+        self.crawling = self.unsolved = 0
+
+    def end(self) -> None:
+        """The segment's program has ended. Raises AirflowFailure for a drag that nobody looked at so far."""
+        if self.failed:
+            return
+        self._judge(np.inf)
+        if self.first is not None:
+            self.spent += time.monotonic() - self.started
+            self.covered += self.now - self.first
 
     def __call__(self, line: str) -> None:
         """Take in one line of the log. Raises AirflowFailure where the run can no longer end well."""
@@ -108,24 +118,42 @@ class Watch:
             self._fail(Cause.STALLED, f"stalled: {CRAWLING} time steps in a row were below {step:.3g} s")
 
     def _step(self, now: float) -> None:
-        self.begin = now if self.begin is None else self.begin
+        if self.first is None:
+            self.first, self.started = now, time.monotonic()
+        self.now = now
         if time.monotonic() - self.looked < LOOK_EVERY:
             return
         self.looked = time.monotonic()
-        rows = self.history.update()
-        if not len(rows):
-            return
-        drag = float(rows[-1, 1])
-        if not np.isfinite(drag) or (abs(drag) > self.absurd and len(rows) > IMPULSE):
-            self._fail(Cause.DIVERGED, f"diverged: the drag coefficient reached {drag:.3g}")
-        rate = (time.monotonic() - self.started) / max(now - self.begin, 1e-300)
-        left = (self.expected - now) * rate if self.begin < now < self.expected else None  # past it: no idea
-        self.listener(Progress(self.stage, now, drag, dict(self.residuals), left))
-        if not self.stopping and self.finished(rows):
-            (self.folder / STOP).touch()
-            self.stopping = True
+        self._judge(now)
+        if self.judged:
+            drag = float(self.drags.rows[self.judged - 1, 1])
+            self.listener(Progress(self.stage, now, drag, dict(self.residuals), self._left()))
+
+    def _left(self) -> float | None:
+        """Wall seconds left at the pace so far; None where that cannot be told."""
+        assert self.first is not None
+        covered = self.covered + self.now - self.first
+        if not (covered > 0 and self.now < self.expected):  # past it: no idea
+            return None
+        return (self.expected - self.now) * (self.spent + time.monotonic() - self.started) / covered
+
+    def _judge(self, now: float) -> None:
+        """Notice a drag that cannot be, in the steps before ``now``."""
+        rows = self.drags.update()
+        until = int(np.searchsorted(rows[:, 0], now * (1 - NEXT)))
+        for i in range(self.judged, until):
+            drag = float(rows[i, 1])
+            if not np.isfinite(drag) or (abs(drag) > self.absurd and i >= IMPULSE):
+                self._raise(Cause.DIVERGED, f"diverged: the drag coefficient reached {drag:.3g}")
+        self.judged = max(until, self.judged)
 
     def _fail(self, cause: Cause, why: str) -> None:
+        """Something in the log; an impossible drag before it was there first."""
+        self._judge(self.now)
+        self._raise(cause, why)
+
+    def _raise(self, cause: Cause, why: str) -> None:
+        self.failed = True
         log = next(iter(sorted(self.folder.glob("log.*Foam"), key=lambda p: -p.stat().st_mtime)), None)
         raise AirflowFailure(cause, f"the airflow {why}; log: {log}", log=log, tail=tail(log) if log else "")
 

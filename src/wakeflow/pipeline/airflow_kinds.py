@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write, write_json
-from ..core.process import cores
 from ..core.registry import Registry
 from ..core.resources import case_template
 from ..core.store import content_key, digest_files
@@ -25,8 +24,8 @@ from ..planning.airflow import SHEDDING_ABOVE, ranks_for
 from ..planning.plan import Plan
 from ..scene import Scene
 from .cache import StageCache, code_of, version_of
+from .realisations import Realisations
 from .specs import flow_spec, mesh_spec
-from .warm_start import nearest, remember
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -63,6 +62,16 @@ class AirflowKind(ABC):
     def field(self) -> tuple[str, FlowField] | None:
         """:meth:`make_field`, made once."""
         return self.make_field()
+
+    @property
+    def realisations(self) -> Realisations:
+        """The fields in which the replicates fly in turn: the one of :meth:`make_field` unless a kind has more."""
+        return Realisations(None if self.field is None else self.field[1], cycles=self.cycles)
+
+    @property
+    def cycles(self) -> int:
+        """Cycles of the shedding in the field's period, each a sample of the airflow; 1 where nothing changes."""
+        return 1
 
     @property
     def table(self) -> dict[str, Any]:
@@ -177,6 +186,14 @@ class CaseAir(AirflowKind):
 
         return key, FlowField.load(self.cache.make("field", key, work) / "field.npz")
 
+    @cached_property
+    def cycles(self) -> int:
+        """Whole shedding periods of the loop that the case keeps."""
+        from ..foam.read import loop_of
+
+        loop = loop_of(self.case) if self.make_table()["period"] is not None else None
+        return 1 if loop is None else max(1, int(loop["periods"]))
+
     def unknown_parts(self) -> tuple[str, ...]:
         statistics = () if self.make_table()["period"] is None else ("airflow-statistics",)
         return ("mesh", *(("airflow-model",) if self.model_is_unknown else ()), *statistics)
@@ -250,19 +267,20 @@ class SolvedAir(CaseAir):
 
         (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
         code = content_key(code_of("airflow"), digest_files([case_template()]), openfoam_version())
-        asked = {name: value for name, value in asdict(spec).items() if name not in ("mesh", "ranks")}
-        key = content_key("airflow", mesh_key, asked, code)
-        ranks = 1 if spec.vibration else ranks_for(self.mesh_quality["cells"], cores())[0]
+        if not spec.ranks:  # by the mesh alone, so that every machine computes the same
+            spec = replace(spec, ranks=1 if spec.vibration else ranks_for(self.mesh_quality["cells"])[0])
+        asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
+        start = self.start()  # by its key: the same airflow from another start would end at another moment
+        key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)
 
         def work(part: Path) -> None:
             solve_airflow(
-                replace(spec, ranks=ranks),
+                spec,
                 mesh_folder / "mesh.msh",
                 part / "case",
-                start=self.start(),
+                start=start,
                 listener=lambda now: self.cache.tell("airflow", str(now)),
             )
-            remember(part, mesh_key, spec)
 
         return key, self.cache.make("airflow", key, work)
 
@@ -285,9 +303,8 @@ class TimeResolvedAir(SolvedAir):
     """A solution in time: whole periods of the shedding wake, repeated."""
 
     def start(self) -> Path | None:
-        """A solved airflow near to this one, else the steady wake."""
-        found = nearest(self.cache.store, self.mesh[0], self.flow_spec)
-        return found if found is not None else self.steady()
+        """The steady wake."""
+        return self.steady()
 
 
 def _publish(file: Path, folder: Path, key: str) -> None:

@@ -24,7 +24,8 @@ class Landings:
     and lesser columns in few bytes, since there may be very many.
 
     ``position`` (n, 2) m, ``bin`` (n,) index into the scene's bins or -1 for elsewhere, ``replicate`` (n,),
-    ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies.
+    ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies,
+    ``realisation`` (n,) of the airflow and ``cycle`` (n,) of the shedding in it at which the granule was released.
     """
 
     position: Array
@@ -34,6 +35,8 @@ class Landings:
     fate: NDArray[Any]
     time: NDArray[Any]
     impacts: NDArray[Any]
+    realisation: NDArray[Any]
+    cycle: NDArray[Any]
 
     def counts(self, bins: int) -> Array:
         """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""

@@ -1,4 +1,4 @@
-"""What a scene asks of Gmsh and OpenFOAM under its plan, and which solved airflow a new one starts from."""
+"""What a scene asks of Gmsh and OpenFOAM under its plan."""
 
 from __future__ import annotations
 
@@ -59,5 +59,6 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
             Stream(name, inlet.side, inlet.width, inlet.velocity) for name, inlet in scene.channel.inlet.items()
         ),
         accuracy=how.accuracy,
+        ranks=0 if scene.numerics.ranks == "auto" else scene.numerics.ranks,
         vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
     )

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..scene import Picture
     from .landings import Tracked
+    from .realisations import Realisations
 
 __all__ = ["Companion", "Compilation", "TrackStage"]
 
@@ -96,10 +97,9 @@ class TrackStage:
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
-        mirrored = self.plan.airflow.mirrored
-        return content_key(
-            "tracks", tables, order, self.plan.flown_by, mirrored, repr(how), upstream, code_of("tracks"), versions
-        )
+        mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
+        flown = self.plan.flown_by, mirrored, len(airs), airs.cycles
+        return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
 
     def fly(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
@@ -110,9 +110,9 @@ class TrackStage:
         tolerance = change.tolerance or self.scene.numerics.tolerance
         replicates = REPLICATES if companion is None else COMPARED
         key = content_key(self.key, tolerance, change.blend, replicates)
-        field = self._blended(change.blend)
-        tell = partial(self.cache.tell, change.name)
-        flight = Flight(self.scene, self.plan, field, tolerance, self.workers, tell, replicates)
+        airs, tell = self._blended(change.blend), partial(self.cache.tell, change.name)
+        how = tolerance, self.workers, tell, replicates
+        flight = Flight(self.scene, self.plan, airs.field, *how, airs.others, airs.cycles)
         if self._must_compile(change.name, key):
             self.compilation.finish(self.cache)
         folder = self.cache.make(change.name, key, lambda part: flight.fly_all(part, drawn=companion is None))
@@ -129,16 +129,17 @@ class TrackStage:
             return {}
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")
-        flight = Flight(self.scene, self.plan, self._blended(1.0), tolerance, self.workers, tell)
+        flight = Flight(self.scene, self.plan, self._blended(1.0).field, tolerance, self.workers, tell)
         folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
         return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
 
-    def _blended(self, blend: float) -> FlowField | None:
-        """The field with ``blend`` of its fluctuation, where it has one; None in a vacuum."""
-        if self.air.field is None:
-            return None
-        field = self.air.field[1]
-        return field if field.times is None or blend == 1.0 else field.blended(blend)
+    def _blended(self, blend: float) -> Realisations:
+        """The airflow's realisations with ``blend`` of the fluctuation, where they have one."""
+
+        def change(field: FlowField) -> FlowField:
+            return field if field.times is None else field.blended(blend)
+
+        return self.air.realisations if blend == 1.0 else self.air.realisations.mapped(change)
 
     def _must_compile(self, stage: str, key: str) -> bool:
         """Whether the stage will be flown by the tracker, for the first time in this run."""

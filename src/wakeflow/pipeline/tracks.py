@@ -24,6 +24,7 @@ from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Fate, Granules, Tracks
+from .realisations import Realisations
 
 __all__ = ["Flight", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns"]
 
@@ -36,7 +37,10 @@ HOVERING = 1e4  # the same where no body stands: granules of almost the air spee
 
 @dataclass(frozen=True)
 class Flight:
-    """How granules of a scene are flown; ``field`` None in a vacuum, ``tell`` hears of progress."""
+    """How granules of a scene are flown; ``field`` None in a vacuum, ``tell`` hears of progress.
+
+    ``others`` and ``cycles``: the airflow's further realisations, and the cycles in each (:class:`Realisations`).
+    """
 
     scene: Scene
     plan: Plan
@@ -45,6 +49,13 @@ class Flight:
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
+    others: tuple[Callable[[], FlowField], ...] = ()
+    cycles: int = 1
+
+    @property
+    def realisations(self) -> Realisations:
+        """The fields in which the replicates fly in turn."""
+        return Realisations(self.field, self.others, self.cycles)
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
@@ -53,35 +64,50 @@ class Flight:
                 self._fly_fraction(name, folder, drawn=drawn)
 
     def _fly_fraction(self, name: str, folder: Path, *, drawn: bool) -> None:
-        """Whole replicates at a time, so that memory does not grow with the number of granules."""
-        size, period = replicate_size(self.scene.feed.count), None if self.field is None else self.field.period
+        """One realisation of the airflow after the other, and whole replicates at a time, so that memory grows neither
+        with the number of fields nor with that of granules.
+        """
+        airs, size = self.realisations, replicate_size(self.scene.feed.count)
         count, step = self.replicates * size, max(1, AT_ONCE // size)
         chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
-        parts, shown = [], []
-        for first in range(0, self.replicates, step):
-            self.tell(f"{name}: injecting {first * size} of {count}")
-            feed = feedstock(self.scene, self.plan, name, period, range(first, min(first + step, self.replicates)))
-            here = chosen[(chosen >= first * size) & (chosen < first * size + len(feed.replicate))] - first * size
-            tracks = self.fly(name, feed.granules[here], record=COARSE, stream=REPLICATES + first)
-            shown += _paths(tracks, feed.granules[here])
-            told = replace(self, tell=partial(self._tell_part, first * size, count)) if step < self.replicates else self
-            tracks = told._fly_ensemble(name, feed, first)
-            parts.append(landing_columns(feed, tracks, len(self.scene.bin)))
+        parts, shown, done = [], [], 0
+        for number in range(min(len(airs), self.replicates)):
+            own = range(number, self.replicates, len(airs))
+            flight = replace(self, field=airs.make(number), others=())
+            images = flight._images()
+            for replicates in (own[i : i + step] for i in range(0, len(own), step)):
+                self.tell(f"{name}: injecting {done} of {count}")
+                feed = feedstock(self.scene, self.plan, name, airs.period, replicates)
+                shown += flight._drawn(name, feed, chosen, replicates)
+                told = len(replicates) < self.replicates
+                tell = partial(self._tell_part, done, count) if told else self.tell
+                tracks = replace(flight, tell=tell)._fly_ensemble(name, feed, images, replicates)
+                cycle = airs.cycle_of(feed.granules.time)
+                parts.append(landing_columns(feed, tracks, len(self.scene.bin), number, cycle))
+                done += len(feed.replicate)
         if drawn:
             _save_drawn(folder / f"{name}.drawn.npz", shown)
         columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
+        order = np.argsort(columns["replicate"], kind="stable")
         with atomic_write(folder / f"{name}.npz", "wb") as stream:
-            np.savez(stream, **columns)
+            np.savez(stream, **{key: values[order] for key, values in columns.items()})
+
+    def _drawn(self, name: str, feed: Feedstock, chosen: NDArray[Any], replicates: range) -> list[dict[str, Array]]:
+        """Tracks for pictures of those of the ``chosen`` granules, numbered through all replicates, that are here."""
+        size = len(feed.replicate) // len(replicates)
+        here = [i * size + g % size for i, r in enumerate(replicates) for g in chosen if g // size == r]
+        grains = feed.granules[np.array(here, dtype=int)]
+        return _paths(self.fly(name, grains, record=COARSE, stream=REPLICATES + replicates[0]), grains)
 
     def fly_shown(self, folder: Path, names: Sequence[str], count: int, body_speed: float | None) -> None:
         """Keep ``count`` tracks of each fraction in ``names``; with ``body_speed`` (m/s, upward) the first of them is
         that of the granule, among all that are fed, that met the body at the speed nearest to it.
         """
-        size, period = replicate_size(self.scene.feed.count), None if self.field is None else self.field.period
+        size = replicate_size(self.scene.feed.count)
         for name in names:
             parts = range(min(REPLICATES, -(-count // size))) if body_speed is None else range(REPLICATES)
             self.tell(f"{name}: {count} tracks for a picture")
-            feed = feedstock(self.scene, self.plan, name, period, parts)
+            feed = feedstock(self.scene, self.plan, name, self.realisations.period, parts)
             chosen = np.linspace(0, len(feed.replicate) - 1, min(count, len(feed.replicate))).astype(int)
             if body_speed is not None:
                 chosen = np.concatenate([[self._meeting(name, feed, body_speed)], chosen])
@@ -103,19 +129,31 @@ class Flight:
     def _tell_part(self, done: int, count: int, text: str) -> None:
         self.tell(f"{text} after {done}, of {count}")
 
-    def _fly_ensemble(self, name: str, feed: Feedstock, stream: int) -> Tracks:
-        """Every granule of some replicates; in a symmetric channel computed whole, odd ones fly in its mirror image.
+    def _images(self) -> tuple[FlowField | None, ...]:
+        """The airflow, and its mirror image where that is as likely: in a symmetric channel that is computed whole.
 
         A few periods of shedding are a small sample, and their mean wake may lean to one side; so may a steady one of
-        several bodies. Its mirror image is as likely: the mean over both does not lean, and the spread between
-        replicates shows how much either does.
+        several bodies. The mean over both images does not lean.
         """
-        odd = feed.replicate % 2 == 1
         if self.field is None or not self.plan.airflow.mirrored:
-            return self.fly(name, feed.granules, stream=stream)
-        other = replace(self, field=self.field.reflected())
-        even_tracks = self.fly(name, feed.granules[~odd], stream=stream)
-        return _interleaved(odd, even_tracks, other.fly(name, feed.granules[odd], stream=2 * REPLICATES + stream))
+            return (self.field,)
+        return self.field, self.field.reflected()
+
+    def _fly_ensemble(
+        self, name: str, feed: Feedstock, images: Sequence[FlowField | None], replicates: range
+    ) -> Tracks:
+        """Every granule of some ``replicates``; half of each in the airflow's mirror image, where it has one.
+
+        So that replicates are alike: between an airflow and its image there is no sampling error to find.
+        """
+        if len(images) == 1:
+            return self.fly(name, feed.granules, stream=replicates[0])
+        other = _second_half(feed, len(feed.replicate) // len(replicates), replicates)
+        found = [
+            replace(self, field=image).fly(name, feed.granules[part], stream=stream + replicates[0])
+            for image, part, stream in zip(images, (~other, other), (0, 2 * REPLICATES), strict=True)
+        ]
+        return _interleaved(other, *found)
 
     def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
         """Track granules of one fraction through the scene, keeping ``record`` points of each; ``stream`` tells the
@@ -161,16 +199,27 @@ def _seed(seed: int, name: str, stream: int) -> int:
     return int(state[0] >> np.uint64(1))
 
 
-def _interleaved(odd: NDArray[np.bool_], even_tracks: Tracks, odd_tracks: Tracks) -> Tracks:
+def _second_half(feed: Feedstock, size: int, replicates: range) -> NDArray[np.bool_]:
+    """The second half of each of some ``replicates`` of ``size`` granules; of single granules every other one.
+
+    Both halves of a Sobol sample of 2^m points are balanced samples themselves, in every coordinate (blocks of a
+    (t, s)-sequence are nets: Niederreiter 1987, Monatsh. Math. 104, 273).
+    """
+    if size == 1:
+        return np.asarray((feed.replicate // replicates.step) % 2 == 1)
+    return np.arange(len(feed.replicate)) % size >= size // 2
+
+
+def _interleaved(second: NDArray[np.bool_], tracks: Tracks, second_tracks: Tracks) -> Tracks:
     """Tracks of two complementary parts of the granules, in the granules' own order."""
 
     def merge(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
-        whole = np.empty((len(odd), *one.shape[1:]), dtype=one.dtype)
-        whole[~odd], whole[odd] = one, other
+        whole = np.empty((len(second), *one.shape[1:]), dtype=one.dtype)
+        whole[~second], whole[second] = one, other
         return whole
 
     names = [f.name for f in fields(Tracks) if f.name != "recorded"]
-    parts: dict[str, Any] = {name: merge(getattr(even_tracks, name), getattr(odd_tracks, name)) for name in names}
+    parts: dict[str, Any] = {name: merge(getattr(tracks, name), getattr(second_tracks, name)) for name in names}
     return Tracks(**parts)
 
 
@@ -211,8 +260,10 @@ def end_lines(scene: Scene) -> list[Array]:
     return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
 
 
-def landing_columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDArray[Any]]:
-    """What is kept of each landing, 33 bytes a granule."""
+def landing_columns(
+    feed: Feedstock, tracks: Tracks, bins: int, realisation: int = 0, cycle: NDArray[np.uint16] | None = None
+) -> dict[str, NDArray[Any]]:
+    """What is kept of each landing, 36 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
     binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
     return {
         "position": tracks.position,
@@ -223,6 +274,8 @@ def landing_columns(feed: Feedstock, tracks: Tracks, bins: int) -> dict[str, NDA
         "time": (tracks.time - feed.granules.time).astype(np.float32),
         "impacts": (tracks.impacts + feed.injected).astype(np.int32),  # the tracker did not see these' first impact
         "injected": feed.injected,
+        "realisation": np.full(len(feed.replicate), realisation, dtype=np.uint8),
+        "cycle": np.zeros(len(feed.replicate), dtype=np.uint16) if cycle is None else cycle,
     }
 
 

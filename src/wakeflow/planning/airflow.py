@@ -49,7 +49,8 @@ ACCURACY = {
 # Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
 LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
 SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
-WORTH_IT = 60_000  # cells from which a second MPI rank pays; each gets half of it at least
+WORTH_IT = 60_000  # cells from which a second MPI rank pays
+RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
 
 
@@ -270,12 +271,11 @@ def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
     return "standard", f"{where} sheds vortices: the truth lies between the steady and the time-resolved wake"
 
 
-def ranks_for(cells: int, cores: int) -> tuple[int, str]:
-    """MPI ranks for a case of so many cells on so many cores, and the reason."""
-    ranks = max(1, min(cores, cells // (WORTH_IT // 2)))
-    if ranks == 1:
-        return 1, f"one process: {cells} cells are too few to share (MPI from {WORTH_IT} cells and two cores)"
-    return ranks, f"{ranks} MPI ranks of about {cells // ranks} cells"
+def ranks_for(cells: int) -> tuple[int, str]:
+    """MPI ranks for a case of so many cells, whatever machine it runs on, and the reason."""
+    if cells < WORTH_IT:
+        return 1, f"one process: {cells} cells are too few to share (two MPI ranks from {WORTH_IT} cells)"
+    return RANKS, f"{RANKS} MPI ranks of about {cells // RANKS} cells"
 
 
 def typical_cells(airflow: AirflowPlan, bodies: int) -> float:

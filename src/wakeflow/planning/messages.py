@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ..core.process import cores
 from ..funnel import summary
 from ..scene import Scene
 from .airflow import AirflowPlan, ranks_for, typical_cells
@@ -37,7 +36,7 @@ def used_lines(
 
     ``motion``: what the vibration asks of the airflow; ``chain``: a scene with air is flown without.
     """
-    yield from _airflow_lines(airflow, len(scene.body))
+    yield from _airflow_lines(airflow, len(scene.body), scene.numerics.ranks)
     if chain:
         yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
     if scene.air is not None and scene.channel.inlet and airflow.computes_streams:
@@ -91,7 +90,7 @@ def _spread(scene: Scene, name: str) -> str:
     return f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
 
 
-def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
+def _airflow_lines(airflow: AirflowPlan, bodies: int, ranks: int | str) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
     if airflow.stepping is None:
         yield from () if airflow.summary is None else (airflow.summary,)
@@ -101,7 +100,8 @@ def _airflow_lines(airflow: AirflowPlan, bodies: int) -> Iterator[str]:
         part = "; half of the granules fly in its mirror image"
     yield f"airflow: rung {airflow.rung}, {airflow.stepping}, {airflow.turbulence}{part} ({airflow.why})"
     cells = typical_cells(airflow, bodies)
-    yield f"about {cells:.0f} cells: {ranks_for(round(cells), cores())[1]}"
+    shared = ranks_for(round(cells))[1] if ranks == "auto" else f"{ranks} MPI ranks, as numerics.ranks asks"
+    yield f"about {cells:.0f} cells: {shared}"
     if airflow.brackets:
         yield (
             f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in the steady "

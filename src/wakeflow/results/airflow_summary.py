@@ -147,7 +147,7 @@ class Airflow(Partial):
     y_plus: tuple[float, ...] | None = column("1", "least and largest y+ of the cells at the bodies", default=None)
     steps: int | None = column("1", "iterations or time steps of the solver", default=None)
     seconds: float | None = column("s", "wall time of the solver", default=None)
-    field_time: str | None = column("", "what the tracker reads: latest, mean or all", default=None)
+    field_time: str | None = column("", "what the tracker reads: latest, mean, all or states", default=None)
     period: float | None = column("s", "length of the stored loop; null when steady", default=None)
     motion: MeshMotionSummary | None = column("", "of the mesh; null where it rests", default=None)
     loop_mismatch: float | None = column(

@@ -40,7 +40,7 @@ class Separation:
     cut: tuple[str, ...] = column("", "empty: kept for cut sizes", default=())
 
     def share(self, fraction: str, place: str) -> tuple[float, float, float]:
-        """Share of a fraction in a bin, by mass, with its 95 % interval of sampling: (value, low, high)."""
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
         found = self.fractions[fraction][place]
         return found.value, found.low, found.high
 

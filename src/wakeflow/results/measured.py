@@ -28,5 +28,5 @@ class Share:
     """The share of a fraction's mass that lands in a bin, 0 to 1, and its 95 % interval."""
 
     value: float = column("1", "the share, by mass", key="share")
-    low: float = column("1", "lower end of the 95 % interval (sampling only)")
-    high: float = column("1", "upper end of the 95 % interval (sampling only)")
+    low: float = column("1", "lower end of the 95 % interval: finite numbers of granules and of sheddings")
+    high: float = column("1", "upper end of the 95 % interval: finite numbers of granules and of sheddings")

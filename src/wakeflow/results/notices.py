@@ -64,7 +64,7 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
     if resolves is not None and airflow.verdict != "steady":
         yield f"the steady airflow does not settle ({airflow.verdict}): use rung {resolves}"
     if airflow.period is not None and airflow.verdict == "broadband":
-        yield "the wake sheds irregularly: a loop of a few periods is a small sample of it; compare left and right"
+        yield "the wake sheds irregularly: the few periods of the loop are a small sample of it, which the intervals hold"
     yield from _solver_notices(airflow)
     if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
         yield f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation"

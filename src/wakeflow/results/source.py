@@ -14,6 +14,8 @@ from .airflow_summary import Airflow, airflow_of
 from .companions import compared
 from .landing_results import BudgetPart
 from .measured import Share
+from .separation import share_spreads
+from .spread import Spread
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -102,6 +104,11 @@ class FractionResults:
     def compared(self) -> Landings:
         """The landings of the granules that fly again in comparisons."""
         return compared(self.landings)
+
+    @cached_property
+    def spreads(self) -> dict[str, Spread]:
+        """What the share in every bin may be off by for being taken from few granules and few sheddings."""
+        return dict(zip(self.shares, share_spreads(self.landings, len(self.shares) - 1), strict=True))
 
     def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
         """The same part for every bin."""

@@ -1,14 +1,14 @@
 """The sources of the budget.
 
-Measured: sampling (spread of independent replicates). By companions, the same granules flown again: integration (at a
-hundredth of the tolerance), the airflow's model (in the steady wake and with less of the fluctuation) and the mesh (on
-other grids). Calibrated: each term that is left out, by the plan's bound on its landing shift times the landing density
-found at a bin's ends; the airflow's statistics, by what the fluctuation changes. The rest is named and unknown.
+Measured: sampling (spread of independent replicates) and the airflow's statistics (spread of shedding cycles). By
+companions, the same granules flown again: integration (at a hundredth of the tolerance), the airflow's model (in the
+steady wake and with less of the fluctuation) and the mesh (on other grids). Calibrated: each term that is left out, by
+the plan's bound on its landing shift times the landing density found at a bin's ends. The rest is named and unknown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPar
 from .left_out import left_out_terms
 from .separation import upper_limit
 from .source import FractionResults, Source, budget_sources
+from .spread import cycles_of
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -36,7 +37,6 @@ __all__ = [
 
 Parts = Mapping[str, Sequence[BudgetPart]]
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
-STILL = 1e-12  # Cl rms: below it the lift does not fluctuate
 INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
 
 
@@ -47,9 +47,7 @@ class Sampling(Source[None]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         spent = fraction.flights.tracking
-        return {
-            bin_: [self.part(0.5 * (share.high - share.low), spent)] for bin_, share in fraction.shares.items()
-        }  # fmt: skip
+        return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
 
 
 class Integration(Source["tuple[Tracked, float]"]):
@@ -114,25 +112,17 @@ class AirflowModel(Source[Comparison[Wake]]):
 
 
 class AirflowStatistics(Source[None]):
-    """The finite sample of the shedding: what the whole fluctuation changes more than half of it, per relative error of
-    its strength.
-    """
+    """The finite sample of the airflow: half of the 95 % interval over its shedding cycles, or its realisations."""
 
-    name, how, place, fills = "airflow-statistics", CALIBRATED, 60, True
+    name, how, place = "airflow-statistics", MEASURED, 60
 
     def shares(self, fraction: FractionResults) -> Parts:
-        wakes = fraction.flights.of(MODEL)
-        if wakes is None:
+        cycles = cycles_of([fraction.landings])
+        clusters = cycles * (1 + int(fraction.landings.realisation.max()))
+        if clusters == 1:
             return _unless_known(self.name, fraction)
-        strength = fraction.flights.airflow.cl_rms
-        assert strength is not None
-        assert strength.value is not None
-        relative = (strength.half or 0.0) / max(strength.value, STILL)
-        note = f"strength of the fluctuation (Cl rms) known within {100 * relative:.2g} %"
-        return {
-            bin_: [self.part(min(1.0, 2.0 * abs(moved[Wake.HALF]) * relative), note=note)]
-            for bin_, moved in _moved(wakes, fraction)
-        }
+        note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
+        return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
 
 
 class Mesh(Source[Comparison[Grid]]):
@@ -173,11 +163,6 @@ def _unless_known(source: str, fraction: FractionResults) -> Parts:
     """The part of a source that no companion measured: unknown, unless the kind of airflow knows it."""
     unknown_parts = fraction.pipeline.kind.unknown_parts()
     return fraction.everywhere(unknown(source)) if source in unknown_parts else {}
-
-
-def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple[str, dict[Wake, float]]]:
-    for number, bin_ in enumerate(fraction.shares):
-        yield bin_, dict(differences(wakes, fraction.name, number))
 
 
 MODEL = AirflowModel()

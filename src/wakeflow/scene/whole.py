@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
@@ -22,10 +22,18 @@ from .units import Name
 
 __all__ = ["Numerics", "SceneTables"]
 
+MOST_RANKS = 256  # beyond what any mesh of one layer can use
+
 if TYPE_CHECKING:
     RungName = str
 else:
     RungName = Literal[tuple(rungs)]
+
+
+def _ranks(value: object) -> object:
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_RANKS):
+        return value
+    raise ValueError(f"give auto, or a whole number of processes from 1 to {MOST_RANKS}")
 
 
 class Numerics(Table):
@@ -39,6 +47,9 @@ class Numerics(Table):
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
     )
     mesh_scale: Annotated[float, Field(ge=0.2, le=4.0)] = Field(1.0, description="factor on every cell edge")
+    ranks: Annotated[Literal["auto"] | int, BeforeValidator(_ranks)] = Field(
+        "auto", description="MPI processes of an airflow, 1 to 256; auto: by its cells alone, two from 60 000 on"
+    )
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )

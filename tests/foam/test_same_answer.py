@@ -1,0 +1,297 @@
+"""The same answer everywhere: an airflow does not depend on the load of the machine, nor on how often it was killed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from support import RHOMBUS, ROOT, WIDTH, rhombus_spec
+from wakeflow.foam import watch
+from wakeflow.foam.airflow import solve_airflow
+from wakeflow.foam.case import FlowSpec
+from wakeflow.foam.failure import AirflowFailure
+from wakeflow.foam.history import oscillation
+from wakeflow.foam.segments import last_state, segment_ends
+from wakeflow.foam.steady import STATES_KEPT, WINDOW, _apart, _will_not_settle
+from wakeflow.foam.time_resolved import _looks
+from wakeflow.foam.watch import Progress, Watch
+from wakeflow.meshing import build_mesh, plan_mesh
+
+
+def airflow(stepping: str) -> FlowSpec:
+    """A rhombus in two thousand cells over some hundred iterations; or in a thousand, laminar, to wide intervals."""
+    if stepping == "steady":
+        return rhombus_spec()
+    mesh = plan_mesh([RHOMBUS], width=5 * WIDTH, top=3 * WIDTH, bottom=-6 * WIDTH, rung="standard", scale=2.5)
+    return FlowSpec(mesh, 1.0, 1.2, 1.2 * WIDTH / 100, turbulence="laminar", stepping="time-resolved", accuracy=0.2)
+
+
+SOLVE = """
+import sys
+from pathlib import Path
+sys.path[:0] = [{tests!r}, {here!r}]
+from test_same_answer import airflow
+from wakeflow.foam.airflow import solve_airflow
+solve_airflow(airflow({stepping!r}), Path({msh!r}), Path({case!r}))
+"""
+
+
+def killed(command: list[str], folder: Path, delays: list[float], **how: Any) -> int:
+    """Start ``command`` again and again, each time killed after so many seconds with every process that works in or
+    below ``folder``, then let it end. Returns how often it was killed.
+    """
+    count = 0
+    for delay in [*delays, None]:
+        with subprocess.Popen(command, start_new_session=True, **how) as process:
+            try:
+                assert process.wait(delay) == 0
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                count += 1
+        for other in Path("/proc").glob("[0-9]*"):  # the solver leads a group of its own
+            try:
+                if Path(os.readlink(other / "cwd")).is_relative_to(folder):
+                    os.kill(int(other.name), signal.SIGKILL)
+            except OSError:
+                continue
+    return count
+
+
+def _turn() -> None:
+    while True:
+        pass
+
+
+@contextmanager
+def loaded_machine() -> Iterator[None]:
+    """Two processes that compute without end."""
+    busy = [multiprocessing.get_context("spawn").Process(target=_turn, daemon=True) for _ in range(2)]
+    for process in busy:
+        process.start()
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+
+
+def told(case: Path) -> dict[str, Any]:
+    table: dict[str, Any] = json.loads((case / "airflow.json").read_text())
+    del table["seconds"]
+    return table
+
+
+def stored(case: Path) -> dict[str, str]:
+    """The checksum of every stored field, by time and name."""
+    files = (path for path in case.glob("*/*") if path.is_file() and path.parent.name.replace(".", "").isdigit())
+    return {str(path.relative_to(case)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+@pytest.mark.openfoam
+@pytest.mark.parametrize("stepping", ["steady", "time-resolved"])
+def test_neither_load_nor_kills_change_an_airflow(stepping: str, tmp_path: Path) -> None:
+    spec = airflow(stepping)
+    build_mesh(spec.mesh, tmp_path)
+    begun = time.monotonic()
+    solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "quiet")
+    seconds = time.monotonic() - begun
+    assert len(segment_ends(tmp_path / "quiet")) >= 2
+    with loaded_machine():
+        solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "loaded")
+    script = SOLVE.format(
+        tests=str(ROOT / "tests"), here=str(Path(__file__).parent), stepping=stepping, msh=str(tmp_path / "mesh.msh"),
+        case=str(tmp_path / "killed"),
+    )  # fmt: skip
+    delays = list(1.0 + seconds * np.random.default_rng().uniform(0.1, 0.7, 3))  # a second to start Python
+    assert killed([sys.executable, "-c", script], tmp_path / "killed", delays) >= 2
+    for name in ("loaded", "killed"):
+        assert told(tmp_path / name) == told(tmp_path / "quiet"), name
+        assert stored(tmp_path / name) == stored(tmp_path / "quiet"), name
+
+
+SCENE = {"numerics.mesh_scale": 2.0, "numerics.rung": "draft", "feed.count": 64}
+
+
+@pytest.mark.openfoam
+@pytest.mark.parametrize(
+    "changes", [SCENE, pytest.param({}, marks=[pytest.mark.slow, pytest.mark.timeout(7200)])], ids=["small", "shipped"]
+)
+def test_a_run_that_is_killed_lands_its_granules_in_the_same_places(changes: dict[str, Any], tmp_path: Path) -> None:
+    """The whole command, in caches of their own; only the compiled kernel is shared."""
+    shared = Path(os.environ["WAKEFLOW_CACHE"]) / "numba"
+    arguments = [f"--set={key}={value}" for key, value in changes.items()]
+    found = []
+    for name, delays in (("quiet", []), ("killed", [3.0, 6.0, 5.0] if changes else [30.0, 70.0, 50.0, 40.0])):
+        folder = tmp_path / name
+        cache = folder / "cache"
+        cache.mkdir(parents=True)
+        shared.mkdir(exist_ok=True)
+        (cache / "numba").symlink_to(shared)
+        scene = str(ROOT / "cases" / "rhombus.toml")
+        start = "import sys; from wakeflow.cli import main; sys.exit(main(sys.argv[1:]))"
+        command = [sys.executable, "-c", start, "run", scene, "--out", str(folder / "out"), *arguments]
+        log = folder / "log"
+        with log.open("w") as sink:
+            environment = {**os.environ, "WAKEFLOW_CACHE": str(cache)}
+            killed(command, folder, delays, cwd=folder, env=environment, stdout=sink, stderr=sink)
+        found.append((folder / "out" / "separation.csv").read_bytes())
+    assert found[0] == found[1]
+
+
+# -- what decides ------------------------------------------------------------------------------------------------------
+
+
+def drags(case: Path, values: np.ndarray) -> None:
+    """A history of drag coefficients, a step of 1 each."""
+    folder = case / "postProcessing" / "forceCoefficients" / "0"
+    folder.mkdir(parents=True)
+    rows = (f"{i + 1}\t{value:.12g}\t0\t0\n" for i, value in enumerate(values))
+    (folder / "coefficient.dat").write_text("# Time Cd Cs Cl\n" + "".join(rows))
+
+
+def follow(following: Watch, collapse: int) -> None:
+    """Let it read a log of 100 steps, the last ones from ``collapse`` on far too short."""
+    for step in range(1, 101):
+        following(f"Time = {step}")
+        following(f"deltaT = {1.0 if step < collapse else 1e-9}")
+
+
+@pytest.mark.parametrize("every", [0.0, 1e9], ids=["looks at every step", "never looks"])
+def test_a_failure_is_the_first_of_the_run_whenever_somebody_looks(
+    every: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drag is impossible at step 60, the time step collapses at step 80; steps 1 to 50 may do what they like."""
+    monkeypatch.setattr(watch, "LOOK_EVERY", every)
+    following = Watch(tmp_path, "start-up", lambda _: None, expected=100.0, least_step=1e-6)
+    drags(tmp_path, np.where(np.isin(np.arange(1, 101), (20, 60, 70)), 12345.0, 1.0))
+    with pytest.raises(AirflowFailure, match=r"drag coefficient reached 1\.23e") as failed:
+        follow(following, collapse=80)
+    assert following.now == (61 if every == 0.0 else 80)
+    following.end()  # nothing more is found
+    assert "\n" not in str(failed.value)
+
+
+@pytest.mark.parametrize("every", [0.0, 1e9], ids=["looks at every step", "never looks"])
+def test_what_comes_first_in_the_log_is_the_failure_though_the_history_is_ahead(
+    every: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watch, "LOOK_EVERY", every)
+    following = Watch(tmp_path, "start-up", lambda _: None, expected=100.0, least_step=1e-6)
+    drags(tmp_path, np.where(np.arange(1, 101) > 60, 12345.0, 1.0))
+    with pytest.raises(AirflowFailure, match="time step collapsed"):
+        follow(following, collapse=55)
+
+
+def test_an_impossible_drag_that_nobody_looked_at_is_found_at_the_end(tmp_path: Path) -> None:
+    following = Watch(tmp_path, "steady", lambda _: None, expected=100.0)
+    drags(tmp_path, np.where(np.arange(1, 101) > 60, 12345.0, 1.0))
+    with pytest.raises(AirflowFailure, match="drag coefficient"):
+        following.end()
+
+
+def test_time_left_is_told_over_the_segments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(watch.time, "monotonic", lambda: clock[0])
+    seen: list[Progress] = []
+    drags(tmp_path, np.ones(100))
+    following = Watch(tmp_path, "steady", seen.append, expected=100.0)
+    for begin in (0, 40):
+        following.begin()
+        for step in range(begin + 1, begin + 41):
+            clock[0] += 0.5
+            following(f"Time = {step}")
+        following.end()
+        clock[0] += 10.0  # starting the next one is no part of the pace
+    assert [now.time for now in seen] == list(range(1, 81))
+    assert seen[-1].left == pytest.approx((100 - 80) * 0.5, rel=0.02)
+
+
+def test_a_resumed_recording_looks_again_where_it_looked_before() -> None:
+    """Looks at the ends so far, each with the record up to it: cut anywhere, the next one is the same."""
+    spec = airflow("time-resolved")
+    scale = spec.convective_time
+    clock = np.arange(0.0, 200.0, 0.05) * scale
+    phase = 2 * np.pi * clock / (6 * scale) + 0.3 * np.sin(clock / scale / 17)
+    rows = np.column_stack([clock, 2 + 0.1 * np.cos(2 * phase), np.sin(phase), -1 + 0.1 * np.cos(2 * phase)])
+    ends: list[float] = []
+    over, look = False, 40 * scale
+    while not over:
+        ends.append(look)
+        over, look = _looks(spec, rows[rows[:, 0] <= ends[-1] * (1 + 1e-9)], ends, 40 * scale)
+        assert (over, look) == _looks(spec, rows, ends, 40 * scale)  # rows beyond the last end change nothing
+        assert look > ends[-1]
+    assert len(ends) >= 2
+
+
+# -- a steady airflow that does not settle -----------------------------------------------------------------------------
+
+
+def test_only_what_will_not_settle_is_given_up() -> None:
+    n = np.arange(1, 1001)
+    swing = np.sin(2 * np.pi * n / 28)
+    assert _will_not_settle(2 + 0.1 * swing, 3000)
+    assert not _will_not_settle((2 + 0.1 * swing)[:800], 3000)  # too early to tell
+    assert not _will_not_settle(2 + 0.1 * np.exp(-n / 130) * swing + 8 * np.exp(-n / 40), 3000)
+    assert not _will_not_settle(2 + 0.3 * np.exp(-n / 500) * swing, 3000)  # slow, yet there in time
+    assert _will_not_settle(2 + 0.3 * np.exp(-n / 500) * swing, 1100)
+    assert not _will_not_settle(2 + 0.004 * swing, 3000)  # small enough to be used
+
+
+@pytest.mark.parametrize("length", [17, 28, 119, 200])
+def test_states_to_keep_meet_all_phases_of_the_swing(length: int) -> None:
+    drag = 2 + 0.1 * np.sin(2 * np.pi * np.arange(600) / length)
+    assert oscillation(drag) == pytest.approx(length, rel=0.02)
+    apart = _apart(drag)
+    assert WINDOW <= STATES_KEPT * apart <= 2 * WINDOW
+    phases = np.sort(apart * np.arange(STATES_KEPT) / length % 1.0)
+    assert np.diff([*phases, phases[0] + 1]).max() < 0.3
+    noise = np.random.default_rng(1).standard_normal(600)
+    assert oscillation(noise) is None
+    assert STATES_KEPT * _apart(noise) == 2 * WINDOW
+
+
+@pytest.mark.openfoam
+def test_a_steady_airflow_that_does_not_settle_is_ended_early_and_kept_as_states(tmp_path: Path) -> None:
+    """A rhombus at Re 100 in the whole channel sheds: no steady solution."""
+    from wakeflow.field import FlowField
+    from wakeflow.foam.read import late_states, read_flow
+    from wakeflow.pipeline.case_field import case_field, state_fields
+
+    spec = airflow("time-resolved")
+    spec = FlowSpec(spec.mesh, 1.0, 1.2, 1.2 * WIDTH / 200, turbulence="laminar")
+    build_mesh(spec.mesh, tmp_path)
+    case = tmp_path / "case"
+    result = solve_airflow(spec, tmp_path / "mesh.msh", case)
+    assert result.verdict != "steady"
+    assert result.field_time == "states"
+    assert result.steps <= 1500 + 2 * WINDOW  # not the 3000 that it may take
+    names = late_states(case)
+    assert len(names) == STATES_KEPT
+    assert len(set(np.diff([int(name) for name in names]))) == 1
+    assert result.steps == int(names[-1]) == last_state(case)
+    assert result.cd.low < result.cd.value < result.cd.high
+    assert "do not settle" in result.notes[0]
+
+    every, mean = read_flow(case, "states", density=1.2), read_flow(case, "mean", density=1.2)
+    assert every["times"] is not None
+    assert every["period"] is None
+    assert list(every["times"]) == [float(name) - float(names[0]) for name in names]
+    np.testing.assert_allclose(every["velocity"].mean(axis=0), mean["velocity"], atol=1e-12)
+    fields = state_fields(case, 1.2, half=False)
+    assert len(fields) == STATES_KEPT
+    assert all(field.times is None for field in fields)
+    np.testing.assert_array_equal(fields[3].velocity, FlowField.from_openfoam(case, names[3]).velocity)
+    np.testing.assert_allclose(case_field(case, "states", 1.2, half=False).velocity, mean["velocity"], atol=1e-12)
