@@ -295,3 +295,23 @@ def test_dust_past_a_body_that_swings_sideways_flies_with_the_air(cases: Path, t
         slow += np.count_nonzero(late & fast & (np.linalg.norm(track["velocity"], axis=1) < 0.15))
     assert slow == 0
     assert result.table["fates"]["dust"]["stopped"] == 0
+
+
+@pytest.mark.openfoam
+def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The steady wake's granules fly while the time-resolved airflow is solved; on one core they fly after it."""
+    scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard"})
+    monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_: None)  # it is compiled here
+    found, order = {}, {}
+    for cores in (1, 2):
+        monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / f"cache-{cores}"))
+        monkeypatch.setattr("os.sched_getaffinity", lambda _, cores=cores: set(range(cores)))
+        told: list[str] = []
+        done = wf.run(
+            scene, tmp_path / f"{cores}", listener=lambda stage, text, told=told: told.append(stage + text[:4])
+        )
+        found[cores] = (done.folder / "separation.csv").read_bytes()
+        order[cores] = told.index("draft steady wakedone") < told.index("airflowdone")
+        assert not done.seconds["draft steady wake"].cached
+    assert order == {1: False, 2: True}
+    assert found[1] == found[2]

@@ -10,6 +10,7 @@ import pytest
 
 import aspirator_curve
 import best_estimate
+import domain
 import impaction
 import injection_or_resolved
 import kernel_speed
@@ -22,11 +23,13 @@ import wakeflow as wf
 from support import CASES, ROOT, shipped
 from wakeflow.laws.best_estimate import wakes
 
-ELSEWHERE = {"printed_form", "robustness"}  # tests/laws/test_collision.py, tests/foam/test_robustness.py
+# tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py
+ELSEWHERE = {"printed_form", "robustness", "three_dimensions"}
 HERE = {
     study.__name__
     for study in (
-        aspirator_curve, best_estimate, impaction, injection_or_resolved, kernel_speed, labyrinth_chain, locked_band,
+        aspirator_curve, best_estimate, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain,
+        locked_band,
         mpi_ranks, paper_compare, slope_angles,
     )
 }  # fmt: skip
@@ -59,6 +62,16 @@ def test_best_estimate(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:
     impaction.cylinder()
     assert len(table_rows(capsys.readouterr().out)) == len(impaction.K)
+
+
+@pytest.mark.openfoam
+def test_domain() -> None:
+    """Two rows: the distances asked for, and those that the program chooses."""
+    told: list[str] = []
+    domain.main(["draft"], told.append, quick=True)
+    rows = table_rows("\n".join(told))
+    assert [row[:2] for row in rows] == [["3.5", "8.0"], ["8.8", "17.6"]]
+    assert float(rows[1][-1]) == 0.0
 
 
 @pytest.mark.openfoam

@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .core.beside import beside
 from .core.errors import SceneError
 from .core.files import atomic_write
+from .core.process import cores
 from .core.record import from_json, to_json
 from .core.store import content_key, digest_files
 from .laws.momentum import momentum_pressure
-from .pipeline.cache import Listener, silent
+from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
 from .planning.make import Planner
-from .results.airflow_summary import Airflow, FieldDivergence, FieldTruncation, MomentumModel, airflow_of
-from .results.budget import fly_again, make_budget, together
+from .results.airflow_summary import (
+    Airflow,
+    FieldDivergence,
+    FieldTruncation,
+    MomentumModel,
+    airflow_of,
+    with_residence,
+)
+from .results.budget import flights_ahead, fly_again, make_budget, together
 from .results.companions import airflow_on_grids
 from .results.funnel_summary import FunnelSummary, funnel_of
 from .results.impact_summary import impact_of
@@ -58,7 +68,7 @@ def run(
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
     ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)``
-    hears of progress; ``redraw`` draws a finished report anew.
+    hears of progress, one call at a time; ``redraw`` draws a finished report anew.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
@@ -70,7 +80,7 @@ def run(
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
-            pipeline = Pipeline(plan.airflow.flown(scene), plan, listener, workers, planner=planner)
+            pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner)
             poured = funnel_of(pipeline.funnel)
             if poured is not None and until != "funnel":
                 fed = _fed(scene, poured)
@@ -117,12 +127,18 @@ class _Run:
 
     def result(self) -> Result:
         """Make the stages that are asked for, then the report where it is not the one that stands there."""
-        mesh, airflow = self._air()
-        tracked = None if self.request.until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
+        until, flown = self.request.until, None
+        with beside(self._ahead()):
+            mesh, airflow = self._air()
+            tracked = None if until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
+            if tracked is not None and until is None:
+                flown = Flights(self.pipeline, tracked)
+                fly_again(flown)
         if tracked is not None and airflow is not None:
             airflow = airflow.extended(divergence=_divergence(self.pipeline), truncation=_truncation(self.pipeline))
+            airflow = with_residence(airflow, self.pipeline.residence)
         flights = None if tracked is None else self._flights(tracked)
-        landings = None if tracked is None or self.request.until is not None else self._landings(tracked)
+        landings = None if flown is None else self._landings(flown)
         scene, plan = self.pipeline.scene, self.pipeline.plan
         warnings = [*plan.warnings, *notices(scene, self.pipeline, airflow, self.poured, tracked)]
         warnings += together(() if landings is None else landings.budget, plan.target_error)
@@ -147,6 +163,21 @@ class _Run:
         result.save()
         return result
 
+    def _ahead(self) -> list[Callable[[], object]]:
+        """What another core makes while this one waits for the airflow; nothing on one core, or without such a wait."""
+        pipeline, until = self.pipeline, self.request.until
+        threads = cores() if pipeline.workers is None else pipeline.workers
+        if threads < 2 or until in ("funnel", "mesh") or pipeline.kind.at_once:
+            return []
+        spare = replace(pipeline, workers=threads - 1)
+        if until is None:
+            return flights_ahead(spare)
+
+        def solve(grid: int) -> object:
+            return spare.on_grid(grid).solution
+
+        return [partial(solve, grid) for grid in range(1, len(pipeline.plan.airflow.scales))]
+
     def _air(self) -> tuple[MeshSummary | None, Airflow | None]:
         """The mesh and the airflow; None without air, and where the run stops before them."""
         pipeline, scene, until = self.pipeline, self.pipeline.scene, self.request.until
@@ -164,10 +195,9 @@ class _Run:
     def _flights(self, tracked: Tracked) -> FlightResults:
         return FlightResults(tracked.fates, tracked.injected, impact_of(self.pipeline.scene, self.pipeline.plan))
 
-    def _landings(self, tracked: Tracked) -> LandingResults:
-        scene, flights = self.pipeline.scene, Flights(self.pipeline, tracked)
-        separation = separate(scene, tracked.landings)
-        fly_again(flights)
+    def _landings(self, flights: Flights) -> LandingResults:
+        scene = self.pipeline.scene
+        separation = separate(scene, flights.tracked.landings)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
         return LandingResults(separation, bracket, make_budget(flights, separation))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -36,7 +37,7 @@ PLAIN_EVERY = 10.0  # s between lines when the output is not a terminal
 
 @contextmanager
 def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
-    """A listener (stage, text): one line kept up to date on a terminal, a line now and then elsewhere."""
+    """A listener (stage, text): a line a thread kept up to date on a terminal, a line now and then elsewhere."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -44,11 +45,14 @@ def live(*, enabled: bool) -> Iterator[Callable[[str, str], None]]:
         yield lambda *_told: None
     elif console.is_terminal:
         with console.status("starting", spinner="dots") as status:
+            now: dict[int, str] = {}  # what each thread is doing
 
             def update(stage: str, text: str) -> None:
+                now[threading.get_ident()] = f"[bold]{stage}[/]  {text}"
                 if text.startswith("done"):
                     console.print(f"[green]✓[/] {stage}  [dim]{text.removeprefix('done').strip()}[/]")
-                status.update(f"[bold]{stage}[/]  {text}")
+                    del now[threading.get_ident()]
+                status.update("\n".join(now.values()))
 
             yield update
     else:

@@ -11,7 +11,7 @@ import pytest
 
 from support import shaken_mesh
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField, blended_wake, carried
+from wakeflow.field import FlowField, blended_wake, interpolated
 
 PERIOD = 0.4
 INFLOW = -2.0
@@ -70,7 +70,7 @@ def test_each_end_is_its_solution(small: bool) -> None:
     np.testing.assert_array_equal(end.points, whole.points)
     for found, own in zip(at(end, 0.0), at(steady, 0.0), strict=True):
         assert np.abs(found - own).max() < 0.08  # linear in cells of a tenth
-    again = carried(steady, {"u": steady.velocity}, steady.points)["u"]
+    again = interpolated(steady, {"u": steady.velocity}, steady.points)["u"]
     np.testing.assert_allclose(again, steady.velocity, atol=1e-12)  # on its own nodes nothing is lost
 
 
@@ -140,7 +140,9 @@ def test_walls_and_inlets_are_met_though_the_meshes_differ() -> None:
 
 def test_points_outside_take_the_nearest_value() -> None:
     steady = still()
-    there = carried(steady, {"x": steady.points[:, 0], "u": steady.velocity}, np.array([[-0.01, 0.5], [1.02, 0.31]]))
+    there = interpolated(
+        steady, {"x": steady.points[:, 0], "u": steady.velocity}, np.array([[-0.01, 0.5], [1.02, 0.31]])
+    )
     np.testing.assert_allclose(there["x"], [0.0, 1.0], atol=0.03)
     np.testing.assert_allclose(there["u"], [[0.0, INFLOW]] * 2, atol=0.05)
 

@@ -1,5 +1,5 @@
-"""A repeating field as mean and modes: what is lost is what is stated, time is smooth, blends keep the mean, a moving
-mesh carries its air along.
+"""A repeating field as mean and modes: what is lost is what is stated, time is smooth, a moving mesh carries its
+air along.
 """
 
 from __future__ import annotations
@@ -96,24 +96,6 @@ def test_a_last_gap_of_another_length_is_no_harm() -> None:
     small = replace(whole, times=whole.times[keep], **parts).compressed(0.01)
     off = [np.tensordot(small.weights(t), small.velocity, axes=1) - street(small.points, t, 2) for t in whole.times]
     assert rms(small, np.array(off)) < 0.02 * rms(whole, whole.velocity - whole.velocity.mean(axis=0))
-
-
-@pytest.mark.parametrize("small", [False, True])
-def test_blends_go_from_the_mean_to_the_whole(small: bool) -> None:
-    field = snapshots(24).compressed(1e-4) if small else snapshots(24)
-    x, t = np.random.default_rng(2).uniform(0.1, 0.9, (20, 2)), 0.23
-    mean, none, half, whole = field.mean(), field.blended(0.0), field.blended(0.5), field.blended(1.0)
-    for i in range(3):
-        np.testing.assert_allclose(none.sample(x, t)[i], mean.sample(x)[i], atol=1e-12)
-        np.testing.assert_allclose(whole.sample(x, t)[i], field.sample(x, t)[i], atol=1e-12)
-        middle = 0.5 * (mean.sample(x)[i] + field.sample(x, t)[i])
-        np.testing.assert_allclose(half.sample(x, t)[i], middle, atol=1e-12)
-    np.testing.assert_array_equal(np.asarray(half.k), np.asarray(field.k))
-    np.testing.assert_allclose(mean.velocity, snapshots(24).mean().velocity, atol=1e-6)
-    steady = field.mean()
-    assert steady.blended(0.3) is steady
-    with pytest.raises(SceneError, match=r"lam = 1\.5, allowed 0 to 1"):
-        field.blended(1.5)
 
 
 def test_saved_and_loaded_it_is_the_same_and_small(tmp_path: Path) -> None:

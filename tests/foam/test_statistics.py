@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,15 @@ def test_a_run_that_ends_by_the_rule_covers_the_mean_nine_times_in_ten() -> None
             part = getattr(found, name)
             hits[name] += part.low <= truth <= part.high
     assert min(hits.values()) >= 0.88 * 60, hits
+
+
+def test_a_broadband_wake_needs_fewer_periods_where_its_intervals_are_far_narrower_than_asked() -> None:
+    found = evaluate(record(1, 60, memory=0.0, noise=0.03), 0.05)
+    assert found is not None
+    assert found.verdict == "broadband"
+    cases = {(0.5, 8): True, (0.5, 7): False, (0.6, 8): False, (0.6, 11): False, (1.0, 12): True, (1.1, 30): False}
+    for (excess, periods), stands in cases.items():
+        assert replace(found, excess=excess, periods=periods).stands is stands
 
 
 def test_the_start_up_is_dropped() -> None:

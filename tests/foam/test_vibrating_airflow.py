@@ -25,7 +25,7 @@ from wakeflow.foam.mesh_motion import MeshMotion, repeats
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
 from wakeflow.foam.read import loop_of, read_flow
-from wakeflow.foam.solver import is_whole
+from wakeflow.foam.solver import holds_a_state
 from wakeflow.foam.start import _write_internal
 from wakeflow.foam.time_resolved import best_loop
 from wakeflow.meshing import build_mesh, plan_mesh
@@ -245,7 +245,7 @@ class TestLoop:
         for name in (last.name, "1000"):
             shutil.copytree(last, copy / name)
         (copy / "1000" / "polyMesh" / "points").unlink()
-        assert [path.name for path in time_folders(copy) if is_whole(copy, path)] == [last.name]
+        assert [path.name for path in time_folders(copy) if holds_a_state(copy, path)] == [last.name]
 
 
 class TestChoice:

@@ -17,7 +17,7 @@ from wakeflow.core.geometry import area, distance_to
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, plan_mesh, read_mesh
+from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, ends, plan_mesh, read_mesh
 from wakeflow.meshing.quality import MeshReport
 from wakeflow.meshing.zones import sources
 
@@ -166,9 +166,32 @@ def test_cells_grow_fourfold_when_every_edge_is_halved(tmp_path: Path) -> None:
 def test_a_short_channel_is_meshed_longer_along_the_air() -> None:
     down = coarse([RHOMBUS], top=0.05, bottom=-0.06)
     up = coarse([RHOMBUS], top=0.05, bottom=-0.06, direction="up")
-    assert (down.top, down.bottom) == pytest.approx((0.025 + 0.15, -0.025 - 0.4))
-    assert (up.top, up.bottom) == pytest.approx((0.025 + 0.4, -0.025 - 0.15))
+    before, behind = (distance * 0.05 for distance in ends(0.3 / 0.05))
+    assert (down.top, down.bottom) == pytest.approx((0.025 + before, -0.025 - behind))
+    assert (up.top, up.bottom) == pytest.approx((0.025 + behind, -0.025 - before))
     assert coarse([RHOMBUS], bottom=-2.0).bottom == -2.0
+
+
+def test_inlet_and_outlet_are_so_far_off_that_they_send_little_back() -> None:
+    """Of what a body does to the air between slip walls; no nearer than the wake is long, no farther than is usual."""
+    for width in (1.2, 4.0, 6.0, 8.0, 12.0, 50.0):
+        before, behind = ends(width)
+        assert 3.0 <= before <= 10.0
+        assert 8.0 <= behind <= 20.0
+        assert np.exp(-2 * np.pi * before / width) <= 0.00101 or before == 10.0
+        assert np.exp(-np.pi * behind / width) <= 0.00101 or behind == 20.0
+
+
+def test_cells_grow_towards_inlet_and_outlet_but_not_where_granules_fly(tmp_path: Path) -> None:
+    spec = plan_mesh([RHOMBUS], width=0.4, top=0.2, bottom=-0.2, rung="standard")
+    build_mesh(spec, tmp_path)
+    points, cells, _ = read_mesh(tmp_path / "mesh.msh")
+    centres = np.vstack([points[block].mean(axis=1) for block in cells.values()])
+    size = np.sqrt(cell_areas(points, cells))
+    assert size[(centres[:, 1] < 0.2) & (centres[:, 1] > -0.2)].max() < 1.4 * spec.h_far
+    assert size[centres[:, 1] < spec.bottom + 0.05].mean() > 1.7 * spec.h_far
+    everywhere = build_mesh(replace(spec, h_end=0.0), tmp_path / "fine").cells
+    assert len(size) < 0.95 * everywhere
 
 
 def edge_wanted(spec: MeshSpec, x: float, y: float) -> float:

@@ -620,13 +620,34 @@ def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
            "order": None, "kind": "two-grid", "why": "two grids", "extrapolated": None, "gci_fine": None,
            "gci_coarse": None, "asymptotic": None}  # fmt: skip
     result["airflow"]["grids"] = [row]
-    result["bracket"] = {"wheat": {"middle": {"steady": 0.25, "computed": 0.125}, "elsewhere": {"steady": 0.0,
-                         "computed": 0.0}}}  # fmt: skip
+    result["bracket"] = {"wheat": {"middle": {"steady": 0.25, "answer": 0.125}, "elsewhere": {"steady": 0.0,
+                         "answer": 0.0}}}  # fmt: skip
     found = _Page(html.render(_read(result), {})).tables
     assert found["grids"][1] == ["cd", "1.23", "1.3", "1.2 to 1.26", "–", "two grids"]
-    assert found["bracket"] == [["fraction", "bin", "steady", "computed"], ["wheat", "middle", "25.0", "12.5"]]
+    assert found["bracket"] == [["fraction", "bin", "steady", "answer"], ["wheat", "middle", "25.0", "12.5"]]
     rows = {row[0]: row[1] for row in found["airflow"]}
     assert rows["the paper's momentum model: drag coefficient, with the computed base pressure"] == "1.62"
+
+
+def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
+    def end(cd: float, length: float) -> dict[str, Any]:
+        zone = {"cp_min": -2.0, "length": length, "width": 0.1, "area": 0.004, "reversal_length": 0.2}
+        return {"cd": {"value": cd, "low": cd - 0.01, "high": cd + 0.01}, "suction": zone}
+
+    share = {"value": 0.5, "low": 0.35, "high": 0.7}
+    wake = {"theta": share, "strength": {"value": 0.6, "low": 0.4, "high": 0.9}, "why": "two measurements"}
+    ends = {"steady": end(1.0, 0.1), "time_resolved": end(2.0, 0.3)}
+    result = _result(rhombus, {**AIRFLOW, **end(1.5, 0.2), "wake": wake, "ends": ends})
+    page = _Page(html.render(_read(result), {}))
+    assert "0.50 (0.35 to 0.70)" in page.text
+    assert "two measurements" in page.text
+    rows = page.tables["ends"]
+    assert rows[0] == ["quantity", "steady", "best estimate", "time-resolved", "unit"]
+    assert rows[1] == ["drag coefficient of the body", "1 [0.99, 1.01]", "1.5 [1.49, 1.51]", "2 [1.99, 2.01]", ""]
+    assert ["suction zone: length downstream of the body", "100", "200", "300", "mm"] in rows
+    assert not any("lift" in row[0] for row in rows)  # the ends here do not tell it
+    plain = _Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
+    assert "ends" not in plain.tables
 
 
 def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:

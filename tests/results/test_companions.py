@@ -13,7 +13,8 @@ from wakeflow.pipeline.stages import StageKey
 from wakeflow.pipeline.track_stage import Companion
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
-from wakeflow.results.companions import Comparison, Grid, Wake, compared, differences, mesh_error
+from wakeflow.planning.wake import Wake
+from wakeflow.results.companions import Comparison, Grid, compared, differences, mesh_error
 from wakeflow.scene import Scene
 
 
@@ -37,13 +38,13 @@ def test_a_companion_flies_the_first_replicates_granules_again(pipeline: Pipelin
 def test_differences_are_from_the_answers_own_share() -> None:
     shares = {
         Wake.STEADY: {"chaff": np.array([[0.5, 0.5], [0.7, 0.3]])},
-        Wake.COMPUTED: {"chaff": np.array([[0.2, 0.8], [0.4, 0.6]])},
+        Wake.ANSWER: {"chaff": np.array([[0.2, 0.8], [0.4, 0.6]])},
     }
     found = Comparison(shares, 1.0)
     assert dict(differences(found, "chaff", 0)) == {Wake.STEADY: pytest.approx(0.3)}
     assert dict(differences(found, "chaff", 1)) == {Wake.STEADY: pytest.approx(-0.3)}
     table = found.means(["middle"])
-    assert table["chaff"]["middle"] == {"steady": pytest.approx(0.6), "computed": pytest.approx(0.3)}
+    assert table["chaff"]["middle"] == {"steady": pytest.approx(0.6), "answer": pytest.approx(0.3)}
     assert list(table["chaff"]) == ["middle", "elsewhere"]
 
 

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from . import errors
+from .beside import heed
 from .errors import ProgramError, WakeflowError
 
 __all__ = ["Finished", "call_in_child", "capture", "cores", "run_program", "tail"]
@@ -72,8 +73,9 @@ def run_program(
     """Run ``command`` to its end; its output goes to ``log``, each finished line of it to ``on_line``.
 
     While the log does not grow, ``on_idle`` is called with the time (s) since it last grew. An exception that either
-    raises ends the program. Raises ``error`` (a ProgramError) when the program is missing or ends with another code
-    than 0, and when ``timeout`` (s) passes. ``hint`` is appended to the message when the program is missing.
+    raises ends the program, as does a failure of what runs beside (:mod:`wakeflow.core.beside`). Raises ``error`` (a
+    ProgramError) when the program is missing or ends with another code than 0, and when ``timeout`` (s) passes.
+    ``hint`` is appended to the message when the program is missing.
     """
     words = [str(word) for word in command]
     if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
@@ -121,6 +123,7 @@ def _follow(
     """Hand every finished line of the log to ``on_line`` until the child has ended."""
     rest, heard = b"", time.monotonic()
     while True:
+        heed()
         ended = child.poll() is not None  # asked before reading, so that nothing that is written at the end is missed
         new = source.read()
         if new:

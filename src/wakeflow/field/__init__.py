@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from .blend import blended_wake, carried
+from .blend import blended_wake, interpolated
 from .divergence import Divergence
 from .flow import FlowField
 from .modes import Truncation
 from .swing import Swing
 
-__all__ = ["Divergence", "FlowField", "Swing", "Truncation", "blended_wake", "carried"]
+__all__ = ["Divergence", "FlowField", "Swing", "Truncation", "blended_wake", "interpolated"]

@@ -21,7 +21,7 @@ from .flow import NODAL, FlowField
 from .splines import fit
 from .triangles import Triangles
 
-__all__ = ["blended_wake", "carried"]
+__all__ = ["blended_wake", "interpolated"]
 
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")
@@ -48,7 +48,7 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
     share = resolved.time_axis.mean_weights()
     own = {name: values for name in NODAL if (values := getattr(resolved, name)) is not None}
     middle = {name: np.tensordot(share, values, axes=1) for name, values in own.items()}
-    still = _with_boundary(resolved, carried(steady, _like(steady, own), resolved.points), middle["velocity"])
+    still = _with_boundary(resolved, interpolated(steady, _like(steady, own), resolved.points), middle["velocity"])
     mean = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
     if strength == 0.0 and resolved.motion is None:
         return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **_any(mean))
@@ -61,7 +61,7 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
     return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
 
 
-def carried(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
+def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
     """Nodal arrays (N, ..) of ``mesh`` by name, at ``points`` (n, 2) m: linear inside every triangle.
 
     A point that lies outside, by round-off or beside the corners of a curved wall, takes the nearest value of the
@@ -87,10 +87,12 @@ def _like(steady: FlowField, own: Mapping[str, Array]) -> dict[str, Array]:
     """The nodal arrays of the steady field that a field in time has as well."""
     if steady.times is not None:
         raise SceneError("blended_wake: the steady field is one in time")
-    given = {name: steady.pressure_gradient if name == "given_gradient" else getattr(steady, name) for name in own}
-    missing = [name for name, values in given.items() if values is None]
-    if missing:
-        raise SceneError(f"blended_wake: the steady field has no {missing[0]}, the one in time has")
+    given: dict[str, Any] = {
+        name: steady.pressure_gradient if name == "given_gradient" else getattr(steady, name) for name in own
+    }
+    for name, values in given.items():
+        if values is None:
+            raise SceneError(f"blended_wake: the steady field has no {name}, the one in time has")
     return given
 
 
@@ -103,17 +105,9 @@ def _with_boundary(resolved: FlowField, still: dict[str, Array], mean: Array) ->
     fastest = float(np.linalg.norm(mean, axis=1).max())
     rests = np.linalg.norm(mean, axis=1) < AT_REST * fastest
     given = np.linalg.norm(moving, axis=-1).max(axis=0, initial=0.0) < FIXED * fastest
-    fixed = _boundary(resolved) & (rests | given)
+    fixed = np.zeros(len(mean), dtype=bool)
+    fixed[resolved.boundary] = (rests | given)[resolved.boundary]
     return {**still, "velocity": np.where(fixed[:, None], mean, still["velocity"])}
-
-
-def _boundary(mesh: Triangles) -> NDArray[np.bool_]:
-    """Which nodes (N,) lie on an edge of one triangle only."""
-    triangle, opposite = np.nonzero(mesh.neighbours < 0)
-    found = np.zeros(len(mesh.points), dtype=bool)
-    for step in (1, 2):
-        found[mesh.triangles[triangle, (opposite + step) % 3]] = True
-    return found
 
 
 def _swinging(field: FlowField, still: Array, share: float) -> FlowField:

@@ -182,29 +182,6 @@ class FlowField(Triangles):
         steady: dict[str, Any] = {"times": None, "period": None, "coefficients": None, "truncation": None}
         return replace(self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)), **steady)
 
-    def blended(self, lam: float) -> FlowField:
-        """The field with the fluctuations of velocity and pressure about their time mean times ``lam``, from 0 to 1.
-
-        k and the dissipation stay: what the resolved fluctuation loses is not added to k, so that between a mean wake
-        and the full shedding nothing else changes. Raises SceneError for a ``lam`` out of range.
-        """
-        if not 0.0 <= lam <= 1.0:
-            raise SceneError(f"blended: lam = {lam:g}, allowed 0 to 1")
-        if self.times is None or lam == 1.0:
-            return self
-        share = self.time_axis.mean_weights()
-
-        def blend(nodal: Array) -> Array:
-            mean = np.tensordot(share, nodal, axes=1)
-            if self.coefficients is None:
-                return np.asarray(mean + lam * (nodal - mean))
-            return np.concatenate([mean[None], lam * nodal[1:]])  # part 0 is the mean
-
-        scaled: dict[str, Any] = {
-            n: blend(v) for n in ("velocity", "pressure", "given_gradient") if (v := getattr(self, n)) is not None
-        }
-        return replace(self, **scaled)
-
     def compressed(self, error: float = 0.01, knots: int | None = None) -> FlowField:
         """Snapshots over a period as mean and modes with smooth functions of time; see :mod:`.modes`.
 

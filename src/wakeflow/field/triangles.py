@@ -61,6 +61,12 @@ class Triangles:
         return np.ascontiguousarray(across.reshape(3, -1).T)
 
     @cached_property
+    def boundary(self) -> Index:
+        """The nodes on edges that belong to one triangle only, in order."""
+        triangle, opposite = np.nonzero(self.neighbours < 0)
+        return np.unique([self.triangles[triangle, (opposite + step) % 3] for step in (1, 2)])
+
+    @cached_property
     def gradients(self) -> Array:
         """Gradient of every triangle's three barycentric coordinates (M, 3, 2), 1/m."""
         p = self.points[self.triangles]

@@ -25,6 +25,7 @@ from ..laws.turbulence_models import (
     turbulence_models,
 )
 from ..meshing import MeshSpec
+from ..planning.span import Span
 from .mesh_motion import MeshMotion
 from .polymesh import read_polymesh
 
@@ -71,7 +72,7 @@ class FlowSpec:
     middle), ``inlets``: secondary streams. ``vibration``: of bodies and mesh along the channel; None: the bodies are at
     rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes,
     0: not decided yet. ``accuracy``: relative half-width of the 95 % intervals at which a time-resolved run ends, see
-    :func:`wakeflow.foam.statistics.wanted`."""
+    :func:`wakeflow.foam.statistics.wanted`. ``span``: resolved in three dimensions (``foam.span_run``)."""
 
     mesh: MeshSpec
     speed: float
@@ -87,6 +88,7 @@ class FlowSpec:
     settings: str = "normal"
     ranks: int = 1
     vibration: MeshMotion | None = None
+    span: Span | None = None
 
     def __post_init__(self) -> None:
         """Raise SceneError for a model that is not known, and for what the stepping cannot follow."""

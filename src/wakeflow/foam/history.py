@@ -13,8 +13,8 @@ from .case import read_parameters
 __all__ = [
     "CD",
     "CL",
+    "HistoryTable",
     "Interval",
-    "Table",
     "Tail",
     "kind_of",
     "oscillation",
@@ -80,11 +80,11 @@ class Tail:
 
     def __init__(self, case: Path) -> None:
         self.case = case
-        self.parts = [Table(case, "forceCoefficients", (CD, CL))]
+        self.parts = [HistoryTable(case, "forceCoefficients", (CD, CL))]
         speed = read_parameters(case).get("inletSpeed")
         self.dynamic = None if speed is None else 0.5 * float(speed) ** 2
         if self.dynamic:
-            self.parts += [Table(case, "basePressure", (1,)), Table(case, "inletPressure", (1,))]
+            self.parts += [HistoryTable(case, "basePressure", (1,)), HistoryTable(case, "inletPressure", (1,))]
 
     def update(self) -> Array:
         """All rows (n, 4) so far."""
@@ -98,7 +98,7 @@ class Tail:
         return np.column_stack([forces, (at_base - at_inlet) / self.dynamic])
 
 
-class Table:
+class HistoryTable:
     """Rows (n, 1 + c) of one function object's output, as of :func:`read_table`, read on from the last look."""
 
     def __init__(self, case: Path, what: str, columns: tuple[int, ...]) -> None:

@@ -42,7 +42,7 @@ class AirflowResult:
     amplitude (x, y) m, omega (rad/s), phase (rad) at the loop's start; the stored field belongs to positions less
     amplitude sin(omega t + phase). ``seconds`` of wall time. ``settings`` that served and the ``attempts`` that failed
     before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of :mod:`wakeflow.foam.sanity` that is
-    taken up.
+    taken up; ``span``: of an airflow in three dimensions, see :mod:`wakeflow.foam.span_measure`.
 
     Intervals: of a steady run the range over its last iterations, of one that did not settle over those of its late
     states; of a time-resolved one 95 % intervals of the long-time mean (:mod:`wakeflow.foam.statistics`).
@@ -83,6 +83,7 @@ class AirflowResult:
     settings: str = "normal"
     attempts: tuple[Attempt, ...] = ()
     checks: dict[str, float] = field(default_factory=dict)
+    span: dict[str, Any] | None = None
 
 
 def measure(

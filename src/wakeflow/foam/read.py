@@ -14,7 +14,7 @@ from ..core.errors import FoamError
 from .case_fields import CaseFields, Snapshot, time_folders
 from .reconstruction import Reconstruction, triangulate
 
-__all__ = ["LOOP", "STATES", "FlowArrays", "late_states", "loop_of", "read_flow"]
+__all__ = ["LOOP", "STATES", "FlowArrays", "late_states", "loop_of", "nodes_of", "read_flow"]
 
 Array = NDArray[np.float64]
 LOOP = "loop.json"  # what a time-resolved airflow keeps: {"period": s, "times": [names of time folders]}
@@ -53,7 +53,7 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     loop = loop_of(fields.case)
     folders, suffix = _folders_of(fields, time, loop)
     shots = [fields.snapshot(folder, suffix) for folder in folders]
-    nodes = _at_nodes(fields, folders[0], shots)
+    nodes = nodes_of(fields, folders[0], shots)
     looped = time in ("all", "states") and len(folders) > 1
     if not looped:
         nodes = nodes.mean()
@@ -129,7 +129,7 @@ class _Nodes(NamedTuple):
         return _Nodes(self.velocity.mean(axis=0), self.pressure.mean(axis=0), k, dissipation)
 
 
-def _at_nodes(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _Nodes:
+def nodes_of(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _Nodes:
     """The snapshots' fields at the nodes; ``folder`` tells which boundary values are prescribed."""
     plane = fields.mesh.plane
     slip = fields.slip(folder)

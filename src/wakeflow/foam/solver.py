@@ -12,7 +12,7 @@ from .parallel import gather, scatter
 from .programs import call
 from .watch import Watch
 
-__all__ = ["PHASE", "is_whole", "run_solver"]
+__all__ = ["PHASE", "holds_a_state", "run_solver"]
 
 PHASE = "phase.json"  # in the case: which part of its run is done
 DIGITS = 15  # timePrecision in the template
@@ -27,7 +27,7 @@ def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) 
     call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
     gather(folder)
     for path in _times(folder):
-        if not is_whole(folder, path):
+        if not holds_a_state(folder, path):
             why = "the disk is full or its quota used up" if disk_is_full(folder) else "the disk was full for a while"
             raise AirflowFailure(
                 Cause.DISK_FULL, f"{program} left {path} cut short: {why}; {Cause.DISK_FULL.advice}", command=program
@@ -48,7 +48,7 @@ def _name_plainly(folder: Path) -> None:
             path.rename(plain)
 
 
-def is_whole(folder: Path, path: Path) -> bool:
+def holds_a_state(folder: Path, path: Path) -> bool:
     """Whether the time folder ``path`` of the case ``folder`` holds all that a run needs, each file to its end."""
     parameters = read_parameters(folder)
     name = parameters.get("turbulence", USUAL)

@@ -22,12 +22,13 @@ Array = NDArray[np.float64]
 # Chosen by trials on records of known statistics (tests/foam/test_statistics.py) where no source is given.
 FEWEST = 6  # whole periods after the start-up
 ENOUGH = {"periodic": FEWEST, "broadband": 12}  # before a run may end: a few unequal periods look alike by chance
+SOONER = 8  # the same for a broadband wake whose intervals are SURE: nothing but their number would be lacking
 BATCHES = 8  # at most about twice as many: fewer but longer batches of a longer run are less correlated
 MARGIN = 1.5  # of the periods up to the crossing: what is left of the start-up there goes too
 DRIFTING = 3.0  # t statistic of a slope over the batches that a stationary signal seldom reaches (2 % at 8 batches)
 SHARED = -0.4  # periods share their ends: what one is longer by, its neighbour is shorter; not trusted beyond this
 OFTEN = 1.15  # looked at often, a spread that is small by chance ends the run: wider by what that costs in trials
-SURE = 0.5  # of the width asked: so narrow that one look at a periodic wake is enough
+SURE = 0.5  # of the width asked: so narrow that one look at a periodic wake is enough, fewer periods of another one
 RESOLVED = 0.05  # of the half-width asked: no interval is narrower, slower changes than the run lasted go unseen
 LEAST_DRAG = 0.1  # Cd, and as a share of Cd the lift's rms: smaller ones are measured against this (see `wanted`)
 LEAST_PRESSURE = 0.5  # base pressure coefficient: the same
@@ -66,7 +67,8 @@ class Statistics:
     @property
     def stands(self) -> bool:
         """Whether every interval is as narrow as asked, over enough periods to trust it."""
-        return self.excess <= 1.0 and self.periods >= ENOUGH[self.verdict]
+        fewest = ENOUGH[self.verdict]
+        return self.excess <= 1.0 and self.periods >= (min(fewest, SOONER) if self.excess <= SURE else fewest)
 
 
 def evaluate(rows: Array, accuracy: float) -> Statistics | None:

@@ -13,7 +13,7 @@ import numpy as np
 from ..core.process import tail
 from .case import read_parameters
 from .failure import AirflowFailure, Cause
-from .history import CD, Table
+from .history import CD, HistoryTable
 
 __all__ = ["Progress", "ProgressListener", "Watch"]
 
@@ -70,7 +70,7 @@ class Watch:
 
     def begin(self) -> None:
         """A segment of the run begins."""
-        self.drags = Table(self.folder, "forceCoefficients", (CD,))
+        self.drags = HistoryTable(self.folder, "forceCoefficients", (CD,))
         self.judged = len(self.drags.rows)
         self.residuals: dict[str, float] = {}
         self.started = self.looked = 0.0

@@ -38,6 +38,7 @@ OF_STRENGTH = ("cl_rms", "u_rms", "v_rms")
 STATUSES, CHECKED = ("measured", "handbook", "computed"), ("read", "quoted", "unchecked", "own")
 NEAR = 2.0  # factor in blockage up to which a measurement counts as near, where two or more are; chosen
 FAR = 0.1  # error that a factor e in blockage adds. The handbooks' rhombus: theta 0.44 at 5 %, 0.38 at 12.5 %
+ALIKE = 15.0  # deg: slopes that differ by no more count as one shape; chosen
 FEWEST = 2  # measurements that say how far they scatter
 LEAST = 0.03  # own error of an entry: no measurement of a wake, and no mesh of ours, is better
 
@@ -81,6 +82,7 @@ class WakeEntry:
     steady_within: float = 0.0
     resolved_within: float = 0.0
     between: tuple[tuple[float, float], ...] = ()
+    slope: float | None = None
 
     @property
     def of_theta(self) -> bool:
@@ -139,7 +141,7 @@ def read_wakes(tables: Mapping[str, Mapping[str, Any]]) -> tuple[WakeEntry, ...]
 
 def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
     pairs = ("reynolds", "value", "unconfined", "base")
-    given = {key: tuple(value) if key in pairs else value for key, value in table.items()}
+    given: dict[str, Any] = {key: tuple(value) if key in pairs else value for key, value in table.items()}
     given["between"] = tuple((float(theta), float(x)) for theta, x in table.get("between", ()))
     try:
         entry = WakeEntry(name=name, **given)
@@ -162,11 +164,18 @@ def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
 
 
 def best_estimate(
-    family: str | None, blockage: float, reynolds: float, entries: Sequence[WakeEntry] | None = None
+    family: str | None,
+    blockage: float,
+    reynolds: float,
+    entries: Sequence[WakeEntry] | None = None,
+    *,
+    slope: float | None = None,
 ) -> WakeEstimate:
     """Theta and strength of a wake, each from the measurements nearest to it, of ``entries`` (wakes.toml by default).
 
     ``family``: of the body's shape, one of :data:`WAKE_FAMILIES`; None for another shape and for several bodies.
+    ``slope`` (deg, from the horizontal) of its faces, which an entry's may differ from by :data:`ALIKE`; None: any.
+
     Each number is the mean over the entries of the family, weighted by the inverse squares of their own errors, to
     which another blockage adds; those within a factor :data:`NEAR` in blockage alone where two or more are. Its range
     is their common error, and never narrower than what they differ by. Where fewer than two measurements of the shape
@@ -174,8 +183,9 @@ def best_estimate(
     shape.
     """
     known = wakes() if entries is None else entries
-    theta, of_theta = _number(family, blockage, reynolds, [entry for entry in known if entry.of_theta])
-    strength, of_strength = _number(family, blockage, reynolds, [entry for entry in known if not entry.of_theta])
+    own = [entry for entry in known if entry.family == family and _alike(slope, entry.slope)]
+    theta, of_theta = _number(family, blockage, reynolds, known, own, of_theta=True)
+    strength, of_strength = _number(family, blockage, reynolds, known, own, of_theta=False)
     return WakeEstimate(theta, strength, f"theta: {of_theta}; strength: {of_strength}")
 
 
@@ -184,22 +194,34 @@ def left_one_out() -> list[tuple[WakeEntry, Estimate, Estimate]]:
     known = wakes()
     found = []
     for entry in known:
-        others = best_estimate(
-            entry.family, entry.blockage, max(entry.reynolds), [other for other in known if other is not entry]
-        )
+        rest = [other for other in known if other is not entry]
+        others = best_estimate(entry.family, entry.blockage, max(entry.reynolds), rest, slope=entry.slope)
         found.append((entry, entry.given, others.theta if entry.of_theta else others.strength))
     return found
 
 
-def _number(family: str | None, blockage: float, reynolds: float, known: Sequence[WakeEntry]) -> tuple[Estimate, str]:
-    """One of the two numbers, and what it rests on."""
-    own = [entry for entry in known if entry.family == family]
+def _alike(one: float | None, other: float | None) -> bool:
+    return one is None or other is None or abs(one - other) <= ALIKE
+
+
+def _number(
+    family: str | None,
+    blockage: float,
+    reynolds: float,
+    every: Sequence[WakeEntry],
+    shape: Sequence[WakeEntry],
+    *,
+    of_theta: bool,
+) -> tuple[Estimate, str]:
+    """One of the two numbers, and what it rests on: of ``every`` entry, and of those of the body's ``shape``."""
+    known, own = ([entry for entry in some if entry.of_theta == of_theta] for some in (every, shape))
     near = [entry for entry in own if 1.0 / NEAR <= blockage / entry.blockage <= NEAR]
     chosen = near if len(near) >= FEWEST else own
     lowest = min((entry.reynolds[0] for entry in chosen), default=0.0)
     if len(chosen) < FEWEST or reynolds < lowest:
         why = (
-            "several bodies or a shape without data" if not chosen
+            "several bodies or a shape without data" if family is None
+            else f"no measurement of the shape ({family})" if not chosen
             else f"one measurement of the shape ({family})" if len(chosen) < FEWEST
             else f"Re {reynolds:.3g} is below the data's {lowest:.3g}"
         )  # fmt: skip

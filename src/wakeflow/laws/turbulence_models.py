@@ -21,6 +21,7 @@ __all__ = [
     "MIXING_LENGTH",
     "NUT",
     "OMEGA",
+    "SPANWISE",
     "USUAL",
     "Dissipation",
     "TurbulenceField",
@@ -32,6 +33,7 @@ __all__ = [
 ]
 
 MIXING_LENGTH = 0.07  # of the width of the opening that air enters through: usual estimate for developed duct flow
+SPANWISE = "kOmegaSSTDDES"  # the model of an airflow that is resolved in three dimensions
 USUAL = "kOmegaSST"  # the model of the case template; it also stands for the unknown model of a user's own case
 
 
@@ -157,6 +159,20 @@ turbulence_models.add(
         correctors=1,
         # Cells are too coarse for central differences.
         convection="linearUpwind grad(U)",
+    ),
+)
+turbulence_models.add(
+    SPANWISE,
+    TurbulenceModel(
+        name=SPANWISE,
+        means="delayed detached-eddy simulation: k-omega SST in attached layers, a subgrid model of k in the wake",
+        source="Gritskevich, M.S., Garbaruk, A.V., Schuetze, J. & Menter, F.R. 2012, Flow Turbul. Combust. 88, 431",
+        simulation_type="LES",
+        fields=(KINETIC_ENERGY, OMEGA, NUT),
+        dissipation=FROM_OMEGA,  # of the attached layers; what the wake's cells resolve is in foam.span_record
+        correctors=1,
+        # One part upwind to three central: linearUpwind damps the eddies that the model leaves to the cells.
+        convection="LUST grad(U)",
     ),
 )
 

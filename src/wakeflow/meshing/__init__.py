@@ -8,7 +8,7 @@ meshio (``quality``). The same spec always gives the same mesh.
 
 from .build import build_mesh
 from .quality import MeshReport, read_mesh
-from .sizing import plan_mesh
+from .sizing import ends, plan_mesh
 from .spec import MeshSpec, SideInlet
 
-__all__ = ["MeshReport", "MeshSpec", "SideInlet", "build_mesh", "plan_mesh", "read_mesh"]
+__all__ = ["MeshReport", "MeshSpec", "SideInlet", "build_mesh", "ends", "plan_mesh", "read_mesh"]

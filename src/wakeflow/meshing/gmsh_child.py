@@ -122,10 +122,10 @@ def _set_sizes(gmsh: Any, spec: MeshSpec, sizes: Sizes) -> None:
         tags = [gmsh.model.geo.addPoint(x, y, 0.0) for x, y in points.tolist()]
         distance = fields.add("Distance")
         fields.setNumbers(distance, "PointsList", tags)
-        numbers = {"InField": distance, "SizeMin": near, "SizeMax": spec.h_far, "DistMin": 0.0}
+        numbers = {"InField": distance, "SizeMin": near, "SizeMax": spec.h_most, "DistMin": 0.0}
         parts.append(_field(fields, "Threshold", {**numbers, "DistMax": _reach(spec, near)}))
     for box in boxes(spec):
-        numbers = {"VIn": box.edge, "VOut": spec.h_far, "XMin": box.left, "XMax": box.right, "YMin": box.low}
+        numbers = {"VIn": box.edge, "VOut": spec.h_most, "XMin": box.left, "XMax": box.right, "YMin": box.low}
         numbers |= {"YMax": box.high, "ZMin": -1.0, "ZMax": 1.0, "Thickness": _reach(spec, box.edge)}
         parts.append(_field(fields, "Box", numbers))
     gmsh.model.geo.synchronize()
@@ -136,7 +136,7 @@ def _set_sizes(gmsh: Any, spec: MeshSpec, sizes: Sizes) -> None:
 
 def _reach(spec: MeshSpec, near: float) -> float:
     """How far (m) cells grow from the edge ``near`` to the far one."""
-    return max((spec.h_far - near) / spec.growth, 1e-9)
+    return max((spec.h_most - near) / spec.growth, 1e-9)
 
 
 def _field(fields: Any, kind: str, numbers: dict[str, float]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..core.errors import SceneError
 from ..core.geometry import distance_between, is_symmetric
 from .spec import Array, Direction, MeshSpec, SideInlet, Strategy
 
-__all__ = ["plan_mesh"]
+__all__ = ["ends", "plan_mesh"]
 
 # Cell edge over projected body width at the body, its corners, in the near wake and far away. "draft" is meant for
 # the half domain and a steady solution; "standard" for a time-resolved one, whose time step the smallest cells dictate;
@@ -22,7 +23,16 @@ RESOLUTION = {
 # over an edge's length, a gap, the channel's width: on short edges, at narrow gaps, far away in a wide channel, and on
 # no-slip side walls
 SHARES = {"edge": 1 / 6, "gap": 1 / 8, "across": 1 / 40, "wall": 1 / 40}
-UPSTREAM, DOWNSTREAM = 3.0, 8.0  # shortest distance from bodies to inlet and outlet, in projected widths. Chosen
+# Distance from the bodies to inlet and outlet, in widths of the widest: the least and the most; between them what
+# LEFT asks for in the channel's width. Chosen; cases/studies/domain.py shows what they leave.
+UPSTREAM, DOWNSTREAM = (3.0, 10.0), (8.0, 20.0)
+# What the ends may send back to a body, over what the body does to the air there. Between slip walls W apart the
+# slowest disturbance of a potential flow, cos(pi (x + W/2)/W) exp(-pi y/W), falls by exp(-pi d/W) over the distance d:
+# what the inlet's fixed velocity returns has gone there and back, what vortices do at the outlet's fixed pressure comes
+# back only.
+LEFT = 1e-3
+NEAR = (1.0, 5.0)  # widths before and behind the bodies with cells no longer than the far ones
+END = 2.5  # cell edge at inlet and outlet over the far one, at most
 WAKE = 2.5  # length of the wake's fine cells in widths of the widest body. Chosen: the vortices have formed by then
 
 
@@ -44,11 +54,11 @@ def plan_mesh(
 ) -> MeshSpec:
     """Choose cell sizes for a rung, ``scale`` times its table, from the narrowest body's projected width.
 
-    With ``extend`` a channel that ends too near to the bodies (3 widths upstream, 8 downstream) is meshed longer: the
-    inlet's uniform air and the outlet's uniform pressure must not touch the wake. ``inlets``: openings in the side
-    walls. ``half`` None: a draft takes the half domain where all is symmetric about x = 0; False: never. Raises
-    SceneError for bodies that touch each other or a wall, openings off the channel or on each other, and ``half`` True
-    without symmetry.
+    With ``extend`` a channel that ends too near to the bodies (:func:`ends`) is meshed longer, with cells that grow
+    outside of it: the inlet's uniform air and the outlet's uniform pressure must not touch the wake. ``inlets``:
+    openings in the side walls. ``half`` None: a draft takes the half domain where all is symmetric about x = 0; False:
+    never. Raises SceneError for bodies that touch each other or a wall, openings off the channel or on each other, and
+    ``half`` True without symmetry.
     """
     if rung not in RESOLUTION:
         raise SceneError(f"no mesh is planned for rung {rung!r} (known: {', '.join(RESOLUTION)})")
@@ -58,24 +68,41 @@ def plan_mesh(
     symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
-    top, bottom = _extended(outlines, top, bottom, direction) if extend else (top, bottom)
+    fine = _around(outlines, top, bottom, direction, NEAR)
+    if extend:
+        top, bottom = _around(outlines, top, bottom, direction, ends(width / _largest(outlines)))
     return MeshSpec(
         bodies=tuple(tuple((float(x), float(y)) for x, y in outline) for outline in outlines),
         names=tuple(names or map(str, range(len(outlines)))),
         width=width, top=top, bottom=bottom, walls="slip" if walls == "slip" else "no-slip", direction=direction,
         half=(rung == "draft" and symmetric) if half is None else half, inlets=tuple(inlets),
-        strategy=strategy or "quads", **_sizes(rung, scale, outlines, width, walls),
+        strategy=strategy or "quads", fine=(fine[1], fine[0]), **_sizes(rung, scale, outlines, width, walls),
     )  # fmt: skip
 
 
-def _extended(outlines: list[Array], top: float, bottom: float, direction: Direction) -> tuple[float, float]:
-    """Top and bottom (m) of the mesh, at least UPSTREAM and DOWNSTREAM of the widest body's widths from all bodies."""
+def ends(width: float) -> tuple[float, float]:
+    """Distance from bodies to inlet and outlet that a channel needs; it and ``width`` in widths of the widest body."""
+    outlet = width * math.log(1 / LEFT) / math.pi
+    return (
+        float(np.clip(0.5 * outlet, *UPSTREAM)),
+        float(np.clip(outlet, *DOWNSTREAM)),
+    )
+
+
+def _around(
+    outlines: list[Array], top: float, bottom: float, direction: Direction, distances: tuple[float, float]
+) -> tuple[float, float]:
+    """Top and bottom (m), at least ``distances`` before and behind all bodies, in widths of the widest."""
     low = min(float(o[:, 1].min()) for o in outlines)
     high = max(float(o[:, 1].max()) for o in outlines)
-    largest = max(float(np.ptp(outline[:, 0])) for outline in outlines)
-    before, behind = UPSTREAM * largest, DOWNSTREAM * largest
+    before, behind = (distance * _largest(outlines) for distance in distances)
     above, below = (before, behind) if direction == "down" else (behind, before)
     return max(top, high + above), min(bottom, low - below)
+
+
+def _largest(outlines: list[Array]) -> float:
+    """Width (m) of the widest body across the air."""
+    return max(float(np.ptp(outline[:, 0])) for outline in outlines)
 
 
 def _sizes(rung: str, scale: float, outlines: list[Array], width: float, walls: str) -> dict[str, float]:
@@ -89,6 +116,7 @@ def _sizes(rung: str, scale: float, outlines: list[Array], width: float, walls: 
         "h_corner": scale * table["corner"] * size,
         "h_wake": scale * table["wake"] * size,
         "h_far": h_far,
+        "h_end": END * h_far,
         "growth": scale * table["growth"],
         "wake_length": WAKE * largest,
         "h_wall": min(scale * table["wall"] * width, h_far) if walls == "no-slip" else h_far,

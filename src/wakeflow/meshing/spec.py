@@ -39,9 +39,9 @@ class MeshSpec:
     ``bodies`` are (k, 2) outlines, counter-clockwise; ``names`` name their patches (``body_NAME``). ``half`` meshes x
     >= 0 only. Cell edges, for the narrowest body and in proportion for wider ones: ``h_body`` along the outlines,
     ``h_corner`` at their sharp corners, ``h_wake`` downstream over ``wake_length``; for all: ``h_wall`` on no-slip side
-    walls, ``h_far`` at most; between them the edge grows by ``growth`` metres a metre. On an edge between two sharp
-    corners it is no longer than ``of_edge`` times that edge, at a gap between bodies or to a side wall ``of_gap`` times
-    the gap.
+    walls, ``h_far`` at most from y = ``fine``[0] to ``fine``[1] (m), ``h_end`` at most beyond; between them the edge
+    grows by ``growth`` metres a metre. On an edge between two sharp corners it is no longer than ``of_edge`` times that
+    edge, at a gap between bodies or to a side wall ``of_gap`` times the gap.
     """
 
     bodies: tuple[Outline, ...]
@@ -63,13 +63,21 @@ class MeshSpec:
     of_gap: float = 1 / 8
     inlets: tuple[SideInlet, ...] = ()
     strategy: Strategy = "quads"
+    h_end: float = 0.0  # no more than h_far: the same everywhere
+    fine: tuple[float, float] = (-float("inf"), float("inf"))
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> MeshSpec:
         """The spec from ``dataclasses.asdict`` of it, as JSON hands it back."""
         bodies = tuple(tuple((float(x), float(y)) for x, y in body) for body in table["bodies"])
         inlets = tuple(SideInlet(**inlet) for inlet in table["inlets"])
-        return cls(**{**table, "bodies": bodies, "names": tuple(table["names"]), "inlets": inlets})
+        named = {"bodies": bodies, "names": tuple(table["names"]), "inlets": inlets, "fine": tuple(table["fine"])}
+        return cls(**{**table, **named})
+
+    @property
+    def h_most(self) -> float:
+        """The longest cell edge anywhere (m)."""
+        return max(self.h_far, self.h_end)
 
     @property
     def projected_width(self) -> float:
@@ -100,6 +108,6 @@ class MeshSpec:
 
     def scaled(self, factor: float) -> MeshSpec:
         """The same spec with the cell edge multiplied by ``factor`` everywhere, growth included (for grid studies)."""
-        names = ("h_body", "h_corner", "h_wake", "h_far", "h_wall", "growth", "of_edge", "of_gap")
+        names = ("h_body", "h_corner", "h_wake", "h_far", "h_end", "h_wall", "growth", "of_edge", "of_gap")
         longer: dict[str, Any] = {name: getattr(self, name) * factor for name in names}
         return replace(self, **longer)

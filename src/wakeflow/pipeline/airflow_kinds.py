@@ -32,22 +32,22 @@ if TYPE_CHECKING:
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
 
-__all__ = ["AirflowKind", "CaseAir", "airflow_kinds"]
+__all__ = ["AirflowKind", "CaseAir", "SolvedAir", "TimeResolvedAir", "airflow_kinds"]
 
 
 @dataclass
 class AirflowKind(ABC):
     """The airflow of one scene under one plan.
 
-    ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the case folder of the scene's steady
-    airflow, which is solved where it is not yet.
+    ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the scene's steady airflow, which is
+    solved where it is not yet.
     """
 
     scene: Scene
     plan: Plan
     cache: StageCache
     grid: int
-    steady: Callable[[], Path]
+    steady: Callable[[], CaseAir]
     at_once: ClassVar[bool] = False  # known without meshing, solving or reading files
 
     @abstractmethod
@@ -63,6 +63,13 @@ class AirflowKind(ABC):
         """:meth:`make_field`, made once."""
         return self.make_field()
 
+    def between(self, theta: float, strength: float) -> tuple[str, FlowField] | None:
+        """Key and field with another wake, of ``theta`` and ``strength`` as in ``field.blended_wake``; the field itself
+        where the wake is no time-resolved one.
+        """
+        del theta, strength  # for subclasses
+        return self.field
+
     @property
     def realisations(self) -> Realisations:
         """The fields in which the replicates fly in turn: the one of :meth:`make_field` unless a kind has more."""
@@ -72,6 +79,13 @@ class AirflowKind(ABC):
     def cycles(self) -> int:
         """Cycles of the shedding in the field's period, each a sample of the airflow; 1 where nothing changes."""
         return 1
+
+    @property
+    def residence(self) -> dict[str, Any] | None:
+        """H = tau U / D of fine dust in the near wake with its interval: of the ``answer`` and, where it lies between
+        ends, of ``steady`` and ``time_resolved``; None where nobody asks for it. It needs the compiled tracker.
+        """
+        return None
 
     @property
     def table(self) -> dict[str, Any]:
@@ -167,16 +181,21 @@ class CaseAir(AirflowKind):
         """Whether the case is the right half of a symmetric channel."""
         return self.mesh_spec.half
 
-    def make_table(self) -> dict[str, Any]:
+    @property
+    def measured(self) -> dict[str, Any]:
+        """What was measured on the case."""
         table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
         return table
+
+    def make_table(self) -> dict[str, Any]:
+        return self.measured
 
     def make_field(self) -> tuple[str, FlowField]:
         from ..field import FlowField
         from .case_field import case_field
 
         key = content_key("field", self.solution[0], code_of("field"), version_of("foamlib"))
-        air, table = self.scene.air, self.make_table()
+        air, table = self.scene.air, self.measured
         assert air is not None
 
         def work(part: Path) -> None:
@@ -191,11 +210,11 @@ class CaseAir(AirflowKind):
         """Whole shedding periods of the loop that the case keeps."""
         from ..foam.read import loop_of
 
-        loop = loop_of(self.case) if self.make_table()["period"] is not None else None
+        loop = loop_of(self.case) if self.measured["period"] is not None else None
         return 1 if loop is None else max(1, int(loop["periods"]))
 
     def unknown_parts(self) -> tuple[str, ...]:
-        statistics = () if self.make_table()["period"] is None else ("airflow-statistics",)
+        statistics = () if self.measured["period"] is None else ("airflow-statistics",)
         return ("mesh", *(("airflow-model",) if self.model_is_unknown else ()), *statistics)
 
     @property
@@ -216,7 +235,7 @@ class GivenAir(CaseAir):
 
     @property
     def half(self) -> bool:
-        return bool(self.make_table()["half"])
+        return bool(self.measured["half"])
 
     def make_solution(self) -> tuple[str, Path]:
         """Its files are in the key: a new solution counts."""
@@ -236,7 +255,7 @@ class GivenAir(CaseAir):
 
     @property
     def mesh_quality(self) -> dict[str, Any]:
-        return {"cells": self.make_table()["cells"]}
+        return {"cells": self.measured["cells"]}
 
     @property
     def model_is_unknown(self) -> bool:
@@ -304,7 +323,26 @@ class TimeResolvedAir(SolvedAir):
 
     def start(self) -> Path | None:
         """The steady wake."""
-        return self.steady()
+        return self.steady().case
+
+    @cached_property
+    def resolved(self) -> tuple[str, FlowField]:
+        """Key and field as computed, in time."""
+        return super().make_field()
+
+    def make_field(self) -> tuple[str, FlowField]:
+        return self.resolved
+
+    def between(self, theta: float, strength: float) -> tuple[str, FlowField]:
+        from ..field import blended_wake
+
+        key, resolved = self.resolved
+        if resolved.times is None or theta == strength == 1.0:  # it came to rest, or is asked for as it is
+            return self.resolved
+        steady = self.steady().field
+        assert steady is not None
+        made = content_key("blend", key, steady[0], theta, strength, code_of("blend"))
+        return made, blended_wake(resolved, steady[1], theta, strength)
 
 
 def _publish(file: Path, folder: Path, key: str) -> None:

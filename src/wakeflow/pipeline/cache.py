@@ -11,29 +11,46 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
+from ..core.beside import heed
 from ..core.files import write_json
 from ..core.sources import code_key
 from ..core.store import Store
 from .stages import StageKey, StageTime
 
-__all__ = ["CODE", "Listener", "StageCache", "code_of", "silent", "version_of"]
+__all__ = ["CODE", "Listener", "StageCache", "code_of", "in_turn", "silent", "version_of"]
 
 Listener = Callable[[str, str], None]  # (stage, text): hears of progress
 # What computes each stage: its key covers these modules and everything that they import.
 CODE = {
     "mesh": ("wakeflow.meshing.build",),
     "airflow": ("wakeflow.foam.airflow",),
+    "span": ("wakeflow.foam.span_airflow",),
     "given": ("wakeflow.foam.user_case",),
     "field": ("wakeflow.pipeline.case_field",),
+    "blend": ("wakeflow.field.blend",),
+    "layers": ("wakeflow.pipeline.span_field",),
     "duct": ("wakeflow.pipeline.analytic",),
+    "residence": ("wakeflow.tracking.residence",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
 }
 
 
 def silent(stage: str, text: str) -> None:
     """The listener that hears nothing."""
+
+
+def in_turn(listener: Listener) -> Listener:
+    """The listener for several threads: it is called by one at a time."""
+    lock = Lock()
+
+    def tell(stage: str, text: str) -> None:
+        with lock:
+            listener(stage, text)
+
+    return tell
 
 
 def code_of(stage: str) -> str:
@@ -62,7 +79,8 @@ class StageCache:
     label: str = ""
 
     def tell(self, stage: str, text: str) -> None:
-        """Let the listener hear of a stage."""
+        """Let the listener hear of a stage; ends here where what runs beside has failed."""
+        heed()
         self.listener(f"{self.label}{stage}", text)
 
     def make(self, stage: str, key: str, work: Callable[[Path], Any]) -> Path:
@@ -77,9 +95,11 @@ class StageCache:
                 write_json(spent, before + time.monotonic() - started)
 
         folder, cached = self.store.make(
-            stage, key, timed, on_wait=lambda: self.tell(stage, "another run is computing this; waiting for it")
+            stage, key, timed, on_wait=lambda: self.tell(stage, "computed elsewhere at this moment; waiting for it")
         )
         seconds = json.loads((folder / "seconds.json").read_text())
-        self.seconds[StageKey(self.label, stage)] = StageTime(seconds, cached)
+        name = StageKey(self.label, stage)
+        computed_before = name in self.seconds and not self.seconds[name].cached
+        self.seconds[name] = StageTime(seconds, cached and not computed_before)
         self.tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder

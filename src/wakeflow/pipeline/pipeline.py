@@ -17,6 +17,7 @@ from ..funnel import compute as compute_funnel
 from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..scene import Scene
+from . import blended_air, span_air  # noqa: F401 - their imports register kinds of airflow
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
 from .stages import StageKey, StageTime
@@ -79,7 +80,7 @@ class Pipeline:
     def kind(self) -> AirflowKind:
         """What computes the airflow."""
         made: type[AirflowKind] = airflow_kinds[self.plan.airflow.kind]
-        return made(self.scene, self.plan, self.cache, self.grid, lambda: self.draft.solution[1] / "case")
+        return made(self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case)
 
     @property
     def _in_case(self) -> CaseAir:
@@ -125,6 +126,11 @@ class Pipeline:
         """Rms and largest |div u| h / U over the triangles that the tracker reads: how well they conserve volume."""
         found = self.field[1].divergence()
         return {"rms": found.rms, "max": found.max}
+
+    @property
+    def residence(self) -> dict[str, Any] | None:
+        """How long the near wakes of a best estimate and of its ends keep fine dust; None for another airflow."""
+        return self.kind.residence
 
     # -- the same scene in another airflow -----------------------------------------------------------------------------
 

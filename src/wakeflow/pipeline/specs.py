@@ -61,4 +61,5 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         accuracy=how.accuracy,
         ranks=0 if scene.numerics.ranks == "auto" else scene.numerics.ranks,
         vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
+        span=how.span,
     )

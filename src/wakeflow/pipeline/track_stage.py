@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from threading import Thread
@@ -20,7 +20,6 @@ from .cache import StageCache, code_of, version_of
 from .stages import StageKey, StageTime
 
 if TYPE_CHECKING:
-    from ..field import FlowField
     from ..scene import Picture
     from .landings import Tracked
     from .realisations import Realisations
@@ -34,13 +33,13 @@ COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatev
 class Companion:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
-    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``blend`` of a time-resolved
-    airflow, u = mean + blend u' (0: the mean wake, 1: as computed).
+    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
+    wake instead of the answer's own, as in ``field.blended_wake``.
     """
 
     name: str
     tolerance: float | None = None
-    blend: float = 1.0
+    wake: tuple[float, float] | None = None
 
 
 @dataclass
@@ -109,8 +108,8 @@ class TrackStage:
         change = companion or Companion("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
         replicates = REPLICATES if companion is None else COMPARED
-        key = content_key(self.key, tolerance, change.blend, replicates)
-        airs, tell = self._blended(change.blend), partial(self.cache.tell, change.name)
+        key = content_key(self.key, tolerance, change.wake, replicates)
+        airs, tell = self._blended(change.wake), partial(self.cache.tell, change.name)
         how = tolerance, self.workers, tell, replicates
         flight = Flight(self.scene, self.plan, airs.field, *how, airs.others, airs.cycles)
         if self._must_compile(change.name, key):
@@ -129,17 +128,18 @@ class TrackStage:
             return {}
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")
-        flight = Flight(self.scene, self.plan, self._blended(1.0).field, tolerance, self.workers, tell)
+        flight = Flight(self.scene, self.plan, self._blended(None).field, tolerance, self.workers, tell)
         folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
         return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
 
-    def _blended(self, blend: float) -> Realisations:
-        """The airflow's realisations with ``blend`` of the fluctuation, where they have one."""
-
-        def change(field: FlowField) -> FlowField:
-            return field if field.times is None else field.blended(blend)
-
-        return self.air.realisations if blend == 1.0 else self.air.realisations.mapped(change)
+    def _blended(self, wake: tuple[float, float] | None) -> Realisations:
+        """The airflow's realisations, or the one of another ``wake`` where that is asked for."""
+        found = self.air.realisations
+        if wake is None or found.field is None:
+            return found
+        other = self.air.between(*wake)
+        assert other is not None
+        return replace(found, field=other[1], others=())
 
     def _must_compile(self, stage: str, key: str) -> bool:
         """Whether the stage will be flown by the tracker, for the first time in this run."""

@@ -1,8 +1,9 @@
 """Which airflow a scene needs, and what it will cost: the plan of its rung (``scene.rungs``).
 
 Above the onset of three-dimensional motion the steady and the time-resolved solution in two dimensions bracket the
-truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Without a body the air is
-known (analytic); a user's own case is measured, not solved (given).
+truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Where the wake is turbulent
+the answer is a best estimate between these two ends (``wake``). Without a body the air is known (analytic); a user's
+own case is measured, not solved (given).
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ from typing import Literal
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.registry import did_you_mean
-from ..laws.turbulence_models import model_at, turbulence_models
+from ..laws.best_estimate import WakeEstimate
+from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import rungs
 from ..scene.user_case import is_laminar
+from .span import Span, SpanCost, cost_of, span_of
+from .wake import Wake, wake_of, wakes_beside
 
 __all__ = [
     "FLAT_BELOW",
@@ -27,6 +31,7 @@ __all__ = [
     "AirflowPlan",
     "choose_airflow",
     "ranks_for",
+    "span_cost",
     "typical_cells",
     "typical_seconds",
 ]
@@ -35,6 +40,7 @@ Stepping = Literal["steady", "time-resolved"]
 SOLVED: dict[str | None, Stepping] = {
     "steady": "steady",
     "time-resolved": "time-resolved",
+    "three-dimensional": "time-resolved",
 }  # kinds that OpenFOAM solves
 # Reynolds numbers on the body's width and the inlet's mean speed.
 SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle 46.2: Jackson 1987, J. Fluid Mech. 182)
@@ -63,6 +69,8 @@ class AirflowPlan:
     ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
     time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
+    ``wake``: how much of each end the answer is flown in, None where it is the time-resolved one or no end at all.
+    ``span``: the third dimension, where it is resolved.
 
     This class plans an airflow that is known without a solver; each other kind of airflow has a class of its own.
     """
@@ -77,6 +85,8 @@ class AirflowPlan:
     brackets: bool = False
     moving: bool = False
     accuracy: float = 0.02
+    wake: WakeEstimate | None = None
+    span: Span | None = None
 
     @property
     def turbulent(self) -> bool:
@@ -95,6 +105,11 @@ class AirflowPlan:
         from right, and a wake, computed whole, may lean.
         """
         return self.stepping is not None and self.symmetric and not self.half
+
+    @property
+    def wakes_beside(self) -> dict[Wake, tuple[float, float]]:
+        """Theta and strength of the wakes in which part of the granules fly for the error of the airflow's model."""
+        return wakes_beside(self.brackets, self.wake)
 
     @property
     def computes_streams(self) -> bool:
@@ -175,7 +190,7 @@ class SolvedAirPlan(AirflowPlan):
     @property
     def kind(self) -> str:
         assert self.stepping is not None
-        return self.stepping
+        return self.stepping if self.wake is None else "best-estimate"
 
     def warnings(self, scene: Scene) -> Iterator[str]:
         if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
@@ -183,11 +198,25 @@ class SolvedAirPlan(AirflowPlan):
                 f"{self.rung} airflow: a steady wake is too long and its suction too weak; rung {self.resolves} "
                 "resolves the shedding"
             )
-        if self.brackets:
+        if self.wake is not None:
+            theta = self.wake.theta
+            yield (
+                f"{self.rung} airflow: a best estimate between two wakes in two dimensions, of which neither is real; "
+                f"the share of the one that sheds is known to be {theta.low:.2f} to {theta.high:.2f}"
+            )
+        elif self.brackets:
             yield (
                 f"{self.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
                 "truth lies between it and the draft"
             )
+
+
+class SpanAirPlan(SolvedAirPlan):
+    """An airflow that OpenFOAM solves in three dimensions."""
+
+    @property
+    def kind(self) -> str:
+        return "three-dimensional"
 
 
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
@@ -220,17 +249,23 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
-    steady = kind == "steady"
+    if kind == "three-dimensional":
+        return SpanAirPlan(
+            name, why, SOLVED[kind], SPANWISE, symmetric, half=False, accuracy=ACCURACY["bracket"], span=span_of(scene)
+        )
+    steady, model = kind == "steady", model_at(reynolds)
+    brackets = not steady and reynolds > FLAT_BELOW
     return SolvedAirPlan(
         rung=name,
         why=why,
         stepping=SOLVED[kind],
-        turbulence=model_at(reynolds).name,
+        turbulence=model.name,
         symmetric=symmetric,
         half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
         scales=rung.scales,
-        brackets=not steady and reynolds > FLAT_BELOW,
+        brackets=brackets,
         accuracy=rung.accuracy or ACCURACY["bracket" if reynolds > FLAT_BELOW else "flat"],
+        wake=wake_of(scene, reynolds) if brackets and model.turbulent else None,
     )
 
 
@@ -268,7 +303,7 @@ def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
         return "draft", f"{where} is below the onset of shedding: the steady solution is the flow itself"
     if reynolds < FLAT_BELOW:
         return "standard", f"{where} sheds vortices in two dimensions: the time-resolved solution is the flow itself"
-    return "standard", f"{where} sheds vortices: the truth lies between the steady and the time-resolved wake"
+    return "standard", f"{where} sheds vortices: a best estimate between the steady and the time-resolved wake"
 
 
 def ranks_for(cells: int) -> tuple[int, str]:
@@ -280,7 +315,16 @@ def ranks_for(cells: int) -> tuple[int, str]:
 
 def typical_cells(airflow: AirflowPlan, bodies: int) -> float:
     """Cells to expect on the answer's grid, before it is meshed; good to a factor of two."""
-    return 0.0 if airflow.stepping is None else CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
+    layers = 1 if airflow.span is None else airflow.span.layers
+    return 0.0 if airflow.stepping is None else layers * CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
+
+
+def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
+    """What the third dimension costs, before the mesh is made; nothing where it is not resolved."""
+    if airflow.span is None:
+        return SpanCost(0.0, 0.0, 0.0, 0.0, 0.0)
+    scale = airflow.scales[0] * scene.numerics.mesh_scale
+    return cost_of(airflow.span, CELLS["time-resolved"] * len(scene.body) / scale**2, scale)
 
 
 def typical_seconds(airflow: AirflowPlan) -> float:

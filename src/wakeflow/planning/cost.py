@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
-from .airflow import AirflowPlan, typical_cells, typical_seconds
+from .airflow import AirflowPlan, span_cost, typical_cells, typical_seconds
 from .flights_again import times_again
 from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size
 
@@ -37,9 +37,10 @@ def estimate_cost(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, Fr
     tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
     cells = typical_cells(airflow, len(scene.body))
     poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
-    snapshots = SNAPSHOTS[airflow.stepping or "steady"]
+    kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
+    deep = span_cost(scene, airflow)
     return {
-        "seconds": STARTED + typical_seconds(airflow) + tracks + poured,
-        "memory": PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count,
-        "disk": FILES + cells * (BYTES_A_CELL + BYTES_A_SNAPSHOT * snapshots) + BYTES_STORED * count * len(fractions),
+        "seconds": STARTED + typical_seconds(airflow) + deep.core_seconds + tracks + poured,
+        "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
+        "disk": FILES + cells * (BYTES_A_CELL + kept) + deep.disk + BYTES_STORED * count * len(fractions),
     }

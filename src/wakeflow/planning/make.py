@@ -125,6 +125,8 @@ def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> _
     if airflow.stepping != "time-resolved":
         return _ChosenAirflow(airflow, None)
     motion = vibration_of_scene(scene, airflow.accuracy, asked=vibrates)
+    if airflow.span is not None and motion is not None and motion.used:
+        raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
     return _ChosenAirflow(replace(airflow, moving=motion is not None and motion.used), motion)
 
 

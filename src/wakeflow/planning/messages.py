@@ -9,10 +9,11 @@ import numpy as np
 
 from ..funnel import summary
 from ..scene import Scene
-from .airflow import AirflowPlan, ranks_for, typical_cells
+from .airflow import AirflowPlan, ranks_for, span_cost, typical_cells
 from .coupling import Limit, strained
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
+from .span import span_lines
 from .standing import standing
 from .terms import Gate
 
@@ -37,6 +38,8 @@ def used_lines(
     ``motion``: what the vibration asks of the airflow; ``chain``: a scene with air is flown without.
     """
     yield from _airflow_lines(airflow, len(scene.body), scene.numerics.ranks)
+    if airflow.span is not None:
+        yield from span_lines(airflow.span, span_cost(scene, airflow))
     if chain:
         yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
     if scene.air is not None and scene.channel.inlet and airflow.computes_streams:
@@ -102,10 +105,17 @@ def _airflow_lines(airflow: AirflowPlan, bodies: int, ranks: int | str) -> Itera
     cells = typical_cells(airflow, bodies)
     shared = ranks_for(round(cells))[1] if ranks == "auto" else f"{ranks} MPI ranks, as numerics.ranks asks"
     yield f"about {cells:.0f} cells: {shared}"
-    if airflow.brackets:
+    if airflow.wake is not None:
+        theta, strength = airflow.wake.theta, airflow.wake.strength
         yield (
-            f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in the steady "
-            "wake, the mean wake and with half of its fluctuation"
+            f"wake: {theta.value:.2f} of the time-resolved mean and the rest of the steady one (theta {theta.low:.2f} "
+            f"to {theta.high:.2f}), {strength.value:.2f} of the fluctuation (strength {strength.low:.2f} to "
+            f"{strength.high:.2f}); {airflow.wake.why}"
+        )
+    if beside := airflow.wakes_beside:
+        yield (
+            f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in "
+            f"{len(beside)} other wakes: {', '.join(beside)}"
         )
     if len(airflow.scales) > 1:
         sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)

@@ -71,13 +71,19 @@ class Plan:
 
     @property
     def rung(self) -> str:
-        """none | analytic | draft | standard | reference | given"""
+        """none | analytic | draft | standard | reference | 3d | given"""
         return self.airflow.rung
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
         """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
         fractions = {name: replace(fraction, forces=tuple(forces)) for name, fraction in self.fractions.items()}
         return replace(self, fractions=fractions)
+
+    def as_computed(self) -> Plan:
+        """The same plan in the airflow as it is computed, where the answer would be a best estimate: for comparisons
+        with what is published of such airflows.
+        """
+        return replace(self, airflow=replace(self.airflow, wake=None))
 
     def summary(self) -> dict[str, Any]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""

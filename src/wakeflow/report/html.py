@@ -52,6 +52,12 @@ SUCTION = (
     ("area", "suction zone: area", "cm²"),
     ("reversal_length", "length of the reversed flow on the axis", "mm"),
 )
+ENDS: Lines = (  # attribute, name, unit: of a best estimate beside its ends
+    ("cd", "drag coefficient of the body", ""),
+    ("cl_rms", "lift coefficient, root mean square", ""),
+    ("cp_base", "base pressure coefficient", ""),
+    ("residence_time", "near-wake residence time, times U / D", ""),
+)
 FUNNEL = (
     ("rate", "discharge rate, with 95 % interval", "g/s"),
     ("time_to_empty", "time until 99 % of the mass is out", "s"),
@@ -136,6 +142,7 @@ def render(
         title=title,
         pictures=[(name, pictures[name], text) for name, text in shown.items() if name in pictures],
         airflow=_airflow_rows(result.airflow, result.mesh),
+        ends=_end_rows(result.airflow),
         funnel=_funnel_rows(result.funnel),
         grids=() if result.airflow is None else result.airflow.grids or (),
         plan=result.plan,
@@ -218,6 +225,24 @@ def _airflow_rows(airflow: Airflow | None, mesh: MeshSummary | None) -> list[tup
         (airflow.truncation, TRUNCATION),
     )
     return [row for record, lines in parts for row in _rows(record, lines)]
+
+
+def _end_rows(airflow: Airflow | None) -> list[tuple[str, ...]]:
+    """(name, steady, best estimate, time-resolved, unit) of what a best estimate lies between; nothing without one."""
+    if airflow is None or airflow.ends is None:
+        return []
+    beside = (airflow.ends.steady, airflow, airflow.ends.time_resolved)
+    zones = tuple(record.suction for record in beside)
+    return [*_beside(beside, ENDS), *_beside(zones, SUCTION)]
+
+
+def _beside(records: Sequence[object], lines: Lines) -> Iterator[tuple[str, ...]]:
+    """(name, a value of each record, unit) of every attribute in ``lines`` that all of them have."""
+    for attribute, name, unit in lines:
+        values = [getattr(record, attribute, None) for record in records]
+        told = [_measured(value, SCALE.get(unit, 1.0)) for value in values if value is not None]
+        if len(told) == len(values):
+            yield name, *told, unit
 
 
 def _funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, str, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..core.record import Partial, column, from_json
@@ -11,6 +11,8 @@ from .measured import Measured
 
 __all__ = [
     "Airflow",
+    "AxisProfiles",
+    "BestEstimate",
     "CheckMesh",
     "FieldDivergence",
     "FieldTruncation",
@@ -19,8 +21,13 @@ __all__ = [
     "MomentumModel",
     "RunStatistics",
     "SolverAttempt",
+    "SpanwiseMotion",
     "SuctionZone",
+    "WakeEnd",
+    "WakeEnds",
+    "WakeNumber",
     "airflow_of",
+    "with_residence",
 ]
 
 
@@ -125,10 +132,75 @@ class FieldTruncation:
 
 
 @dataclass(frozen=True)
+class WakeNumber:
+    """A number that says how much of the time-resolved wake is taken, and the range that holds it."""
+
+    value: float = column("1", "the number")
+    low: float = column("1", "lower end of its range")
+    high: float = column("1", "upper end of its range")
+
+
+@dataclass(frozen=True)
+class BestEstimate:
+    """How much of the time-resolved wake the air is made of that granules are flown in; the rest is the steady one."""
+
+    theta: WakeNumber = column("", "share of the time-resolved mean")
+    strength: WakeNumber = column("", "rms of the fluctuation over that of the time-resolved wake")
+    why: str = column("", "what they rest on")
+
+
+@dataclass(frozen=True)
+class WakeEnd(Partial):
+    """What one of the two ends alone has."""
+
+    cd: Measured | None = column("1", "drag coefficient of all bodies on the first one's width", default=None)
+    cl_rms: Measured | None = column("1", "lift coefficient, root mean square", default=None)
+    cp_base: Measured | None = column("1", "base pressure coefficient, behind the first body", default=None)
+    suction: SuctionZone | None = column("", "the suction zone behind the first body", default=None)
+    residence_time: Measured | None = column("1", "of fine dust in the near wake, times U / D", default=None)
+
+
+@dataclass(frozen=True)
+class WakeEnds:
+    """The two ends between which a best estimate lies."""
+
+    steady: WakeEnd = column("", "the steady wake")
+    time_resolved: WakeEnd = column("", "the wake in time, in two dimensions")
+
+
+@dataclass(frozen=True)
+class AxisProfiles:
+    """The mean wake behind the first body on its axis, rms values of what is resolved beside what is modelled."""
+
+    behind: tuple[float, ...] = column("body widths", "places, from the body's rear")
+    speed: tuple[float, ...] = column("air speeds", "mean velocity along the air")
+    along: tuple[float, ...] = column("air speeds", "rms of the velocity along the air")
+    across: tuple[float, ...] = column("air speeds", "rms of the velocity across it, in the picture")
+    spanwise: tuple[float, ...] = column("air speeds", "rms of the velocity along the span")
+    modelled: tuple[float, ...] = column("air speeds", "what the model adds to each: sqrt(2k/3)")
+
+
+@dataclass(frozen=True)
+class SpanwiseMotion:
+    """Of an airflow in three dimensions: what moves along its span, in the near wake."""
+
+    depth: float = column("m", "of the periodic span")
+    layers: int = column("1", "layers of cells over it")
+    recorded: float = column("s", "time that means and fields rest on")
+    snapshots: int = column("1", "of all layers in that time")
+    w_rms: float = column("air speeds", "rms of the velocity along the span")
+    uv_rms: float = column("air speeds", "rms of the other components about their mean over the span")
+    quarters: tuple[float, ...] = column("air speeds", "w_rms in each quarter of the time: growing or dying")
+    integral_lengths: tuple[float, ...] = column("m", "along the span: of the velocity across, along the air, spanwise")
+    flown: tuple[int, ...] = column("1", "the layers that granules are flown in, each a plane airflow")
+    axis: AxisProfiles = column("", "on the body's axis")
+
+
+@dataclass(frozen=True)
 class Airflow(Partial):
     """What was measured on the airflow, or is known of it. Which keys are told depends on the kind of airflow."""
 
-    rung: str = column("", "analytic, draft, standard, reference or given", default="")
+    rung: str = column("", "analytic, draft, standard, reference, 3d or given", default="")
     stepping: str | None = column("", "steady, time-resolved or given", default=None)
     verdict: str = column("", "steady, periodic, broadband, given, or the profile of air that is known", default="")
     turbulence: str | None = column("", "turbulence model", default=None)
@@ -161,8 +233,12 @@ class Airflow(Partial):
     settings: str | None = column("", "the solver's settings that served", default=None)
     attempts: tuple[SolverAttempt, ...] | None = column("", "solutions that failed before", default=None)
     checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)
+    span: SpanwiseMotion | None = column("", "of an airflow in three dimensions; null in the plane", default=None)
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)
     grids: tuple[GridStudy, ...] | None = column("", "quantities on several grids; null with one", default=None)
+    residence_time: Measured | None = column("1", "of fine dust in the near wake, times U / D", default=None)
+    wake: BestEstimate | None = column("", "how the air lies between its ends; null where it is one", default=None)
+    ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
     momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)
     divergence: FieldDivergence | None = column("", "of the field that the tracker reads", default=None)
     truncation: FieldTruncation | None = column("", "of a time-resolved field; null for a steady one", default=None)
@@ -171,6 +247,21 @@ class Airflow(Partial):
     def read(cls, table: dict[str, Any]) -> Airflow:
         """The airflow that a stage of the pipeline wrote down as ``table``."""
         return from_json(cls, table, "airflow.json")
+
+
+def with_residence(airflow: Airflow, found: dict[str, Any] | None) -> Airflow:
+    """The airflow with the near wakes' residence times, ``found`` by ``AirflowKind.residence``; as it is without."""
+    if found is None:
+        return airflow
+    times = {which: from_json(Measured, row, "residence.json") for which, row in found.items()}
+    answered = airflow.extended(residence_time=times["answer"])
+    if airflow.ends is None:
+        return answered
+    ends = WakeEnds(
+        airflow.ends.steady.extended(residence_time=times["steady"]),
+        airflow.ends.time_resolved.extended(residence_time=times["time_resolved"]),
+    )
+    return replace(answered, ends=ends)
 
 
 def airflow_of(pipeline: Pipeline) -> Airflow:

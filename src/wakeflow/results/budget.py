@@ -6,21 +6,27 @@ so is the total: a sum that leaves parts out is no total.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
 from . import sources  # noqa: F401 - its import registers the program's own sources
 from .landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
 from .source import Flights, FractionResults, Source, budget_sources
 
-__all__ = ["fly_again", "make_budget", "together"]
+__all__ = ["flights_ahead", "fly_again", "make_budget", "together"]
 
 
 def fly_again(flights: Flights) -> None:
     """Run what every source flies again, or read it from the cache, in the order in which they are registered."""
     for name in budget_sources:
         flights.of(budget_sources[name])
+
+
+def flights_ahead(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What of :func:`fly_again` need not wait for the answer's own airflow, for another core to do meanwhile."""
+    return [job for name in budget_sources for job in budget_sources[name].ahead(pipeline)]
 
 
 def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ...]:

@@ -6,9 +6,9 @@ shows the change and not another sample. A share's part of the error is that dif
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
 from ..planning.plan import COMPARED
+from ..planning.wake import Wake
 from ..scene import RESERVED_BIN
 from .airflow_summary import Airflow, GridStudy, airflow_of
 from .grid_convergence import GridEstimate, estimate
@@ -31,7 +32,6 @@ __all__ = [
     "FINER",
     "Comparison",
     "Grid",
-    "Wake",
     "airflow_on_grids",
     "airflows",
     "compared",
@@ -39,22 +39,15 @@ __all__ = [
     "finer_steps",
     "grids",
     "mesh_error",
+    "on_other_grids",
+    "steady_wake",
 ]
 
 Array = NDArray[np.float64]
 Shares = dict[str, Array]  # a fraction's share in every bin and elsewhere, (replicates, bins + 1)
 FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
-HALF = 0.5  # of the fluctuation, between the mean wake and the computed one
+IN_STEADY_WAKE, ON_ANOTHER_GRID = Companion(f"{Wake.STEADY} wake"), Companion("tracks")
 LEVEL = 0.975  # quantile of Student's t that bounds a 95 % interval
-
-
-class Wake(StrEnum):
-    """The wakes in which the granules of a comparison fly."""
-
-    STEADY = "steady"
-    MEAN = "mean"
-    HALF = "half"
-    COMPUTED = "computed"  # the answer's own
 
 
 class Grid(NamedTuple):
@@ -104,22 +97,34 @@ def finer_steps(pipeline: Pipeline) -> tuple[Tracked, float]:
 
 
 def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
-    """The shares in the two wakes between which the truth lies, and in what is between them.
+    """The shares in the other wakes of the plan: the two ends between which the truth lies, and what is between them.
 
     None where the computed airflow is the flow itself, or is the steady end.
     """
-    if not pipeline.plan.airflow.brackets or pipeline.field[1].times is None:
+    beside = pipeline.plan.airflow.wakes_beside
+    if not beside or pipeline.field[1].times is None:
         return None
-    others: list[tuple[Wake, Pipeline, Companion]] = [
-        (Wake.STEADY, pipeline.draft, Companion("steady wake")),
-        (Wake.MEAN, pipeline, Companion("mean wake", blend=0.0)),
-        (Wake.HALF, pipeline, Companion("half fluctuation", blend=HALF)),
-    ]
     shares, seconds = {}, 0.0
-    for wake, where, change in others:
+    for wake, numbers in beside.items():
+        where, change = pipeline, Companion(f"{wake} wake", wake=numbers)
+        if wake is Wake.STEADY:  # on its own mesh, where a second core may have flown it already
+            where, change = pipeline.draft, IN_STEADY_WAKE
         shares[wake] = _shares(pipeline, where.tracks(change))
         seconds += where.spent(change.name)
-    return Comparison({**shares, Wake.COMPUTED: _shares(pipeline, tracked)}, seconds)
+    return Comparison({**shares, Wake.ANSWER: _shares(pipeline, tracked)}, seconds)
+
+
+def steady_wake(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What flies the granules of :func:`airflows` through the steady wake; nothing where that is no companion."""
+    if not pipeline.plan.airflow.brackets:
+        return []
+    return [lambda: pipeline.draft.tracks(IN_STEADY_WAKE)]
+
+
+def on_other_grids(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What flies the granules of :func:`grids` through the airflow on each grid but the answer's."""
+    others = (pipeline.on_grid(i) for i in range(1, len(pipeline.plan.airflow.scales)))
+    return [partial(other.tracks, ON_ANOTHER_GRID) for other in others]
 
 
 def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
@@ -129,7 +134,7 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return None
     shares, seconds = {}, 0.0
     for other in others:
-        shares[_grid(other)] = _shares(pipeline, other.tracks(Companion("tracks")))
+        shares[_grid(other)] = _shares(pipeline, other.tracks(ON_ANOTHER_GRID))
         seconds += sum(other.spent(stage) for stage in ("airflow", "tracks"))
     return Comparison({**shares, _grid(own): _shares(pipeline, tracked)}, seconds)
 
@@ -151,10 +156,13 @@ def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> GridEstim
 
 
 def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:
-    """Cd, base pressure and reversal length with their mesh error, and what each grid gave; None with one grid."""
+    """Cd, base pressure and reversal length with their mesh error, and what each grid gave; None with one grid.
+
+    Of a best estimate they are those of its time-resolved end: theta's range is no noise of a grid.
+    """
     if len(pipeline.plan.airflow.scales) < 2:
         return None
-    found = [airflow_of(pipeline.on_grid(i)) for i in range(len(pipeline.plan.airflow.scales))]
+    found = [_computed(airflow_of(pipeline.on_grid(i))) for i in range(len(pipeline.plan.airflow.scales))]
     drag, drag_noise = _column([row.cd for row in found])
     base, base_noise = _column([row.cp_base for row in found])
     lengths = [_known(None if row.suction is None else row.suction.reversal_length) for row in found]
@@ -164,6 +172,14 @@ def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:
         _study("cp_base", found, base, base_noise),
         _study("reversal_length", found, lengths, length_noise),
     )
+
+
+def _computed(row: Airflow) -> Airflow:
+    """The numbers as they were computed in time, where the airflow is a best estimate."""
+    if row.ends is None:
+        return row
+    end = row.ends.time_resolved
+    return replace(row, cd=end.cd, cp_base=end.cp_base, suction=end.suction)
 
 
 def _column(numbers: list[Measured | None]) -> tuple[list[float], list[float]]:

@@ -90,6 +90,6 @@ class LandingResults:
 
     separation: Separation = column("", "the answer")
     bracket: dict[str, dict[str, dict[str, float]]] | None = column(
-        "1", "share by fraction, bin and wake: steady, mean, half, computed; null where the wakes are not compared"
+        "1", "share by fraction, bin and wake, the answer's own last; null where the wakes are not compared"
     )
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")

@@ -63,8 +63,8 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
     resolves = pipeline.plan.airflow.resolves
     if resolves is not None and airflow.verdict != "steady":
         yield f"the steady airflow does not settle ({airflow.verdict}): use rung {resolves}"
-    if airflow.period is not None and airflow.verdict == "broadband":
-        yield "the wake sheds irregularly: the few periods of the loop are a small sample of it, which the intervals hold"
+    if airflow.period is not None and airflow.verdict == "broadband" and airflow.span is None:
+        yield "the wake sheds irregularly: the few periods of the loop are a small sample, which the intervals hold"
     yield from _solver_notices(airflow)
     if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
         yield f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation"

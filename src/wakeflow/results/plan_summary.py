@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..core.record import Partial, column, from_json
 from ..planning.plan import Plan
+from .airflow_summary import BestEstimate
 
 __all__ = [
     "CostEstimate",
@@ -78,10 +79,19 @@ class ValidityLimit:
 
 
 @dataclass(frozen=True)
+class PlannedSpan:
+    """The third dimension of an airflow, where it is resolved."""
+
+    depth: float = column("body widths", "length of the periodic span")
+    layers: int = column("1", "layers of cells over it")
+    sheddings: float = column("1", "usual sheddings recorded after the start-up")
+
+
+@dataclass(frozen=True)
 class PlanSummary(Partial):
     """What is computed and what is not."""
 
-    rung: str = column("", "none, analytic, draft, standard, reference or given", default="")
+    rung: str = column("", "none, analytic, draft, standard, reference, 3d or given", default="")
     why: str | None = column("", "why this rung", default=None)
     stepping: str | None = column("", "steady or time-resolved; null without a solver", default=None)
     turbulence: str | None = column("", "turbulence model", default=None)
@@ -91,6 +101,8 @@ class PlanSummary(Partial):
     brackets: bool | None = column("", "whether steady and time-resolved wake bracket the truth", default=None)
     moving: bool | None = column("", "whether the mesh vibrates with the body", default=None)
     accuracy: float | None = column("1", "relative half width at which a time-resolved run may end", default=None)
+    wake: BestEstimate | None = column("", "how much of the time-resolved wake the answer is flown in", default=None)
+    span: PlannedSpan | None = column("", "the third dimension; null where the airflow is plane", default=None)
     target_error: float | None = column("1", "error of a share that the bounds were compared with", default=None)
     force: dict[str, bool] | None = column("", "terms switched by hand", default=None)
     fractions: dict[str, FractionSummary] | None = column("", "every fraction", default=None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
@@ -45,6 +45,13 @@ class Source(Generic[Flown]):
         """
         del pipeline, tracked  # for subclasses
         return None
+
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        """Of what :meth:`fly` asks ``pipeline`` for, the stages that need not wait for the answer's own airflow:
+        another core makes them meanwhile, and ``fly`` finds them in the cache.
+        """
+        del pipeline  # for subclasses
+        return ()
 
     def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""

@@ -1,21 +1,33 @@
 """The sources of the budget.
 
 Measured: sampling (spread of independent replicates) and the airflow's statistics (spread of shedding cycles). By
-companions, the same granules flown again: integration (at a hundredth of the tolerance), the airflow's model (in the
-steady wake and with less of the fluctuation) and the mesh (on other grids). Calibrated: each term that is left out, by
-the plan's bound on its landing shift times the landing density found at a bin's ends. The rest is named and unknown.
+companions, the same granules flown again: integration (at a hundredth of the tolerance), the airflow's model (with
+another theta and strength of the wake) and the mesh (on other grids). Calibrated: each term that is left out, by the
+plan's bound on its landing shift times the landing density found at a bin's ends. The rest is named and unknown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..pipeline.pipeline import Pipeline
-from .companions import Comparison, Grid, Wake, airflows, differences, finer_steps, grids, mesh_error
+from ..planning.wake import Wake
+from .companions import (
+    Comparison,
+    Grid,
+    airflows,
+    differences,
+    finer_steps,
+    grids,
+    mesh_error,
+    on_other_grids,
+    steady_wake,
+)
 from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
 from .left_out import left_out_terms
 from .separation import upper_limit
@@ -92,23 +104,38 @@ class LeftOutTerms(Source[None]):
 
 
 class AirflowModel(Source[Comparison[Wake]]):
-    """The airflow's model: the farthest of the steady wake, the mean wake and half of the fluctuation."""
+    """The airflow's model: of a best estimate the ranges of its two numbers, each with the other as it is; of a
+    time-resolved airflow the farthest of the steady wake, the mean wake and half of the fluctuation.
+    """
 
     name, how, place, fills = "airflow-model", COMPANION, 50, True
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
         return airflows(pipeline, tracked)
 
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        return steady_wake(pipeline)
+
     def shares(self, fraction: FractionResults) -> Parts:
         wakes = fraction.flights.of(self)
         if wakes is None:
             return _unless_known(self.name, fraction)
-        return {bin_: [self._farthest(wakes, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
+        told = self._farthest if fraction.pipeline.plan.airflow.wake is None else self._ranges
+        return {bin_: [told(moved, wakes.seconds)] for bin_, moved in _moved(wakes, fraction)}
 
-    def _farthest(self, wakes: Comparison[Wake], name: str, number: int) -> BudgetPart:
-        moved = dict(differences(wakes, name, number))
+    def _ranges(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
+        """Root of the squares of the largest changes: nobody knows that theta and the strength err together."""
+        parts = {"theta": (Wake.THETA_LOW, Wake.THETA_HIGH), "strength": (Wake.STRENGTH_LOW, Wake.STRENGTH_HIGH)}
+        error = math.hypot(*(max(abs(moved[wake]) for wake in ends) for ends in parts.values()))
+        told = (
+            f"{name} at its low and high end {100 * moved[low]:+.2g} and {100 * moved[high]:+.2g}"
+            for name, (low, high) in parts.items()
+        )
+        return self.part(error, seconds, f"{', '.join(told)} points")
+
+    def _farthest(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
         which = max(moved, key=lambda wake: abs(moved[wake]))
-        return self.part(abs(moved[which]), wakes.seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
+        return self.part(abs(moved[which]), seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
 
 
 class AirflowStatistics(Source[None]):
@@ -132,6 +159,9 @@ class Mesh(Source[Comparison[Grid]]):
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return grids(pipeline, tracked)
+
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        return on_other_grids(pipeline)
 
     def shares(self, fraction: FractionResults) -> Parts:
         flown = fraction.flights.of(self)
@@ -163,6 +193,11 @@ def _unless_known(source: str, fraction: FractionResults) -> Parts:
     """The part of a source that no companion measured: unknown, unless the kind of airflow knows it."""
     unknown_parts = fraction.pipeline.kind.unknown_parts()
     return fraction.everywhere(unknown(source)) if source in unknown_parts else {}
+
+
+def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple[str, dict[Wake, float]]]:
+    for number, bin_ in enumerate(fraction.shares):
+        yield bin_, dict(differences(wakes, fraction.name, number))
 
 
 MODEL = AirflowModel()

@@ -13,7 +13,7 @@ from .fraction import Fraction, Rebound, Size, Speeds
 from .funnel import Funnel
 from .pictures import picture_tables
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
-from .whole import Numerics, SceneTables
+from .whole import Numerics, SceneTables, SpanTable
 
 __all__ = ["explain"]
 
@@ -71,6 +71,8 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return Inlet if len(where) > 2 else None
     if where[:2] == ["vibration", "samples"]:
         return Samples
+    if where[:2] == ["numerics", "span"]:
+        return SpanTable
     if where[:2] == ["feed", "profile"]:
         return Profile
     if where[0] == "picture":  # its kind stands after its name

@@ -20,7 +20,7 @@ from .surroundings import Air, Body, Channel, Vibration
 from .table import Array, Table
 from .units import Name
 
-__all__ = ["Numerics", "SceneTables"]
+__all__ = ["Numerics", "SceneTables", "SpanTable"]
 
 MOST_RANKS = 256  # beyond what any mesh of one layer can use
 
@@ -34,6 +34,18 @@ def _ranks(value: object) -> object:
     if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_RANKS):
         return value
     raise ValueError(f"give auto, or a whole number of processes from 1 to {MOST_RANKS}")
+
+
+class SpanTable(Table):
+    """[numerics.span]: what rung 3d computes of the third dimension."""
+
+    depth: Annotated[float, Field(ge=0.5, le=20.0)] = Field(2.5, description="of the periodic span, in body widths")
+    layers: Annotated[int, Field(ge=4, le=512)] | None = Field(
+        None, description="of cells over the span; 8 a body width by default"
+    )
+    sheddings: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
+        30.0, description="recorded: of six body widths of travel each, a usual shedding's length"
+    )
 
 
 class Numerics(Table):
@@ -53,6 +65,7 @@ class Numerics(Table):
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )
+    span: SpanTable = SpanTable()
 
 
 class SceneTables(Table):

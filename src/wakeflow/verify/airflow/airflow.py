@@ -19,6 +19,7 @@ from ...pipeline.pipeline import Pipeline
 from ...planning.make import make_plan
 from ...results.grid_convergence import GridEstimate, cell_size, estimate
 from ...scene import Scene
+from .dust import RESIDENCE, estimate_without, within_estimate
 from .measured import QuantityValue, SolvedAirflow, measured, quantities
 from .published import Case, Published, cases
 
@@ -67,8 +68,13 @@ def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None
     Everything is cached: the same call goes on after an interruption. Where the mesh or airflow of a case fails the
     others are still computed; FoamError is raised at the end, after the report is written.
     """
-    chosen = [case for case in cases().values() if slow or case.quick]
-    return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell)
+    chosen = [case for case in cases().values() if case.quick or (slow and not case.alone)]
+    apart = [
+        f"{case.title}: not computed here but by `wakeflow verify cases/verify/{case.name}.toml`; {case.note}"
+        for case in cases().values()
+        if case.alone
+    ]
+    return _run(folder, "airflow", [(case, _scene(case)) for case in chosen], tell, apart)
 
 
 def run_scene(path: Path, folder: Path, *, tell: Tell = lambda _: None) -> dict[str, Any]:
@@ -88,13 +94,15 @@ def _scene(case: Case) -> Scene:
     return Scene.load(verification_scenes()[case.name])
 
 
-def _run(folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Tell) -> dict[str, Any]:
+def _run(
+    folder: Path, name: str, chosen: Sequence[tuple[Case, Scene]], tell: Tell, apart: Sequence[str] = ()
+) -> dict[str, Any]:
     report: dict[str, Any] = {
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
         "rows": [],
         "momentum": [],
-        "notes": [f"{case.title}: {case.note}" for case, _ in chosen if case.note],
+        "notes": [f"{case.title}: {case.note}" for case, _ in chosen if case.note] + list(apart),
         "failed": [],
     }
     for case, scene in chosen:
@@ -131,19 +139,25 @@ def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple
     rung, finest = grids[0]
     numbers = {name: quantities[name].of(finest) for name in asked}
     studies = grid_study([airflow for _, airflow in grids], asked, scene)
-    rows = [_row(case, rung, finest, v, numbers[v.quantity], studies.get(v.quantity)) for v in case.values]
+    rows = [
+        _row(case, rung, finest, v, numbers[v.quantity], studies.get(v.quantity), _an_end(case, v.quantity))
+        for v in case.values
+    ]
     if not case.values:
         rows = [_plain(case, rung, finest, name, numbers[name], studies.get(name)) for name in asked if numbers[name]]
     rows += _order_row(case, rung, finest, studies)
     if case.beside is not None:
-        rows += _beside_rows(case, scene, rows, tell)
+        beside = solve(scene, min(case.scales), case.beside, tell)
+        rows += _beside_rows(case, rows, *beside)
+        if case.blend is not None:
+            rows += _blended_rows(case, scene, finest, beside[1])
     return rows, momentum(case, scene, finest)
 
 
 def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, SolvedAirflow]:
     """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
     changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
-    plan = make_plan(changed, rung=rung)
+    plan = make_plan(changed, rung=rung).as_computed()
     pipeline = Pipeline(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
     return plan.rung, measured(pipeline)
 
@@ -192,7 +206,7 @@ def _row(
     why = reported or known.reported
     within = None if why else known.within
     met = None if within is None else deviation is not None and abs(deviation) <= within
-    gate = REPORTED if within is None else f"{100 * within:.2g} %"
+    gate = REPORTED if within is None else f"{100 * within:.2g} %" if within > 0.0 else "in the range"
     known_of = {"theirs": (known.low, known.high), "source": known.source, "status": known.status}
     judged = {"deviation": deviation, "within": within, "gate": gate, "why": why, "met": met}
     return ComparedValue(**{**row, **known_of, **judged})
@@ -210,11 +224,17 @@ def _order_row(
         yield ComparedValue(**{**row, **shown, "gate": gate, "why": ""})
 
 
-def _beside_rows(case: Case, scene: Scene, own: Sequence[ComparedValue], tell: Tell) -> Iterator[ComparedValue]:
+def _an_end(case: Case, quantity: str) -> str:
+    """Why a value is not judged in the own rung of a case that is blended; empty where it is."""
+    return "an end of the blend, which is judged" if case.blend is not None and quantity == RESIDENCE else ""
+
+
+def _beside_rows(
+    case: Case, own: Sequence[ComparedValue], rung: str, airflow: SolvedAirflow
+) -> Iterator[ComparedValue]:
     """The other rung's numbers, only reported; whether the scene's own rung is closer where it has to be, and whether
     what is published lies between the two.
     """
-    rung, airflow = solve(scene, min(case.scales), case.beside, tell)
     why = f"rung {rung}, beside the scene's own"
     rows = [_row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, why) for v in case.values]
     yield from (row for row in rows if row.ours is not None)
@@ -227,6 +247,24 @@ def _beside_rows(case: Case, scene: Scene, own: Sequence[ComparedValue], tell: T
         if known.checked(case.between) and mine.ours is not None and beside.ours is not None:
             low, high = sorted((mine.ours, beside.ours))
             yield _asked(mine, f"between {rung} and {mine.rung}", low <= known.low and known.high <= high)
+
+
+def _blended_rows(case: Case, scene: Scene, own: SolvedAirflow, beside: SolvedAirflow) -> Iterator[ComparedValue]:
+    """The residence time in the best estimate between the two rungs, which knows nothing of what it is judged by.
+
+    Its interval holds those at both ends of the ranges of theta and of the strength.
+    """
+    assert case.blend is not None
+    assert scene.reynolds is not None
+    assert own.wake is not None
+    assert beside.wake is not None
+    blockage = scene.width / scene.channel.width
+    estimate = estimate_without(RESIDENCE, case.blend, blockage, scene.reynolds)
+    found = list(within_estimate(own.wake, beside.wake, estimate))
+    band = min(one.low for one in found), max(one.high for one in found)
+    number = None if found[0].closed else QuantityValue(found[0].value, *band)
+    rung = f"blend {estimate.theta.value:.2f}, {estimate.strength.value:.2f}"
+    yield from (_row(case, rung, own, v, number, None) for v in case.values if v.quantity == RESIDENCE)
 
 
 def _asked(row: ComparedValue, gate: str, met: bool) -> ComparedValue:

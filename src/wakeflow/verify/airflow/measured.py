@@ -17,6 +17,7 @@ from ...foam.cost import core_seconds
 from ...pipeline.pipeline import Pipeline
 from ...results.airflow_summary import Airflow, airflow_of
 from ...results.measured import Measured
+from .dust import RESIDENCE, DustyWake, dusty_wake
 
 __all__ = ["Quantity", "QuantityValue", "SolvedAirflow", "measured", "quantities"]
 
@@ -39,14 +40,15 @@ class QuantityValue:
 
 @dataclass(frozen=True)
 class SolvedAirflow:
-    """A solved airflow: what was ``found``, its OpenFOAM case, the body's projected width (m), and the case of the
-    draft that a time-resolved one starts from.
+    """A solved airflow: what was ``found``, its OpenFOAM case, the body's projected width (m), the case of the draft
+    that a time-resolved one starts from, and the air round the body for what is measured with dust in it.
     """
 
     found: Airflow
     case: Path
     width: float
     start: Path | None = None
+    wake: DustyWake | None = None
 
     @property
     def cells(self) -> int:
@@ -88,7 +90,8 @@ quantities: Registry[Quantity] = Registry("quantity")
 def measured(pipeline: Pipeline) -> SolvedAirflow:
     """The airflow of a scene, solved or from the cache."""
     start = pipeline.draft.solution[1] / "case" if pipeline.plan.airflow.stepping == "time-resolved" else None
-    return SolvedAirflow(airflow_of(pipeline), pipeline.solution[1] / "case", pipeline.scene.width, start)
+    case = pipeline.solution[1] / "case"
+    return SolvedAirflow(airflow_of(pipeline), case, pipeline.scene.width, start, dusty_wake(pipeline))
 
 
 def _number(found: Measured | float | None, scale: float = 1.0) -> QuantityValue | None:
@@ -113,6 +116,12 @@ def _reversal(airflow: SolvedAirflow) -> QuantityValue | None:
     return None if zone is None else _number(zone.reversal_length, 1 / airflow.width)
 
 
+def _residence(airflow: SolvedAirflow) -> QuantityValue | None:
+    """None also for a wake that keeps its dust for ever."""
+    found = None if airflow.wake is None else airflow.wake.residence()
+    return None if found is None or found.closed else QuantityValue(found.value, found.low, found.high)
+
+
 def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[SolvedAirflow], QuantityValue | None]:
     def of(airflow: SolvedAirflow) -> QuantityValue | None:
         return None if airflow.found.period is None else _number(float(what(airflow.last_periods[:, column])))
@@ -131,5 +140,6 @@ for _name, _label, _of in (
     ("cd_max", "largest Cd", _swing(1, np.max)),
     ("cd_min", "least Cd", _swing(1, np.min)),
     ("cl_swing", "Cl peak to peak", _swing(2, np.ptp)),
+    (RESIDENCE, "residence time U / D of dust", _residence),
 ):
     quantities.add(_name, Quantity(_label, _of))

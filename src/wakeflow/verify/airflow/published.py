@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import SceneError
-from ...laws.best_estimate import blocked
+from ...laws.best_estimate import WAKE_FAMILIES, blocked
 from . import wake_lines  # noqa: F401  its quantities are registered when it is imported
 from .measured import quantities
 
@@ -64,11 +64,13 @@ class Case:
     title: str
     values: tuple[Published, ...] = ()
     quick: bool = False
+    alone: bool = False
     scales: tuple[float, ...] = (1.0,)
     order: Mapping[str, float] = field(default_factory=dict)
     beside: str | None = None
     closer: str | None = None
     between: str | None = None
+    blend: str | None = None
     note: str = ""
 
     def between_walls(self, blockage: float) -> Case:
@@ -104,6 +106,8 @@ def _case(name: str, table: dict[str, Any]) -> Case:
         quantity = getattr(case, key)
         if quantity is not None and (case.beside is None or not any(v.checked(quantity) for v in values)):
             raise SceneError(f"published.toml: {name}: {key} needs beside and a checked value of {quantity}")
+    if case.blend is not None and (case.beside is None or case.blend not in WAKE_FAMILIES):
+        raise SceneError(f"published.toml: {name}: blend needs beside, and is one of {', '.join(WAKE_FAMILIES)}")
     return case
 
 

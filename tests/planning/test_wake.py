@@ -1,0 +1,117 @@
+"""The wake that a scene is flown in: which shape its bodies are, what the plan says of it, where none is used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wakeflow.laws.best_estimate import best_estimate
+from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, choose_airflow
+from wakeflow.planning.flights_again import times_again
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.wake import Wake, family_of, wake_of, wakes_beside
+from wakeflow.scene import Scene
+
+OFF = {"basset-history": False}
+PRISM = {"shape": "prism", "width": 0.05, "slope_angle": "60 deg"}
+
+
+def with_body(scene: Scene, **body: Any) -> Scene:
+    tables = scene.tables()
+    return Scene.parse({**tables, "body": {"one": body}})
+
+
+def box(width: float, height: float) -> dict[str, Any]:
+    x, y = width / 2, height / 2
+    return {"shape": "polygon", "points": [[-x, -y], [x, -y], [x, y], [-x, y]]}
+
+
+@pytest.mark.parametrize(
+    ("body", "direction", "family"),
+    [
+        ({"shape": "rhombus", "width": 0.05, "slope_angle": "45 deg"}, "down", "rhombus"),
+        ({**PRISM, "apex": "up"}, "down", "triangle-up"),
+        ({**PRISM, "apex": "up"}, "up", "triangle-down"),
+        ({**PRISM, "apex": "down"}, "down", "triangle-down"),
+        ({**PRISM, "apex": "down"}, "up", "triangle-up"),
+        (box(0.05, 0.05), "down", "square"),
+        (box(0.05, 0.005), "down", "plate"),
+        (box(0.05, 0.1), "down", None),
+        ({"shape": "circle", "width": 0.05}, "down", None),
+        ({**PRISM, "rounding": 0.004}, "down", None),
+    ],
+)
+def test_the_shape_that_meets_the_air(rhombus: Scene, body: dict[str, Any], direction: str, family: str | None) -> None:
+    scene = with_body(rhombus, **body).replace({"air.direction": direction})
+    assert family_of(scene).name == family
+
+
+def test_slopes_are_from_the_horizontal(rhombus: Scene) -> None:
+    assert family_of(rhombus).slope == pytest.approx(45.0)
+    assert family_of(with_body(rhombus, **PRISM)).slope == pytest.approx(60.0)
+    flat = with_body(rhombus, shape="rhombus", width=0.05, slope_angle="20 deg")
+    assert "no measurement of the shape (rhombus)" in wake_of(flat, 1.6e4).why
+
+
+def test_several_bodies_have_the_widest_range(cases: Path, rhombus: Scene) -> None:
+    scene = Scene.load(cases / "labyrinth.toml")
+    assert family_of(scene).name is None
+    found, alone = wake_of(scene, 2e4), wake_of(rhombus, 2e4)
+    assert "several bodies" in found.why
+    assert found.theta.high - found.theta.low > alone.theta.high - alone.theta.low
+
+
+def at(scene: Scene, reynolds: float) -> Scene:
+    assert scene.reynolds is not None
+    assert scene.air is not None
+    return scene.replace({"air.speed": scene.air.speed * reynolds / scene.reynolds})
+
+
+def test_the_plan_carries_it_and_says_it_in_a_line(rhombus: Scene) -> None:
+    plan = make_plan(rhombus, force=OFF)
+    assert plan.airflow.wake == best_estimate("rhombus", 0.125, rhombus.reynolds or 0.0, slope=45.0)
+    assert plan.airflow.kind == "best-estimate"
+    theta = plan.airflow.wake.theta
+    (line,) = [line for line in plan.used if line.startswith("wake: ")]
+    assert f"theta {theta.low:.2f} to {theta.high:.2f}" in line
+    assert "measurements of the shape (rhombus)" in line
+    (warning,) = [line for line in plan.warnings if line.startswith("standard airflow: ")]
+    assert "best estimate between two wakes" in warning
+    assert plan.summary()["wake"]["theta"] == {"value": theta.value, "low": theta.low, "high": theta.high}
+    computed = plan.as_computed()
+    assert (computed.airflow.kind, computed.airflow.wake, computed.airflow.brackets) == ("time-resolved", None, True)
+
+
+@pytest.mark.parametrize(
+    ("reynolds", "rung", "kind", "beside"),
+    [
+        (0.9 * FLAT_BELOW, "auto", "time-resolved", 0),
+        (1.1 * FLAT_BELOW, "auto", "time-resolved", 3),  # laminar: nothing of the estimate is used
+        (0.9 * LAMINAR_BELOW, "standard", "time-resolved", 3),
+        (1.1 * LAMINAR_BELOW, "standard", "best-estimate", 6),
+        (16_500.0, "reference", "best-estimate", 6),
+        (16_500.0, "draft", "steady", 0),
+    ],
+)
+def test_only_a_turbulent_wake_in_time_is_estimated(
+    rhombus: Scene, reynolds: float, rung: str, kind: str, beside: int
+) -> None:
+    found = choose_airflow(at(rhombus, reynolds), rung, 0.01)
+    assert found.kind == kind
+    assert (found.wake is not None) == (kind == "best-estimate")
+    assert len(found.wakes_beside) == beside
+    assert times_again(found) == beside + len(found.scales) - 1
+
+
+def test_the_other_wakes_are_the_ends_and_the_ends_of_the_ranges() -> None:
+    estimate = best_estimate("rhombus", 0.125, 1.65e4)
+    theta, strength = estimate.theta, estimate.strength
+    found = wakes_beside(True, estimate)
+    assert found[Wake.STEADY] == (0.0, 0.0)
+    assert found[Wake.TIME_RESOLVED] == (1.0, 1.0)
+    assert found[Wake.THETA_LOW] == (theta.low, strength.value)
+    assert found[Wake.STRENGTH_HIGH] == (theta.value, strength.high)
+    assert list(wakes_beside(True, None)) == [Wake.STEADY, Wake.MEAN, Wake.HALF]
+    assert wakes_beside(False, None) == {}
