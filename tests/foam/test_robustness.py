@@ -450,6 +450,8 @@ class TestRanks:
         assert (np.diff(read_table(case, "forceCoefficients", (1,))[:, 0]) == 1).all()
         assert not list(case.glob("processor*"))
         assert "nProcs : 2" in (case / "log.simpleFoam").read_text()
+        undisturbed = solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "undisturbed")
+        assert replace(result, seconds=0.0) == replace(undisturbed, seconds=0.0)
         assert result.cd.value == pytest.approx(alone.cd.value, rel=1e-3)
         assert result.verdict == alone.verdict
         assert result.mass_error == pytest.approx(0.0, abs=1e-6)

@@ -94,7 +94,7 @@ def test_without_two_measurements_or_below_their_reynolds_numbers_the_range_is_t
     widest = (0.1, 0.9)
     for family, reynolds, why in (
         (None, 2e4, "several bodies or a shape without data"),
-        ("plate", 2e4, "several bodies or a shape without data"),
+        ("plate", 2e4, "no measurement of the shape (plate)"),
         ("square", 2e4, "one measurement of the shape"),
         ("rhombus", 5e3, "below the data's 1e"),
     ):

@@ -52,7 +52,7 @@ def test_slopes_are_from_the_horizontal(rhombus: Scene) -> None:
     assert family_of(rhombus).slope == pytest.approx(45.0)
     assert family_of(with_body(rhombus, **PRISM)).slope == pytest.approx(60.0)
     flat = with_body(rhombus, shape="rhombus", width=0.05, slope_angle="20 deg")
-    assert "shape without data" in wake_of(flat, 1.6e4).why
+    assert "no measurement of the shape (rhombus)" in wake_of(flat, 1.6e4).why
 
 
 def test_several_bodies_have_the_widest_range(cases: Path, rhombus: Scene) -> None:

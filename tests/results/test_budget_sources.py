@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import wakeflow as wf
+from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.pipeline.landings import Tracked
 from wakeflow.pipeline.pipeline import Companion, Pipeline
 from wakeflow.planning.flights_again import flights_again, times_again
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.wake import Wake
+from wakeflow.results.companions import Comparison
 from wakeflow.results.landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
 from wakeflow.results.source import FractionResults, Source, budget_sources
 from wakeflow.results.sources import MODEL
@@ -90,3 +94,27 @@ def test_no_two_sources_share_a_place_in_a_row() -> None:
     assert budget_sources[MODEL.name] is MODEL
     places = [budget_sources[name].place for name in budget_sources]
     assert len(set(places)) == len(places)
+
+
+def test_the_models_error_is_that_of_the_two_ranges_and_not_of_the_ends() -> None:
+    """Shares of one bin by wake; the ends are far off, and stand in the bracket alone."""
+    share = {
+        Wake.STEADY: 0.9, Wake.TIME_RESOLVED: 0.1, Wake.THETA_LOW: 0.53, Wake.THETA_HIGH: 0.46,
+        Wake.STRENGTH_LOW: 0.51, Wake.STRENGTH_HIGH: 0.47, Wake.ANSWER: 0.5,
+    }  # fmt: skip
+    wakes = Comparison({wake: {"dust": np.full((4, 1), value)} for wake, value in share.items()}, 7.0)
+    estimate = best_estimate("rhombus", 0.125, 1.65e4)
+
+    def parts(wake: WakeEstimate | None, found: Comparison[Wake]) -> Mapping[str, Sequence[BudgetPart]]:
+        pipeline = SimpleNamespace(plan=SimpleNamespace(airflow=SimpleNamespace(wake=wake)))
+        flights = SimpleNamespace(of=lambda source: found)
+        asked = SimpleNamespace(name="dust", shares={"middle": None}, flights=flights, pipeline=pipeline)
+        return MODEL.shares(asked)  # type: ignore[arg-type]
+
+    (part,) = parts(estimate, wakes)["middle"]
+    assert part.error == pytest.approx(0.05)  # root of 4 and 3 points
+    assert part.seconds == 7.0
+    assert part.note == "theta at its low and high end +3 and -4, strength at its low and high end +1 and -3 points"
+    laminar = Comparison({wake: wakes.shares[wake] for wake in (Wake.STEADY, Wake.ANSWER)}, 1.0)
+    (part,) = parts(None, laminar)["middle"]
+    assert (part.error, part.note) == (pytest.approx(0.4), "farthest: steady (+40 points)")

@@ -85,7 +85,7 @@ def test_drags_without_walls_are_brought_to_the_blockage_of_the_scene() -> None:
     assert drag.between_walls(0.05) == drag
     assert (other.low, other.high, other.source) == (2.0, 2.0, "somebody 1999")
     free = [(n, v) for n, case in cases().items() for v in case.values if v.base is not None]
-    assert {name for name, _ in free} == {"triangle-up-high", "triangle-down-high", "diamond-high"}
+    assert {name for name, _ in free} == {"triangle-up-high", "triangle-down-high", "diamond-high", "plate"}
 
 
 @pytest.mark.parametrize("half", [False, True])
@@ -208,7 +208,8 @@ def _airflow(case: Path, **changes: Any) -> SolvedAirflow:
 
 
 def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> None:
-    found = {name: quantities[name].of(_airflow(tmp_path)) for name in quantities}
+    asked = ("cd", "reversal", "dp", "strouhal", "cd_max", "residence_time")
+    found = {name: quantities[name].of(_airflow(tmp_path)) for name in asked}
     assert found["cd"] is not None
     assert found["cd"].half == pytest.approx(0.1)
     assert found["reversal"] is not None
@@ -217,6 +218,7 @@ def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> N
     assert (found["dp"].low, found["dp"].value, found["dp"].high) == pytest.approx((1.9, 2.0, 2.1))
     assert found["strouhal"] is None
     assert found["cd_max"] is None
+    assert found["residence_time"] is None
 
 
 def test_extremes_are_of_the_last_period(tmp_path: Path) -> None:

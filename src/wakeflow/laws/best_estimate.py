@@ -220,7 +220,8 @@ def _number(
     lowest = min((entry.reynolds[0] for entry in chosen), default=0.0)
     if len(chosen) < FEWEST or reynolds < lowest:
         why = (
-            "several bodies or a shape without data" if not chosen
+            "several bodies or a shape without data" if family is None
+            else f"no measurement of the shape ({family})" if not chosen
             else f"one measurement of the shape ({family})" if len(chosen) < FEWEST
             else f"Re {reynolds:.3g} is below the data's {lowest:.3g}"
         )  # fmt: skip

@@ -56,7 +56,7 @@ rungs.add(
     "standard",
     Rung(
         "time-resolved in two dimensions, started from the draft: the flow itself up to the onset of three-dimensional "
-        "motion; above, it sheds too coherently and its suction is too strong",
+        "motion; where the wake is turbulent, one of the two ends of the best estimate that is flown in",
         "time-resolved",
     ),
 )

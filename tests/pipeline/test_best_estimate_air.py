@@ -1,0 +1,219 @@
+"""The air between two ends: what it is made of, its numbers beside those of the ends, and the wakes that companions
+fly in. The ends are fields that need no solver.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+
+from wakeflow.core.store import Store
+from wakeflow.field import FlowField, blended_wake
+from wakeflow.laws.best_estimate import Estimate, WakeEstimate
+from wakeflow.pipeline.blended_air import BestEstimateAir
+from wakeflow.pipeline.cache import StageCache, silent
+from wakeflow.pipeline.wake_table import wake_table
+from wakeflow.planning.make import make_plan
+from wakeflow.results.airflow_summary import Airflow, with_residence
+from wakeflow.scene import Scene
+
+OFF = {"basset-history": False}
+ESTIMATE = WakeEstimate(Estimate(0.4, 0.3, 0.6), Estimate(0.6, 0.5, 0.9), "as the test says")
+P_INLET = {"steady": 3.0, "resolved": 7.0}
+PERIOD = 0.1
+
+
+def number(value: float, half: float = 0.0) -> dict[str, float]:
+    return {"value": value, "low": value - half, "high": value + half}
+
+
+STEADY: dict[str, Any] = {
+    "cd": number(1.5), "cl_rms": number(0.0), "cp_base": number(-1.0), "cp_front": 0.8, "p_inlet": P_INLET["steady"],
+    "pressure_drop": 3.0, "flow_rate": 2.0, "cd_of": {}, "suction": {"reversal_length": 0.2}, "period": None,
+}  # fmt: skip
+RESOLVED: dict[str, Any] = {
+    "cd": number(2.5, 0.05), "cl_rms": number(1.0, 0.1), "cp_base": number(-3.0, 0.2), "cp_front": 0.9,
+    "p_inlet": P_INLET["resolved"], "pressure_drop": 7.0, "flow_rate": 2.0, "cd_of": {},
+    "suction": {"reversal_length": 0.03}, "period": PERIOD, "verdict": "periodic",
+}  # fmt: skip
+
+
+def channel(step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles of the shipped channel round its rhombus."""
+    line_x, line_y = np.arange(-0.2, 0.2001, step), np.arange(-0.2, 0.2001, step)
+    points = np.stack(np.meshgrid(line_x, line_y), axis=-1).reshape(-1, 2)
+    around = np.abs(points).sum(axis=1)
+    edge = np.linspace(0, 1, max(3, round(0.035 / step)), endpoint=False)[:, None]
+    corners = 0.025 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+    outline = np.concatenate([a + edge * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+    points = np.concatenate([points[around > 0.025 + 0.4 * step], outline])
+    cells = Delaunay(points).simplices
+    middle = np.abs(points[cells].mean(axis=1)).sum(axis=1)
+    return points, cells[middle > 0.025]
+
+
+def wake(points: np.ndarray, length: float) -> np.ndarray:
+    """Air at 5 m/s downward that runs backwards on the axis for ``length`` (m) behind the body, at rest on it."""
+    behind = -points[:, 1] - 0.025
+    fall = 5.0 * np.clip(behind / length - 1.0, -0.5, 1.0)
+    slow = np.where((behind > -0.025) & (np.abs(points[:, 0]) < 0.025), fall, 5.0)
+    speed = np.where(np.abs(points).sum(axis=1) < 0.025 + 1e-9, 0.0, slow)
+    return np.stack([np.zeros(len(points)), -speed], axis=1)
+
+
+def pressure(points: np.ndarray, base: float, inlet: float) -> np.ndarray:
+    """Cp ``base`` behind the body within 0.1 m, counted from the ``inlet`` (Pa)."""
+    deep = base * np.exp(-np.sum((points / (0.05, 0.1)) ** 2, axis=1)) * (points[:, 1] < 0.0)
+    return inlet + 15.0 * deep
+
+
+def steady_field() -> FlowField:
+    points, cells = channel(0.0125)
+    even = np.full(len(points), 0.3)
+    return FlowField.from_arrays(
+        points, cells, wake(points, 0.2), pressure(points, -1.0, P_INLET["steady"]), k=even, dissipation=even
+    )
+
+
+def resolved_field() -> FlowField:
+    points, cells = channel(0.02)
+    times = PERIOD * np.arange(16) / 16
+    swing = np.sin(2 * np.pi * times / PERIOD)[:, None]
+    away = (np.abs(points).sum(axis=1) > 0.026) & (np.abs(points).max(axis=1) < 0.19)
+    velocity = np.repeat(wake(points, 0.03)[None], 16, axis=0)
+    velocity[..., 0] += swing * away
+    even = np.full((16, len(points)), 0.5) + 0.2 * swing
+    flat = np.repeat(pressure(points, -3.0, P_INLET["resolved"])[None], 16, axis=0)
+    return FlowField.from_arrays(points, cells, velocity, flat, times, PERIOD, even, even).compressed(1e-4)
+
+
+@pytest.fixture
+def scene(cases: Path) -> Scene:
+    return Scene.load(cases / "rhombus.toml", {"feed.count": 64})
+
+
+Make = Callable[..., BestEstimateAir]
+
+
+@pytest.fixture
+def make(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
+    """The air between the two fields, of an estimate."""
+    plan = make_plan(scene, force=OFF)
+    end = SimpleNamespace(field=("steady-key", steady_field()), measured=STEADY)
+
+    def made(estimate: WakeEstimate = ESTIMATE, resolved: FlowField | None = None) -> BestEstimateAir:
+        wanted = replace(plan, airflow=replace(plan.airflow, wake=estimate))
+        cache = StageCache(Store(tmp_path), silent, {})
+        air = BestEstimateAir(scene, wanted, cache, 0, lambda: end)  # type: ignore[arg-type, return-value]
+        air.__dict__["resolved"] = ("resolved-key", resolved or resolved_field())
+        air.__dict__["cycles"] = 1
+        monkeypatch.setattr(BestEstimateAir, "measured", RESOLVED)
+        return air
+
+    return made
+
+
+def test_the_answer_flies_between_the_ends_and_every_number_is_in_the_key(make: Make) -> None:
+    air = make()
+    key, field = air.make_field()
+    expected = blended_wake(air.resolved[1], steady_field(), 0.4, 0.6)
+    np.testing.assert_array_equal(field.velocity, expected.velocity)
+    np.testing.assert_array_equal(np.asarray(field.k), np.asarray(expected.k))
+    other = make(replace(ESTIMATE, theta=Estimate(0.41, 0.3, 0.6)))
+    stronger = make(replace(ESTIMATE, strength=Estimate(0.61, 0.5, 0.9)))
+    assert len({key, other.make_field()[0], stronger.make_field()[0], air.resolved[0]}) == 4
+    wider = make(replace(ESTIMATE, theta=Estimate(0.4, 0.1, 0.9)))
+    assert wider.make_field()[0] == key  # the range changes no track
+
+
+def test_companions_fly_in_the_ends_and_between(make: Make) -> None:
+    air = make()
+    assert air.between(1.0, 1.0) is air.resolved
+    calm = air.between(0.0, 0.0)[1]
+    assert calm.times is None
+    np.testing.assert_allclose(calm.mean().velocity[:, 1].min(), -5.0)
+    assert len({air.between(*numbers)[0] for numbers in ((0.3, 0.6), (0.6, 0.6), (0.4, 0.5), (0.4, 0.9))}) == 4
+
+
+def test_a_wake_that_came_to_rest_is_its_own_answer(make: Make) -> None:
+    rest = make(resolved=steady_field())
+    assert rest.make_field() is rest.resolved
+    assert rest.make_table() == RESOLVED
+    assert rest.residence is None
+
+
+def test_the_numbers_are_those_of_the_air_flown_in_with_the_ends_beside(make: Make) -> None:
+    air = make()
+    found = Airflow.read({"rung": "standard", **air.make_table()})
+    assert found.cd is not None
+    assert found.cd.value == pytest.approx(1.9)
+    own = 0.4 * 0.05
+    assert found.cd.low == pytest.approx(1.9 - math.hypot(own, 0.1))
+    assert found.cd.high == pytest.approx(1.9 + math.hypot(own, 0.2))  # theta may be 0.2 more, and 0.1 less
+    assert found.cp_base is not None
+    assert found.cp_base.value == pytest.approx(-1.8)
+    assert found.cp_base.high == pytest.approx(-1.8 + math.hypot(0.08, 0.2))
+    assert found.cl_rms is not None
+    assert found.cl_rms.value == pytest.approx(0.6)
+    assert found.cl_rms.high == pytest.approx(0.6 + math.hypot(0.06, 0.3))
+    assert (found.p_inlet, found.pressure_drop, found.cp_front) == pytest.approx((4.6, 4.6, 0.84))
+    assert found.wake is not None
+    assert (found.wake.theta.low, found.wake.strength.high, found.wake.why) == (0.3, 0.9, "as the test says")
+    assert found.ends is not None
+    assert found.ends.steady.cd is not None
+    assert found.ends.time_resolved.cl_rms is not None
+    assert (found.ends.steady.cd.value, found.ends.time_resolved.cl_rms.value) == (1.5, 1.0)
+
+
+def test_the_suction_zone_is_that_of_the_blended_mean(make: Make) -> None:
+    air = make()
+    suction = air.make_table()["suction"]
+    mean = air.between(0.4, 0.0)[1]
+    cp = (np.asarray(mean.pressure) - 4.6) / 15.05  # air of 1.204 kg/m3 at 5 m/s
+    assert suction["cp_min"] == pytest.approx(cp.min(), abs=0.01)
+    lengths = []
+    for theta in (0.05, 0.5, 0.95):
+        at = replace(ESTIMATE, theta=Estimate(theta, theta, theta))
+        table = wake_table(air.flow_spec, at, air.between(theta, 0.0)[1], STEADY, RESOLVED)
+        lengths.append(table["suction"]["reversal_length"])
+    assert lengths[0] > lengths[1] > lengths[2] > 0.0
+
+
+def test_residence_times_stand_in_the_answer_and_in_its_ends(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def residence_time(field: FlowField, *how: Any, sheddings: int) -> Any:
+        asked.append(field)
+        value = math.inf if field.times is None else 3.0
+        return SimpleNamespace(value=value, low=2.5, high=value + 0.5)
+
+    monkeypatch.setattr("wakeflow.tracking.residence.residence_time", residence_time)
+    air = make()
+    found = air.residence
+    assert found is not None
+    assert len(asked) == 3
+    told = with_residence(Airflow.read({"rung": "standard", **air.make_table()}), found)
+    assert told.residence_time is not None
+    assert (told.residence_time.value, told.residence_time.high) == (3.0, 3.5)
+    assert told.ends is not None
+    assert told.ends.steady.residence_time is not None
+    assert (told.ends.steady.residence_time.value, told.ends.steady.residence_time.low) == (None, 2.5)
+    again = make().residence
+    assert again == found
+    assert len(asked) == 3  # from the cache
+    assert Airflow.read(to_table(told)) == told
+
+
+def to_table(airflow: Airflow) -> dict[str, Any]:
+    from wakeflow.core.record import to_json
+
+    table: dict[str, Any] = to_json(airflow)
+    return table
