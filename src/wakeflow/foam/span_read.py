@@ -11,6 +11,7 @@ from ..core.errors import FoamError
 from .case import FlowSpec
 from .read import FlowArrays, nodes_of
 from .reconstruction import triangulate
+from .solenoidal import solenoidal
 from .span_record import SpanRecord
 
 __all__ = ["apart", "lead_of", "read_layers"]
@@ -37,14 +38,15 @@ def lead_of(spec: FlowSpec, times: NDArray[np.float64]) -> int:
 def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density: float) -> list[FlowArrays]:
     """Keyword arguments for ``FlowField.from_arrays`` of each of ``layers``: the snapshots from ``begin`` (s) on.
 
-    Pressure in Pa for ``density`` (kg/m3), less 2k/3; node values as of a one-layer case; the velocity is what the span
-    keeps in its plane: u and v, whose divergence is -dw/dz. Raises FoamError where there are fewer than two snapshots.
+    Pressure in Pa for ``density`` (kg/m3), less 2k/3; node values as of a one-layer case; of the velocity in the plane
+    the part without divergence (:mod:`.solenoidal`). Raises FoamError where there are fewer than two snapshots.
     """
     chosen = [(time, values[list(layers)]) for time, values in record.since(begin)]
     if len(chosen) < 2:
         raise FoamError(f"{record.folder} holds {len(chosen)} snapshots from {begin:.4g} s on: let its solver run on")
     plane, latest = record.plane.mesh.plane, record.plane.folder("latest")
     triangles = triangulate(plane.points, plane.cells)
+    project = solenoidal(plane, triangles, np.unique(plane.faces[record.plane.wall]))
     times = np.array([time for time, _ in chosen])
     found = []
     for number in range(len(layers)):
@@ -53,7 +55,7 @@ def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density
             FlowArrays(
                 points=plane.points,
                 triangles=triangles,
-                velocity=nodes.velocity,
+                velocity=project(nodes.velocity),
                 pressure=nodes.pressure * density,
                 pressure_gradient=None,
                 times=times - times[0],

@@ -13,7 +13,8 @@ from ..scene import Scene
 __all__ = ["CADENCE", "CONVECTIVE_PERIOD", "Span", "SpanCost", "cost_of", "span_lines", "span_of"]
 
 # Convective times (body width over inlet speed).
-START_UP = 30.0  # in which the plane wake that a run starts from breaks up: drag fell for 25 in the runs of the table
+START_UP = 45.0  # in which the plane wake that a run starts from breaks up: after 15 to 20 behind a rhombus and a prism
+# apex up, after 40 behind a prism apex down
 CONVECTIVE_PERIOD = 6.0  # of a bluff body's shedding at its usual Strouhal number of 1/6
 CADENCE = 0.25  # between snapshots: 24 a shedding
 STEPS = 95.0  # time steps in one, on the usual mesh at a Courant number of 2: measured, 81 to 95
