@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import zlib
 from functools import partial
 from pathlib import Path
 
@@ -18,8 +19,10 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.cli import main
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
+from wakeflow.tracking import Fate
 
 COUNT = 2048
 
@@ -297,20 +300,45 @@ def test_dust_past_a_body_that_swings_sideways_flies_with_the_air(cases: Path, t
     assert result.table["fates"]["dust"]["stopped"] == 0
 
 
+def flown_by_chance(flight: Flight, folder: Path, *, drawn: bool) -> None:
+    """A slow stage instead of the tracker: landings that any other airflow would change."""
+    del drawn
+    assert flight.field is not None
+    time.sleep(1.0)
+    rng = np.random.default_rng(zlib.crc32(flight.field.velocity.tobytes()))
+    for name in flight.scene.fraction:
+        replicate = np.arange(flight.replicates * 8) // 8
+        count = len(replicate)
+        place = rng.integers(len(flight.scene.bin), size=count)
+        flat = np.zeros(count, dtype=np.int32)
+        columns = dict.fromkeys(("time", "impacts", "injected", "realisation", "cycle"), flat)
+        columns |= {"position": rng.normal(size=(count, 2)), "bin": place, "replicate": replicate}
+        columns |= {"diameter": flat + 1e-3, "fate": flat + int(Fate.BINNED)}
+        np.savez(folder / f"{name}.npz", **columns)
+
+
 @pytest.mark.openfoam
 def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The steady wake's granules fly while the time-resolved airflow is solved; on one core they fly after it."""
     scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard"})
-    monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_: None)  # it is compiled here
+    monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
+    for nothing in ("track_stage.Compilation.begin", "track_stage.Compilation.finish"):
+        monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_: None)
+    monkeypatch.setattr("wakeflow.runs._Run._drawn", lambda _run, result, _tracked: result)
+    monkeypatch.setattr(Pipeline, "residence", None)  # of tracers, which the tracker flies too
     found, order = {}, {}
     for cores in (1, 2):
         monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / f"cache-{cores}"))
         monkeypatch.setattr("os.sched_getaffinity", lambda _, cores=cores: set(range(cores)))
         told: list[str] = []
-        done = wf.run(
-            scene, tmp_path / f"{cores}", listener=lambda stage, text, told=told: told.append(stage + text[:4])
-        )
-        found[cores] = (done.folder / "separation.csv").read_bytes()
+
+        def hear(stage: str, text: str, told: list[str] = told) -> None:
+            told.append(stage + text[:4])
+
+        done = wf.run(scene, tmp_path / f"{cores}", listener=hear)
+        case = next((tmp_path / f"cache-{cores}" / "airflow").glob("*/case/loop.json")).parent
+        measured = json.loads((case / "airflow.json").read_text()) | {"seconds": None}
+        found[cores] = (done.table["separation"], measured)
         order[cores] = told.index("draft steady wakedone") < told.index("airflowdone")
         assert not done.seconds["draft steady wake"].cached
     assert order == {1: False, 2: True}

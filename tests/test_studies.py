@@ -19,6 +19,7 @@ import locked_band
 import mpi_ranks
 import paper_compare
 import slope_angles
+import time_resolved_cost
 import wakeflow as wf
 from support import CASES, ROOT, shipped
 from wakeflow.laws.best_estimate import wakes
@@ -30,7 +31,7 @@ HERE = {
     for study in (
         aspirator_curve, best_estimate, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain,
         locked_band,
-        mpi_ranks, paper_compare, slope_angles,
+        mpi_ranks, paper_compare, slope_angles, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -133,3 +134,11 @@ def test_slope_angles(tmp_path: Path) -> None:
     assert len(scenes) == len(slope_angles.ANGLES)
     for scene in scenes:
         wf.Scene.load(scene)
+
+
+@pytest.mark.openfoam
+def test_time_resolved_cost(tmp_path: Path) -> None:
+    told: list[str] = []
+    names = ["the program's own", "pressure: one level of cells at a time"]
+    time_resolved_cost.main(tmp_path, names, told.append, time_resolved_cost.QUICK)
+    assert [row[0] for row in table_rows("\n".join(told))] == names

@@ -28,9 +28,8 @@ DISTANCES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "standard": ((3.5, 8.0), None, (12.0, 25.0)),
 }
 SHORT = ((3.5, 8.0), None)
-# The cheap steady wake on a fine mesh: what else is meshed moves cells everywhere, and shares by a point on coarse
-# ones.
-# Statistics sharper than the answer's.
+# The cheap steady wake on a fine mesh: a longer channel moves cells everywhere, which moves shares by a point on coarse
+# ones. Statistics sharper than the answer's.
 CHANGED: dict[str, dict[str, object]] = {
     "draft": {"numerics.mesh_scale": 0.7, "feed.count": 2048},
     "standard": {"numerics.mesh_scale": 1.5, "feed.count": 2048},

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from wakeflow.core.store import Store, content_key
 from wakeflow.field import FlowField
 from wakeflow.pipeline.airflow_kinds import AirflowKind, airflow_kinds
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.planning import make
 from wakeflow.planning.airflow import choose_airflow, typical_cells
 from wakeflow.planning.make import Planner, make_plan
@@ -52,6 +56,20 @@ class UniformAir(AirflowKind):
         return ("airflow-model",)
 
 
+class GustyAir(UniformAir):
+    """Uniform streams that lean by four angles, each as likely as the others."""
+
+    @property
+    def realisations(self) -> Realisations:
+        assert self.field is not None
+        return Realisations(self.field[1], tuple(partial(self._leaning, angle) for angle in (0.1, 0.2, 0.3)))
+
+    def _leaning(self, angle: float) -> FlowField:
+        assert self.field is not None
+        turn = np.array([(math.cos(angle), math.sin(angle)), (-math.sin(angle), math.cos(angle))])
+        return replace(self.field[1], velocity=self.field[1].velocity @ turn)
+
+
 @pytest.fixture
 def extended(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two rungs and a kind of airflow more, for one test."""
@@ -59,7 +77,9 @@ def extended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(airflow_kinds, "_entries", dict(airflow_kinds._entries))
     rungs.add("coarse", Rung("the draft at twice the cell size", "steady", scales=(2.0,), resolves="standard"))
     rungs.add("uniform", Rung("a uniform stream, as if no body stood in it", "uniform"))
+    rungs.add("gusts", Rung("uniform streams that lean", "gusts"))
     airflow_kinds.add("uniform", UniformAir)
+    airflow_kinds.add("gusts", GustyAir)
 
 
 @pytest.fixture
@@ -92,6 +112,23 @@ def test_a_scene_runs_to_its_shares_in_a_new_kind_of_airflow(rhombus: Scene, tmp
     assert parts["airflow-model"]["how"] == "unknown"
     assert "mesh" not in parts
     assert (tmp_path / "report.html").stat().st_size > 10_000
+
+
+@pytest.mark.usefixtures("extended")
+def test_realisations_of_an_airflow_are_flown_in_turn_and_stand_in_the_budget(rhombus: Scene, tmp_path: Path) -> None:
+    result = wf.run(rhombus, tmp_path, rung="gusts", force=OFF)
+    landings = Pipeline(rhombus, make_plan(rhombus, rung="gusts", force=OFF)).tracks().landings["chaff"]
+    np.testing.assert_array_equal(landings.realisation, landings.replicate % 4)
+    drift = [landings.position[landings.realisation == number, 0].mean() for number in range(4)]
+    assert np.all(np.diff(drift) > 0) or np.all(np.diff(drift) < 0)
+    for row in result.budget:
+        if row.quantity.startswith("share.chaff."):
+            parts = {part.source: part for part in row.parts}
+            assert parts["airflow-statistics"].note == "from 4 states of the airflow"
+            _, low, high = result.share("chaff", row.quantity.removeprefix("share.chaff."))
+            errors = [parts[name].error for name in ("sampling", "airflow-statistics")]
+            half = math.hypot(*(error for error in errors if error is not None))
+            assert 0.5 * (high - low) <= half * (1 + 1e-9)
 
 
 @pytest.mark.usefixtures("extended")

@@ -11,7 +11,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -190,9 +190,10 @@ class CaseAir(AirflowKind):
     def make_table(self) -> dict[str, Any]:
         return self.measured
 
-    def make_field(self) -> tuple[str, FlowField]:
-        from ..field import FlowField
-        from .case_field import case_field
+    @cached_property
+    def _stored(self) -> tuple[str, Path]:
+        """Cache key and folder of what granules can fly in: field.npz, and state-N.npz for each late state."""
+        from .case_field import case_field, state_fields
 
         key = content_key("field", self.solution[0], code_of("field"), version_of("foamlib"))
         air, table = self.scene.air, self.measured
@@ -202,8 +203,27 @@ class CaseAir(AirflowKind):
             self.cache.tell("field", "reading the airflow")
             field = case_field(self.case, table["field_time"], air.density, half=self.half)
             field.save(part / "field.npz")
+            if table["field_time"] == "states":
+                for number, state in enumerate(state_fields(self.case, air.density, half=self.half)):
+                    state.save(part / f"state-{number}.npz")
 
-        return key, FlowField.load(self.cache.make("field", key, work) / "field.npz")
+        return key, self.cache.make("field", key, work)
+
+    def make_field(self) -> tuple[str, FlowField]:
+        from ..field import FlowField
+
+        key, folder = self._stored
+        return key, FlowField.load(folder / "field.npz")
+
+    @cached_property
+    def realisations(self) -> Realisations:
+        """The late states where the airflow does not settle, each as likely as the others; else the one field."""
+        from ..field import FlowField
+
+        states = sorted(self._stored[1].glob("state-*.npz"))
+        if not states:
+            return super().realisations
+        return Realisations(FlowField.load(states[0]), tuple(partial(FlowField.load, path) for path in states[1:]))
 
     @cached_property
     def cycles(self) -> int:
