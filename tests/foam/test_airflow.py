@@ -409,8 +409,11 @@ class TestInterruption:
         shutil.copytree(last, case / str(int(last.name) + 50))
         record = case / "postProcessing" / "forceCoefficients" / "0"
         shutil.copytree(record, record.with_name(last.name))
+        (case / "50").mkdir()
+        shutil.copy(last / "U", case / "50")  # its removal was interrupted
         drop_after(case, last_state(case))
         assert time_folders(case)[-1] == last
+        assert not (case / "50").exists()
         assert not record.with_name(last.name).exists()
         assert len(_rows(case)) == len(rows) == last_state(case)
         drop_after(case, 300)

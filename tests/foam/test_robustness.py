@@ -228,8 +228,9 @@ def test_going_back_is_finished_where_it_was_interrupted(back_to: float, tmp_pat
     write_json(tmp_path / "phase.json", {"phase": "loop"})
     (tmp_path / "log.pimpleFoam").write_text("failed\n")
     for name in ("1", "2", "2.5", "constant"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "U").touch()
+        (tmp_path / name / "uniform").mkdir(parents=True)
+        for member in ("U", "p", "phi", "k", "omega", "nut", "uniform/time"):
+            (tmp_path / name / member).write_text("// * * * //\n")
         (tmp_path / "postProcessing" / "forceCoefficients" / name).mkdir(parents=True)
     seen: list[tuple[str, list[float], list[str]]] = []
 

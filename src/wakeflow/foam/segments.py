@@ -19,7 +19,7 @@ from ..core.files import write_json
 from .case import read_parameters, write_parameters
 from .case_fields import time_folders
 from .failure import AirflowFailure, Cause
-from .solver import run_solver
+from .solver import holds_a_state, run_solver
 from .watch import Watch
 
 __all__ = ["SAME", "drop_after", "ended_early", "last_state", "purge", "run_segment", "segment_ends", "states"]
@@ -34,8 +34,10 @@ def segment_ends(folder: Path) -> list[float]:
 
 
 def states(folder: Path) -> list[Path]:
-    """The time folders of :func:`segment_ends` that are still there: a run may go on from each."""
-    return [folder / name for name in _ledger(folder) if (folder / name).is_dir()]
+    """The time folders of :func:`segment_ends` that are still there, whole: a run may go on from each."""
+    return [
+        path for path in (folder / name for name in _ledger(folder)) if path.is_dir() and holds_a_state(folder, path)
+    ]
 
 
 def last_state(folder: Path) -> float:
@@ -54,7 +56,8 @@ def ended_early(folder: Path) -> bool:
 
 def drop_after(folder: Path, time: float) -> None:
     """Remove all that a case holds beyond ``time`` (s, or iterations), the end of a segment or 0: time folders, what
-    the functions of system/controlDict recorded, the parts of ranks.
+    the functions of system/controlDict recorded, the parts of ranks; and older times that are not whole, since their
+    removal was interrupted.
 
     Can be repeated after an interruption.
     """
@@ -64,8 +67,8 @@ def drop_after(folder: Path, time: float) -> None:
         write_json(folder / LEDGER, {"ends": kept, "early": None})
     for part in folder.glob("processor[0-9]*"):
         shutil.rmtree(part)
-    for path in [path for path in folder.iterdir() if path.is_dir() and _is_number(path.name)]:
-        if float(path.name) > 0 and _later(float(path.name), time):
+    for path in _times(folder):
+        if _later(float(path.name), time) or not holds_a_state(folder, path):
             shutil.rmtree(path)
     for path in folder.glob("postProcessing/*/*"):  # named by the time at which the program began
         if _is_number(path.name) and not _later(time, float(path.name)):
@@ -114,13 +117,18 @@ def run_segment(
 
 def purge(folder: Path, kept: int = 0) -> None:
     """Remove all stored times but the last ``kept`` and the last two ends of segments, from which a run can go on (the
-    last one may hold the beginning of a failure).
+    last one may hold the beginning of a failure). Before every decision, so that an interrupted one is finished.
     """
     stored = time_folders(folder)
     spared = {path.name for path in [*stored[max(len(stored) - kept, 0) :], *states(folder)[-2:]]}
-    for path in stored:
+    for path in _times(folder):
         if path.name not in spared:
             shutil.rmtree(path)
+
+
+def _times(folder: Path) -> list[Path]:
+    """Time folders, whole or not; 0 is left out."""
+    return [path for path in folder.iterdir() if path.is_dir() and _is_number(path.name) and float(path.name) > 0]
 
 
 def _ledger(folder: Path) -> list[str]:

@@ -58,6 +58,7 @@ def run_steady(
         drop_after(folder, last_state(folder))
         if start is not None and not last_state(folder):
             start_from(spec, folder, start)
+        purge(folder)
         while not _is_over(spec, folder, most):
             end = min(max(WINDOW, last_state(folder) + SEGMENT), most)
             run_segment(folder, "simpleFoam", end, {"deltaT": 1}, watch, timeout)

@@ -84,7 +84,8 @@ def run_time_resolved(
     if state["period"] is None:
         return "steady"
     if state["phase"] == "loop":
-        _record(spec, folder, state, periods or BROADBAND_PERIODS, listener, timeout)
+        if not (folder / LOOP).exists():  # else its snapshots were chosen, and the others are being removed
+            _record(spec, folder, state, periods or BROADBAND_PERIODS, listener, timeout)
         verdict = _verdict(spec, Tail(folder).update())
         if verdict == "steady":
             write_json(phase, {**state, "phase": "done", "period": None})
@@ -113,13 +114,13 @@ def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener, timeout:
         length = vibration.period / parts if parts > 1 else vibration.period * ceil(length / vibration.period)
     watch = _watch(spec, folder, "start-up", listener, TYPICAL * spec.convective_time)
     while True:
+        purge(folder)
         now = last_state(folder)
         begins = vibration is None or abs(now - vibration.period * round(now / vibration.period)) < WHOLE * length
         if now and begins and _has_started(Tail(folder).update(), spec):
             return
         end = (int(now / length + WHOLE) + 1) * length
         run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch, timeout)
-        purge(folder)
 
 
 def _has_started(rows: Array, spec: FlowSpec) -> bool:
@@ -169,7 +170,9 @@ def _record(
     end = max(LONGEST * scale - begin, least)
     watch = _watch(spec, folder, "recording", listener, min(max(TYPICAL * scale, begin + least), begin + end))
     most = LONG * scale / step  # snapshots in a segment, about
+    drop_after(folder, last_state(folder))
     while True:
+        purge(folder, kept)
         rows, done = Tail(folder).update(), round((last_state(folder) - begin) / step)
         ends = [end for end in segment_ends(folder) if end > begin + 0.5 * step]
         over, look = _looks(spec, rows, ends, begin + least)
@@ -181,7 +184,6 @@ def _record(
             folder, "pimpleFoam", begin + (done + ceil((until - done) / parts)) * step, {"writeInterval": step}, watch,
             timeout,
         )  # fmt: skip
-        purge(folder, kept)
 
 
 def _looks(spec: FlowSpec, rows: Array, ends: Sequence[float], least: float) -> tuple[bool, float]:
