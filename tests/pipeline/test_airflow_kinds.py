@@ -96,7 +96,7 @@ def test_a_new_rung_is_a_record(rhombus: Scene, tmp_path: Path) -> None:
     wide, fine = (Pipeline(rhombus, plan, store=Store(tmp_path)) for plan in (coarse, draft))
     assert wide.mesh_spec.h_body == pytest.approx(2 * fine.mesh_spec.h_body)
     assert wide.mesh_quality["cells"] < 0.5 * fine.mesh_quality["cells"]
-    with pytest.raises(SceneError, match="known: auto, none, draft, standard, reference, coarse"):
+    with pytest.raises(SceneError, match="known: auto, none, draft, standard, reference, 3d, coarse"):
         choose_airflow(rhombus, "coarce", 0.01)
 
 
