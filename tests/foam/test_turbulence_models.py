@@ -48,7 +48,7 @@ def realizable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TurbulenceMod
     monkeypatch.setattr(turbulence_models, "_entries", dict(turbulence_models._entries))
     template = tmp_path / "template"
     shutil.copytree(case_template(), template)
-    shutil.copytree(OWN_FILES, template / MODELS)
+    shutil.copytree(OWN_FILES, template / MODELS, dirs_exist_ok=True)
     monkeypatch.setattr(case_module, "case_template", lambda: template)
     code = re.search(r"^```python\n(.*?)^```", SECTION, re.M | re.S)
     assert code is not None
