@@ -116,7 +116,7 @@ def test_neither_load_nor_kills_change_an_airflow(stepping: str, tmp_path: Path)
         tests=str(ROOT / "tests"), here=str(Path(__file__).parent), stepping=stepping, msh=str(tmp_path / "mesh.msh"),
         case=str(tmp_path / "killed"),
     )  # fmt: skip
-    delays = list(1.0 + seconds * np.random.default_rng().uniform(0.1, 0.7, 3))  # a second to start Python
+    delays = list(1.0 + seconds * np.random.default_rng().uniform(0.1, 0.35, 3))  # a second to start Python
     assert killed([sys.executable, "-c", script], tmp_path / "killed", delays) >= 2
     for name in ("loaded", "killed"):
         assert told(tmp_path / name) == told(tmp_path / "quiet"), name

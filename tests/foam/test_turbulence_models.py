@@ -48,7 +48,7 @@ def realizable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TurbulenceMod
     monkeypatch.setattr(turbulence_models, "_entries", dict(turbulence_models._entries))
     template = tmp_path / "template"
     shutil.copytree(case_template(), template)
-    shutil.copytree(OWN_FILES, template / MODELS)
+    shutil.copytree(OWN_FILES, template / MODELS, dirs_exist_ok=True)
     monkeypatch.setattr(case_module, "case_template", lambda: template)
     code = re.search(r"^```python\n(.*?)^```", SECTION, re.M | re.S)
     assert code is not None
@@ -138,11 +138,11 @@ def test_a_new_model_is_solved_checked_and_read_back(realizable: TurbulenceModel
     flow = read_flow(case)
     assert flow["k"] is not None
     assert flow["dissipation"] is not None
-    at_inlet = flow["points"][:, 1] > 0.25 - 1e-9
+    at_inlet = flow["points"][:, 1] > spec.mesh.top - 1e-9
     k = 1.5 * (spec.intensity * spec.speed) ** 2
     entering = epsilon(realizable).entering
     assert entering is not None
-    np.testing.assert_allclose(flow["k"][at_inlet], k, rtol=1e-3)
+    np.testing.assert_allclose(flow["k"][at_inlet], k, rtol=2e-3)  # long cells at the corners
     assert np.median(flow["dissipation"][at_inlet]) == pytest.approx(entering(k, 0.3), rel=0.2)
 
     faster = FlowSpec(spec.mesh, 10.0, 1.204, 1.825e-5, turbulence=realizable.name)

@@ -20,6 +20,9 @@ BINS = {
     "inner-right": (0.03, 0.1),
     "outer-right": (0.1, 0.2),
 }
+# Fifteen comparisons at once: one in twenty differs by more than its own 95 % allows, all stay within this multiple of
+# it 95 times in a hundred (Bonferroni: the normal quantile for 0.05 / 15 is 2.94, that for 0.05 is 1.96).
+JOINT = 1.5
 OPPOSITE = dict(zip(BINS, reversed(BINS), strict=True))
 
 
@@ -44,25 +47,27 @@ def _answer(scene: Scene) -> Separation:
     return separate(scene, Pipeline(scene, make_plan(scene)).tracks().landings)
 
 
-def outside(air: dict[str, float], rung: str, scale: float) -> list[str]:
-    """A line for each share of which the mirrored machine's differs by more than both intervals allow."""
+def differences(air: dict[str, float], rung: str, scale: float) -> dict[str, float]:
+    """By how much each share differs from the mirrored machine's, over what both intervals allow."""
     right, left = (machine(side, air, rung, scale) for side in (1, -1))
-    plan = make_plan(right)
-    assert not plan.airflow.mirrored  # nothing is averaged over images that would hide a difference
+    assert not make_plan(right).airflow.mirrored  # nothing is averaged over images that would hide a difference
     one, other = _answer(right), _answer(left)
-    found = []
+    found = {}
     for name in right.fraction:
         for place, opposite in OPPOSITE.items():
             value, low, high = one.share(name, place)
             image, image_low, image_high = other.share(name, opposite)
             allowed = math.hypot(0.5 * (high - low), 0.5 * (image_high - image_low))
-            if abs(value - image) > allowed:
-                found.append(f"{name} {place}: {100 * value:.2f} and {100 * image:.2f} +- {100 * allowed:.2f}")
+            found[f"{name} {place}: {100 * value:.2f} and {100 * image:.2f}"] = abs(value - image) / allowed
     return found
 
 
 @pytest.mark.openfoam
 @pytest.mark.slow
 def test_the_mirror_image_of_a_machine_gives_the_mirrored_answer() -> None:
-    """Its steady airflow does not settle (Cd from 3.7 to 5.5): at one iteration, dust differed by 48 points."""
-    assert not outside({"speed": 5.0}, "draft", 2.5)
+    """Its steady airflow does not settle (Cd swings by 14 to 19 %): at one iteration each, dust in inner-left was 85.6
+    and 37.6 % +- 3.3. At eight late states each it is 66 and 53 +- 19, and the farthest of all is 1.15 intervals off.
+    """
+    found = differences({"speed": 5.0}, "draft", 2.5)
+    assert max(found.values()) <= JOINT, found
+    assert sum(ratio > 1.0 for ratio in found.values()) <= 2, found
