@@ -49,9 +49,9 @@ def solenoidal(plane: PlaneMesh, triangles: NDArray[np.intp], at_rest: NDArray[n
         potential[free] = factors.solve(source[free])
         slope = (area / 3)[:, None] * np.einsum("mid,mi->md", gradient, potential[triangles])
         change = np.stack([np.bincount(triangles.ravel(), np.repeat(part, 3), count) for part in slope.T], axis=1)
-        change = change / share[:, None]
-        change[at_rest] = 0.0
-        return np.asarray(velocity - change)
+        taken = change / share[:, None]
+        taken[at_rest] = 0.0
+        return np.asarray(velocity - taken)
 
     return lambda velocities: np.stack([free_of_divergence(velocity) for velocity in velocities])
 
