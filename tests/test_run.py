@@ -247,7 +247,7 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs are deaf to Ctrl-C
     child = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 120
-    while time.monotonic() < deadline and not list(case.glob("*.part/case/[1-9]*/U")):  # the first saved iteration
+    while time.monotonic() < deadline and not list(case.glob("*.part/case/segments.json")):  # the first segment ended
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
     _, errors = child.communicate(timeout=60)
