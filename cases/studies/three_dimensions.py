@@ -246,9 +246,9 @@ def print_proof(column: Column, spec: FlowSpec) -> None:
     for note in column.table["notes"]:
         print(f"Note: {note}.")
     axis = span["axis"]
-    print("\n| behind / D | speed | u' | v' | w' | modelled |\n|---|---|---|---|---|---|")
+    print("\n| behind / D | speed | u' | v' | v' along the whole span | w' | modelled |\n|---|---|---|---|---|---|---|")
     for i, place in enumerate(axis["behind"]):
-        parts = (axis[name][i] for name in ("speed", "along", "across", "spanwise", "modelled"))
+        parts = (axis[name][i] for name in ("speed", "along", "across", "coherent", "spanwise", "modelled"))
         print(f"| {place:g} | {' | '.join(f'{part:.2f}' for part in parts)} |")
 
 
