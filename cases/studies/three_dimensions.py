@@ -37,6 +37,7 @@ from wakeflow.foam.span_record import SpanRecord
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.airflow_kinds import TimeResolvedAir
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
@@ -148,7 +149,7 @@ def shares(scene: wf.Scene, fields: Sequence[FlowField]) -> Shares:
                     continue
                 flown = field.reflected() if mirrored else field
                 feed = feedstock(scene, plan, name, flown.period, mine)
-                flight = Flight(scene, plan, flown, scene.numerics.tolerance)
+                flight = Flight(scene, plan, Realisations(flown), scene.numerics.tolerance)
                 columns = landing_columns(feed, flight.fly(name, feed.granules, stream=number), len(scene.bin))
                 place = np.where(columns["bin"] < 0, len(scene.bin), columns["bin"])
                 for replicate in mine:
