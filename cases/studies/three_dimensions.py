@@ -26,18 +26,18 @@ import wakeflow as wf
 from wakeflow.core.store import Store, cache_root
 from wakeflow.field import FlowField
 from wakeflow.field.cross_fade import cross_faded
+from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec, axis_points
 from wakeflow.foam.case_fields import CaseFields
 from wakeflow.foam.cost import core_seconds
 from wakeflow.foam.history import Interval
-from wakeflow.foam.measure import AirflowResult
 from wakeflow.foam.span_measure import measure_span
 from wakeflow.foam.span_read import lead_of, read_layers
 from wakeflow.foam.span_record import SpanRecord
 from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.airflow_kinds import TimeResolvedAir
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.solved_air import TimeResolvedAir
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
