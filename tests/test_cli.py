@@ -35,6 +35,14 @@ def test_a_materials_density_changes_its_fall_not_its_shape(cases: Path, capsys:
     assert found[2600]["terminal_velocity"] / found[1300]["terminal_velocity"] == pytest.approx(2**0.5, rel=0.1)
 
 
+def test_per_cent_on_the_command_line(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plans = []
+    for arguments in (["--target-error", "5%"], ["--target-error", "0.05"], ["--set", "numerics.target_error=5 %"]):
+        assert main(["plan", str(cases / "rhombus.toml"), "--json", *arguments]) == 0
+        plans.append(json.loads(capsys.readouterr().out))
+    assert plans[0] == plans[1] == plans[2]
+
+
 def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(cases / "vacuum.toml"), "--set", "feed.count=32"]) == 0
     out = capsys.readouterr().out
@@ -50,6 +58,13 @@ def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str])
         (["run", "{cases}/rhombus.toml", "--rung", "best"], "Choose from"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed"], "KEY=VALUE"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=-3"], "air.speed = -3"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed=7", "m/s"], "with blanks: --set 'air.speed=7 m/s'"),
+        (["run", "--set", "air.speed=7", "m/s", "{cases}/rhombus.toml", "--json"], "--set 'air.speed=7 m/s'"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed", "=", "7"], "--set 'air.speed = 7'"),
+        (["run", "{cases}/rhombus.toml", "elsewhere"], "Unused Tokens: ['elsewhere']"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed=1,5 m/s"], "a decimal point is written"),
+        (["run", "{cases}/rhombus.toml", "--set", "fraction.wheet.density=1300"], "did you mean 'wheat'?"),
+        (["run", "{cases}/rhombus.toml", "--target-error", "five"], "'five': needs a share such as 0.05 or 5%"),
         (["run", "{cases}/rhombus.toml", "--force", "gravitation=off"], "unknown term"),
         (["run", "{cases}/rhombus.toml", "--force", "basset-history=on"], "cannot compute it"),
         (["run", "{cases}/rhombus.toml", "--force", "chaf.lift=on"], "no fraction 'chaf'"),
