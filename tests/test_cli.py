@@ -9,6 +9,7 @@ import pytest
 
 from wakeflow.cli import app, main
 from wakeflow.core.errors import SceneError
+from wakeflow.core.resources import scene_templates
 from wakeflow.scene import Scene
 
 
@@ -110,6 +111,30 @@ def test_new_writes_a_scene_that_loads_and_keeps_what_is_there(
     assert main(["plan", "rhombus.toml"]) == 0
     assert main(["new", "rhombus"]) == 2
     assert "exists" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", scene_templates())
+def test_a_new_scene_names_itself(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", kind, "my machine.toml"]) == 0
+    text, shipped = Path("my machine.toml").read_text(), scene_templates()[kind].read_text()
+    assert "wakeflow run cases/" not in text
+    assert text.count("wakeflow run 'my machine.toml'") == shipped.count(f"wakeflow run cases/{kind}.toml")
+    assert Scene.load("my machine.toml") == Scene.load(scene_templates()[kind])
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_installed(shell: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert main(["--install-completion", "--shell", shell, "--output", str(tmp_path / "script")]) == 0
+    script = (tmp_path / "script").read_text()
+    assert all(word in script for word in ("wakeflow", "doctor", "target-error"))
+
+
+def test_new_lists_every_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(kind in shown for kind in scene_templates())
 
 
 def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -59,6 +59,7 @@ def _version() -> str:
 
 
 app.version = _version
+app.register_install_completion_command(help="Install completion of commands and options for your shell.")
 
 
 @app.command
@@ -149,7 +150,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, labyrinth, aspirator, vacuum.
+        One of: rhombus, prism, labyrinth, aspirator, vacuum, funnel.
     path
         Where to write it; default KIND.toml here.
     overwrite
