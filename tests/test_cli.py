@@ -9,6 +9,7 @@ import pytest
 
 from wakeflow.cli import app, main
 from wakeflow.core.errors import SceneError
+from wakeflow.core.resources import scene_templates
 from wakeflow.scene import Scene
 
 
@@ -35,6 +36,14 @@ def test_a_materials_density_changes_its_fall_not_its_shape(cases: Path, capsys:
     assert found[2600]["terminal_velocity"] / found[1300]["terminal_velocity"] == pytest.approx(2**0.5, rel=0.1)
 
 
+def test_per_cent_on_the_command_line(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plans = []
+    for arguments in (["--target-error", "5%"], ["--target-error", "0.05"], ["--set", "numerics.target_error=5 %"]):
+        assert main(["plan", str(cases / "rhombus.toml"), "--json", *arguments]) == 0
+        plans.append(json.loads(capsys.readouterr().out))
+    assert plans[0] == plans[1] == plans[2]
+
+
 def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(cases / "vacuum.toml"), "--set", "feed.count=32"]) == 0
     out = capsys.readouterr().out
@@ -50,6 +59,13 @@ def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str])
         (["run", "{cases}/rhombus.toml", "--rung", "best"], "Choose from"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed"], "KEY=VALUE"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=-3"], "air.speed = -3"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed=7", "m/s"], "with blanks: --set 'air.speed=7 m/s'"),
+        (["run", "--set", "air.speed=7", "m/s", "{cases}/rhombus.toml", "--json"], "--set 'air.speed=7 m/s'"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed", "=", "7"], "--set 'air.speed = 7'"),
+        (["run", "{cases}/rhombus.toml", "elsewhere"], "Unused Tokens: ['elsewhere']"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed=1,5 m/s"], "a decimal point is written"),
+        (["run", "{cases}/rhombus.toml", "--set", "fraction.wheet.density=1300"], "did you mean 'wheat'?"),
+        (["run", "{cases}/rhombus.toml", "--target-error", "five"], "'five': needs a share such as 0.05 or 5%"),
         (["run", "{cases}/rhombus.toml", "--force", "gravitation=off"], "unknown term"),
         (["run", "{cases}/rhombus.toml", "--force", "basset-history=on"], "cannot compute it"),
         (["run", "{cases}/rhombus.toml", "--force", "chaf.lift=on"], "no fraction 'chaf'"),
@@ -95,6 +111,30 @@ def test_new_writes_a_scene_that_loads_and_keeps_what_is_there(
     assert main(["plan", "rhombus.toml"]) == 0
     assert main(["new", "rhombus"]) == 2
     assert "exists" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", scene_templates())
+def test_a_new_scene_names_itself(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", kind, "my machine.toml"]) == 0
+    text, shipped = Path("my machine.toml").read_text(), scene_templates()[kind].read_text()
+    assert "wakeflow run cases/" not in text
+    assert text.count("wakeflow run 'my machine.toml'") == shipped.count(f"wakeflow run cases/{kind}.toml")
+    assert Scene.load("my machine.toml") == Scene.load(scene_templates()[kind])
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_installed(shell: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert main(["--install-completion", "--shell", shell, "--output", str(tmp_path / "script")]) == 0
+    script = (tmp_path / "script").read_text()
+    assert all(word in script for word in ("wakeflow", "doctor", "target-error"))
+
+
+def test_new_lists_every_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(kind in shown for kind in scene_templates())
 
 
 def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from .core.errors import ProgramError, SceneError, WakeflowError
-from .scene.overrides import changes_of, switches_of
+from .scene.overrides import changes_of, share_of, switches_of, unquoted
 from .scene.rungs import rungs
 
 __all__ = ["app", "main"]
@@ -42,7 +42,11 @@ Forced = Annotated[
     Parameter(name="--force", negative="", help="Switch a term: lift=on, chaff.basset-history=off. Repeatable."),
 ]
 Target = Annotated[
-    float | None, Parameter(help="Error of a bin's share that is asked for, instead of the scene's own (0.01).")
+    float | None,
+    Parameter(
+        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%.",
+        converter=lambda _, tokens: share_of(tokens[0].value),
+    ),
 ]
 Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
 Quiet = Annotated[bool, Parameter(help="Print nothing but errors.")]
@@ -55,6 +59,7 @@ def _version() -> str:
 
 
 app.version = _version
+app.register_install_completion_command(help="Install completion of commands and options for your shell.")
 
 
 @app.command
@@ -145,7 +150,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, labyrinth, aspirator, vacuum.
+        One of: rhombus, prism, labyrinth, aspirator, vacuum, funnel.
     path
         Where to write it; default KIND.toml here.
     overwrite
@@ -161,9 +166,9 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
 @app.command
 def schema() -> None:
     """Print the JSON schema of scene files, for editors."""
-    from .scene import Scene
+    from .scene.schema import scene_schema
 
-    print(json.dumps(Scene.model_json_schema(by_alias=True), indent=2))
+    print(json.dumps(scene_schema(), indent=2))
 
 
 @app.command
@@ -256,7 +261,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as problem:
-        _complain(str(problem).strip().splitlines()[-1])
+        words = sys.argv[1:] if arguments is None else arguments
+        parted = unquoted(words) if isinstance(problem, UnusedCliTokensError) else None
+        _complain(parted or str(problem).strip().splitlines()[-1])
         return SceneError.exit_code
     except WakeflowError as problem:
         _complain(str(problem))
@@ -269,7 +276,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as problem:
         full = problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         place = f"{problem.filename}: " if problem.filename else ""
-        _complain(f"{place}{problem.strerror}; free some space or choose another --out and WAKEFLOW_CACHE")
+        _complain(
+            f"{place}{problem.strerror}; {'free some space or ' if full else ''}choose another --out and WAKEFLOW_CACHE"
+        )
         return ProgramError.exit_code if full else SceneError.exit_code
     except KeyboardInterrupt:
         _complain("interrupted; what is finished is kept, the same command goes on")

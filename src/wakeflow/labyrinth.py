@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from .core.record import to_json
@@ -40,12 +41,14 @@ class Chained:
         return self.shares.share(fraction, place)
 
 
-def chain(scene: Scene, *, count: int | None = None) -> Chained:
-    """Fly the granules of ``scene`` from impact to impact without air, ``count`` of each fraction instead of its own.
+def chain(scene: Scene | Path | str, *, count: int | None = None) -> Chained:
+    """Fly the granules of ``scene``, or that of a scene file, from impact to impact without air, ``count`` of each
+    fraction instead of its own.
 
     The answer of ``wakeflow run --rung none`` without its files: eq. (2) from body to body. Granules, vibration and
     bins are those of every other rung. Raises SceneError as :func:`wakeflow.plan` does.
     """
+    scene = Scene.of(scene)
     if count is not None:
         scene = scene.replace({"feed.count": count})
     plan = make_plan(scene, rung="none")

@@ -53,8 +53,8 @@ STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can 
 
 
 def run(
-    scene: Scene,
-    out: Path | str = Path("runs", "scene"),
+    scene: Scene | Path | str,
+    out: Path | str | None = None,
     *,
     until: str | None = None,
     rung: str | None = None,
@@ -64,7 +64,8 @@ def run(
     listener: Listener = silent,
     redraw: bool = False,
 ) -> Result:
-    """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
+    """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
+    file's name); finished stages come from the cache.
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
     ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)``
@@ -73,7 +74,9 @@ def run(
     """
     from filelock import FileLock, Timeout
 
-    folder, request = Path(out), Request(until, rung, dict(force or {}), target_error)
+    name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
+    scene, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
+    request = Request(until, rung, dict(force or {}), target_error)
     _check(scene, folder, request, workers)
     planner = Planner(scene.fed(), dict(force or {}), target_error)
     plan = planner.plan(rung)

@@ -88,7 +88,7 @@ def test_the_papers_beads() -> None:
         ({"funnel.mass": "1 g", "funnel.count": 100}, "either mass or count"),
         ({"funnel.mass": "1 kg"}, "allowed: 10 to 50000"),
         ({"funnel.width": "12 mm"}, "1.5 times orifice"),
-        ({"funnel.restitution": 0.05}, "greater than 0.05"),
+        ({"funnel.restitution": 0.05}, r"restitution = 0.05: too small \(allowed: > 0.05"),
         ({"funnel.cone": 1}, "unknown key"),
     ],
 )

@@ -186,7 +186,7 @@ def test_a_streams_turbulence_decays_as_its_equations_say() -> None:
         ({"vibration.frequency": 30.0, "vibration.gamma": 2.0}, "vibrate"),
         ({"numerics.rung": "draft"}, "nothing to solve"),
         ({"feed.direction": "-80 deg"}, "direction goes with speed"),
-        ({SPEED: -1.0}, r"fraction.wheat.terminal_velocity = -1.0: .* \(allowed: >= 1e-06 and <= 100 m/s\)"),
+        ({SPEED: -1.0}, r"fraction.wheat.terminal_velocity = -1.0: .* \(allowed: >= 1e-06 m/s and <= 100 m/s\)"),
         ({"fraction.wheat.terminal_velocity.high": 7.0}, "low = 7.04 must be below high = 7"),
         ({SPEED: {"distribution": "unifrom", "low": 1, "high": 2}}, "did you mean 'uniform'"),
         ({SPEED: {"distribution": "uniform", "mean": 7.0}}, "lacks low, high and has no mean"),

@@ -564,7 +564,7 @@ def test_a_planner_makes_each_rungs_plan_once(draft: Scene) -> None:
     assert planner.plan("draft") == make_plan(draft, rung="draft", force={"lift": True})
     assert planner.plan().rung == "draft"
     assert planner.at(draft) is planner
-    faster = planner.at(draft.replace({"feed.rate": 900.0}))
+    faster = planner.at(draft.replace({"feed.rate": "900 kg/hour"}))
     assert faster.force == {"lift": True}
     assert faster.plan("draft").validity != planner.plan("draft").validity
 

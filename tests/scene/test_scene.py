@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
 from wakeflow.scene import Scene
+from wakeflow.scene.messages import unit_of
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
 ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}
@@ -45,9 +47,9 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
     [
         ({"air.sped": 3}, "air.sped: unknown key; did you mean 'speed'?"),
         ({"air.speed": "5 kg"}, "air.speed = '5 kg': needs a number in m/s or a string such as '5 m/s'"),
-        ({"air.speed": -1}, "allowed: >= 1e-06 and <= 100 m/s"),
+        ({"air.speed": -1}, "air.speed = -1: too small (allowed: >= 1e-06 m/s and <= 100 m/s)"),
         ({"air.speed": math.nan}, "air.speed"),
-        ({"body.rhombus.slope_angle": 60}, "a string may carry another unit, such as '60 deg'"),
+        ({"body.rhombus.slope_angle": 60}, "unit forgotten: a number alone is in rad? Write '60 deg'"),
         ({"body.rhombus.slope_angle": None}, "body.rhombus"),
         ({"body.rhombus.height": 0.1}, "either slope_angle or height"),
         ({"body.rhombus.apex": "up"}, "shape 'rhombus' has no apex (takes: width, slope_angle, height)"),
@@ -63,19 +65,19 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
             {"body.two": {"shape": "circle", "width": 0.01, "at": [0.0305, 0.0]}},
             "body.rhombus and body.two are only 0.0005 m apart",
         ),
-        ({"body.two": ABOVE}, "the curtain begins at y = 0.125 m, inside body.two"),
+        ({"body.two": ABOVE}, "the curtain begins at y = 125 mm, inside body.two"),
         ({"body.two": ABOVE, "feed.mode": "injected", "feed.height": 0.2}, "body.two may be met before the first body"),
-        ({"body.rhombus.slope_angle": "9 deg"}, "allowed: >= 0.174533 and <= 1.39626 rad"),
-        ({"body.rhombus.slope_angle": "81 deg"}, "allowed: >= 0.174533 and <= 1.39626 rad"),
-        ({"body.rhombus.rounding": "18 mm"}, "rounding = 0.018 m eats an edge of the outline (allowed: < 0.01768 m)"),
+        ({"body.rhombus.slope_angle": "9 deg"}, "= '9 deg': too small (allowed: >= 10 deg and <= 80 deg)"),
+        ({"body.rhombus.slope_angle": "95 deg"}, "= '95 deg': too large (allowed: >= 10 deg and <= 80 deg)"),
+        ({"body.rhombus.rounding": "18 mm"}, "rounding = 18 mm eats an edge of the outline (allowed: < 17.68 mm)"),
         (
             {"body.two": {"shape": "circle", "width": 0.01, "corners": 30, "at": [0.1, 0]}},
             "corners = 30: a multiple of 4",
         ),
-        ({"channel.inlet.a.position": 0.0}, "channel.inlet.a.side: missing"),
+        ({"channel.inlet.a": {"position": 0.0}}, "channel.inlet.a.side: missing"),
         ({"channel.inlet.a": INLET, "channel.inlet.b": {**INLET, "position": 0.01}}, "channel.inlet.b overlap"),
-        ({"channel.inlet.a": {**INLET, "velocity": -1.0}}, "channel.inlet.a.velocity = -1.0: input should be greater"),
-        ({"channel.inlet.a": {**INLET, "position": "0.2 m"}}, "channel.inlet.a reaches from y = 0.19 to 0.21 m"),
+        ({"channel.inlet.a": {**INLET, "velocity": -1.0}}, "channel.inlet.a.velocity = -1.0: too small"),
+        ({"channel.inlet.a": {**INLET, "position": "0.2 m"}}, "channel.inlet.a reaches from y = 0.19 m to 0.21 m"),
         ({"channel.inlet.a": {**INLET, "sid": "left"}}, "channel.inlet.a.sid: unknown key; did you mean 'side'?"),
         ({"channel.inlet.a": INLET, "bin.w": {"on": "left", "from": 0.0, "to": 0.1}}, "bin.w overlaps channel.inlet.a"),
         ({"channel.inlet.a": INLET, "air": None}, "secondary air streams need an [air] table"),
@@ -107,10 +109,22 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"bin.shelf": {"points": [[0.1, 0.1], [0.1, 0.1]]}}, "repeats a point"),
         ({"fraction.wheat.target": ["middle", "middle"]}, "names a bin twice"),
         ({"fraction.wheat.target": []}, "target"),
-        ({"fraction": {"../evil": {"material": "wheat"}}}, "should match pattern"),
+        ({"fraction": {"../evil": {"material": "wheat"}}}, "a name begins with a letter"),
         ({"feed.mode": "thrown"}, "'auto', 'injected' or 'resolved'"),
         ({"vibration.amplitude": 0.001}, "either amplitude or gamma"),
         ({"feed.height.x": 1}, "feed.height is a value, not a table"),
+        ({"fraction.wheet.restitution": 0.3}, "no fraction 'wheet'; did you mean 'wheat'? (known: dust, chaff, wheat)"),
+        ({"bin.midle.to": 0.01}, "to add one, give it whole: bin.midle={...}"),
+        ({"channel.inlet.a.width": 0.01}, "channel.inlet.a.side: missing"),
+        ({"body.width": "60 mm"}, "body.width = '60 mm': which one? body.rhombus.width"),
+        ({"air": 3}, "air = 3: is a table: write [air] and its keys below it (its keys: speed, direction"),
+        ({"air.speed": [3, 4]}, "air.speed = [3, 4]: needs a number"),
+        ({"air.turbulence": "90 %"}, "air.turbulence = '90 %': too large (allowed: >= 0.1 % and <= 50 %)"),
+        ({"fraction.wheat.mass_share": 90}, "too large (allowed: > 0 and <= 1); unit forgotten? Write '90 %'"),
+        ({"feed.width": "300 cm"}, "feed.width = 300 cm at feed.position = 0 cm touches the channel's walls"),
+        ({"bin.middle.to": "100 mm"}, "bin.middle and bin.inner-right overlap from 80 mm to 100 mm"),
+        ({"bin.outer-right.to": 0.3}, "x from 0.135 m to 0.3 m, y from -0.2 m to -0.2 m (allowed: x within 0.2 m of 0"),
+        ({"air.speed": "1,5 m/s"}, "air.speed = '1,5 m/s': a decimal point is written '.'"),
     ],
 )
 def test_a_mistake_is_one_line_that_names_the_field(rhombus: Scene, change: dict, message: str) -> None:
@@ -118,6 +132,101 @@ def test_a_mistake_is_one_line_that_names_the_field(rhombus: Scene, change: dict
         rhombus.replace(change)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+OFF_SCALE = [
+    (
+        {"body.rhombus.width": 60},
+        "body.rhombus.width = 60 m: unit forgotten? Other lengths of this scene are about 140 mm",
+    ),
+    ({"feed.height": 100}, "write '100 mm', or '100 m' if that is meant"),
+    ({"body.rhombus.at": [0, -90.0]}, "body.rhombus.at[2] = -90 m: unit forgotten?"),
+    ({"channel.width": 400, "channel.top": 200}, "channel.width = 400 m, channel.top = 200 m: unit forgotten?"),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), OFF_SCALE)
+def test_a_length_far_off_the_scale_is_asked_about(cases: Path, changes: dict, message: str) -> None:
+    with pytest.raises(SceneError) as loaded:
+        Scene.load(cases / "rhombus.toml", changes)
+    with pytest.raises(SceneError, match="unit forgotten"):
+        Scene.load(cases / "rhombus.toml").replace(changes)
+    assert message in str(loaded.value)
+
+
+def test_a_whole_scene_without_units_is_asked_about(cases: Path, tmp_path: Path) -> None:
+    text = (cases / "prism.toml").read_text()
+    (tmp_path / "bare.toml").write_text(re.sub(r'"(-?[0-9.]+) mm"', r"\1", text))
+    with pytest.raises(SceneError, match=r"channel.width = 200 m, .* and 8 more: unit forgotten\?"):
+        Scene.load(tmp_path / "bare.toml")
+
+
+def test_a_length_with_its_unit_is_believed_and_stays_so(cases: Path, tmp_path: Path) -> None:
+    tall = Scene.load(cases / "vacuum.toml", {"feed.height": "100 m"})
+    assert tall.feed.height == 100.0
+    assert tall.replace({"feed.count": 32}).feed.height == 100.0
+    tall.save(tmp_path / "tall.toml")
+    assert Scene.load(tmp_path / "tall.toml") == tall
+    assert 'height = "100.0 m"' in (tmp_path / "tall.toml").read_text()
+
+
+def test_a_curtain_is_no_denser_than_its_granules(rhombus: Scene) -> None:
+    speed, width, depth = math.sqrt(2 * 9.81 * 0.1), 0.04, 0.3
+    most = max(materials[name].density for name in ("wheat", "chaff", "dust")) * speed * width * depth
+    assert rhombus.replace({"feed.rate": 0.999 * most}).feed.rate == 0.999 * most
+    with pytest.raises(SceneError, match=r"feed.rate = .* kg/s: .* denser than its granules"):
+        rhombus.replace({"feed.rate": 1.001 * most})
+    with pytest.raises(SceneError, match="'300 kg/hour' meant"):
+        rhombus.replace({"feed.rate": 300})
+
+
+def test_frequencies_and_shares_as_people_write_them(cases: Path) -> None:
+    changes = {"vibration.frequency": "1800 rpm", "fraction.wheat.mass_share": "90 %", "air.turbulence": "4 %"}
+    scene = Scene.load(cases / "rhombus.toml", {**changes, "numerics.target_error": "2 %"})
+    assert scene.vibration is not None
+    assert scene.air is not None
+    assert scene.vibration.frequency == pytest.approx(30.0, rel=1e-15)
+    assert scene.fraction["wheat"].mass_share == 0.9
+    assert (scene.air.turbulence, scene.numerics.target_error) == (0.04, 0.02)
+
+
+def test_a_sieve_table_in_per_cent(rhombus: Scene) -> None:
+    sieves = {"distribution": "table", "diameters": ["10 um", "40 um", "125 um"], "passing": ["0 %", "45 %", "100 %"]}
+    size = rhombus.replace({"fraction.dust.size": sieves}).fraction["dust"].size
+    assert size is not None
+    assert size.passing == [0.0, 0.45, 1.0]
+
+
+def test_units_of_keys() -> None:
+    assert [unit_of(key) for key in ("air.speed", "body.a.slope_angle", "feed.rate")] == ["m/s", "rad", "kg/s"]
+    assert [unit_of(key) for key in ("fraction.a.mass_share", "air.direction", "air.nothing")] == ["", "", ""]
+
+
+def test_a_path_is_a_scene(cases: Path) -> None:
+    import wakeflow as wf
+
+    path = cases / "vacuum.toml"
+    assert wf.plan(str(path)).summary() == wf.plan(wf.Scene.load(path)).summary()
+    assert wf.chain(path, count=32).plan.summary() == wf.chain(wf.Scene.load(path), count=32).plan.summary()
+    with pytest.raises(SceneError, match="no scene file"):
+        wf.run("nowhere.toml")
+    with pytest.raises(SceneError, match="not dict"):
+        wf.run({"air": {}})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("speed = 7 m/s   # fast", "put quotes round a value with a unit: speed = '7 m/s'"),
+        ("speed = 7,5", "write a decimal point: speed = 7.5"),
+        ("speed = = 7", "line 2, column 9)"),
+    ],
+)
+def test_a_line_that_is_no_toml_is_mended(line: str, hint: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(f"[air]\n{line}\n")
+    with pytest.raises(SceneError) as caught:
+        Scene.load(tmp_path / "scene.toml")
+    assert str(caught.value).endswith(hint)
 
 
 def test_missing_file_and_broken_toml(tmp_path: Path) -> None:

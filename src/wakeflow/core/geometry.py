@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SceneError
+from .quantities import metres
 
 __all__ = [
     "are_symmetric",
@@ -103,7 +104,7 @@ def rounded(outline: Array, radius: float) -> Array:
     cut = np.abs(np.tan(turn / 2))  # length taken off either edge, in radii
     largest = float((length / np.maximum(cut + np.roll(cut, -1), 1e-12)).min())
     if radius >= largest:
-        raise SceneError(f"rounding = {radius:g} m eats an edge of the outline (allowed: < {largest:.4g} m)")
+        raise SceneError(f"rounding = {metres(radius)} eats an edge of the outline (allowed: < {metres(largest, 4)})")
     along = after / length[:, None]
     parts = []
     for corner, angle, take, into in zip(outline, turn, radius * cut, np.roll(along, 1, axis=0), strict=True):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
+from ..core.quantities import metres
 from ..core.registry import Registry
 
 __all__ = ["shapes"]
@@ -70,7 +71,7 @@ def plate(*, length: float, thickness: float, slope_angle: float, descends: str 
     Origin at its middle. With a rounding below half of the thickness its ends are round.
     """
     if thickness > length:
-        raise SceneError(f"thickness = {thickness:g} m is more than length = {length:g} m")
+        raise SceneError(f"thickness = {metres(thickness)} is more than length = {metres(length)}")
     along, across = length / 2, thickness / 2
     x, y = np.array([(along, across), (-along, across), (-along, -across), (along, -across)]).T
     c, s = float(np.cos(slope_angle)), float(np.sin(slope_angle))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
+from ..core.quantities import metres
 from ..core.registry import Registry
 
 __all__ = ["sizes"]
@@ -69,15 +70,17 @@ def rosin_rammler(p: Array, *, scale: float, spread: float, low: float = 1e-9, h
     Rammler, E. 1933, J. Inst. Fuel 7, 29; milled and broken goods have a spread of about 0.7 to 3.
     """
     if not (scale > 0.0 and spread > 0.0):
-        raise SceneError(f"scale = {scale:g} m and spread = {spread:g} must be positive")
+        raise SceneError(f"scale = {metres(scale)} and spread = {spread:g} must be positive")
     if not low < high:
-        raise SceneError(f"low = {low:g} m must be below high = {high:g} m")
+        raise SceneError(f"low = {metres(low)} must be below high = {metres(high)}")
     finest, coarsest = (
         math.exp(min(spread * math.log(cut / scale), 700.0)) if cut > 0.0 else 0.0 for cut in (low, high)
     )
     kept = math.exp(-finest) - math.exp(-coarsest)
     if kept < 1e-6:
-        raise SceneError(f"low = {low:g} m and high = {high:g} m keep {kept:.1g} of this distribution; widen them")
+        raise SceneError(
+            f"low = {metres(low)} and high = {metres(high)} keep {kept:.1g} of this distribution; widen them"
+        )
     mass = -math.expm1(finest - coarsest)  # between the cuts, of what exceeds the lower one
     return scale * (finest - np.log1p(-np.asarray(p) * mass)) ** (1.0 / spread)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -46,19 +47,19 @@ LARGEST_ERROR = 0.5  # of a share: an accuracy beyond would say nothing
 
 
 def make_plan(
-    scene: Scene,
+    scene: Scene | Path | str,
     *,
     rung: str | None = None,
     force: Mapping[str, bool] | None = None,
     target_error: float | None = None,
 ) -> Plan:
-    """Decide what ``scene`` needs. ``rung`` and ``target_error`` (a share) override the scene's; ``force`` switches
-    terms on or off, {"lift": True} for all fractions, {"chaff.lift": True} for one.
+    """Decide what ``scene``, or that of a scene file, needs. ``rung`` and ``target_error`` (a share) override the
+    scene's; ``force`` switches terms on or off, {"lift": True} for all fractions, {"chaff.lift": True} for one.
 
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
     """
-    given = scene.fed()
+    given = Scene.of(scene).fed()
     target = given.numerics.target_error if target_error is None else target_error
     if not 0.0 < target <= LARGEST_ERROR:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")

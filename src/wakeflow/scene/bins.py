@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from ..core.errors import SceneError
+from ..core.quantities import metres
 from .surroundings import Channel
 from .table import Array, Table
 from .units import Coordinate, Point
@@ -21,7 +22,7 @@ class Bin(Table):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
     start: Coordinate | None = Field(None, alias="from", description="x on the floor or top, y on a side")
     to: Coordinate | None = None
-    on: Literal["floor", "left", "right", "top"] = "floor"
+    on: Literal["floor", "left", "right", "top"] = Field("floor", description="the side of the channel it lies on")
     points: list[Point] | None = Field(None, description="a polyline anywhere in the channel, instead of from and to")
 
     @model_validator(mode="after")
@@ -36,7 +37,7 @@ class Bin(Table):
         elif self.start is None or self.to is None:
             raise SceneError("give from and to (or points)")
         elif not self.start < self.to:
-            raise SceneError(f"from = {self.start:g} m must be below to = {self.to:g} m")
+            raise SceneError(f"from = {metres(self.start)} must be below to = {metres(self.to)}")
         return self
 
     def line(self, channel: Channel) -> Array:

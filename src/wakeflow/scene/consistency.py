@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import contains, distance_between, edges, segments_cross
+from ..core.quantities import metres, say
 from ..core.registry import did_you_mean
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
@@ -27,30 +28,30 @@ def _bodies_apart(scene: SceneTables) -> Iterator[str]:
     for (name, one), (other_name, other) in itertools.combinations(outlines, 2):
         gap = distance_between(one, other)
         if gap < APART * scene.width:
-            how = "touch each other" if gap == 0.0 else f"are only {gap:.3g} m apart"
-            yield f"body.{name} and body.{other_name} {how} (allowed: at least {APART * scene.width:.3g} m)"
+            how = "touch each other" if gap == 0.0 else f"are only {metres(gap, 3)} apart"
+            yield f"body.{name} and body.{other_name} {how} (allowed: at least {metres(APART * scene.width, 3)})"
 
 
 def _body_fits(scene: SceneTables) -> Iterator[str]:
     channel = scene.channel
     if not channel.bottom < channel.top:
-        yield f"channel.bottom = {channel.bottom:g} m must be below channel.top = {channel.top:g} m"
+        yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
     swing_x, swing_y = np.abs(scene.motion[0])
     for name, body in scene.body.items():
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
         reach = max(-left, right)
         if reach >= 0.49 * channel.width:
             yield (
-                f"body.{name} reaches x = {reach:g} m: no room beside it in channel.width = {channel.width:g} m; leave "
-                f"a gap to the wall (allowed: x below {0.49 * channel.width:g} m)"
+                f"body.{name} reaches x = {metres(reach)}: no room beside it in channel.width = "
+                f"{metres(channel.width)}; leave a gap to the wall (allowed: x below {metres(0.49 * channel.width)})"
             )
         elif low <= channel.bottom or high >= channel.top:
-            yield f"body.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
+            yield f"body.{name} reaches from y = {metres(low)} to {metres(high)}, outside channel.bottom .. channel.top"
         elif swing_x > 0.5 * (channel.width / 2 - reach) or swing_y > 0.5 * min(
             low - channel.bottom, channel.top - high
         ):
             amplitude = math.hypot(swing_x, swing_y)
-            yield f"vibration: an amplitude of {amplitude:.3g} m brings body.{name} too near to the channel's ends"
+            yield f"vibration: an amplitude of {metres(amplitude, 3)} brings body.{name} too near to the channel's ends"
 
 
 def _feed_fits(scene: SceneTables) -> Iterator[str]:
@@ -59,9 +60,10 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
     for name, size in sizes_of.items():
         if size > scene.width:
             what = "body" if scene.body else "channel"
-            yield f"fraction.{name}: granules of {size:.3g} m are wider than the {what} ({scene.width:.3g} m)"
+            yield f"fraction.{name}: granules of {metres(size, 3)} are wider than the {what} ({metres(scene.width, 3)})"
     if abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
-        yield f"feed.width = {feed.width:g} m at feed.position = {feed.position:g} m touches the channel's walls"
+        place = f"feed.position = {metres(feed.position)}"
+        yield f"feed.width = {metres(feed.width)} at {place} touches the channel's walls"
     if not scene.body:
         return
     if feed.mode == "injected" and scene.obstacles:
@@ -70,15 +72,30 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
     x = next(iter(scene.body.values())).outline()[:, 0]
     left, right = feed.position - feed.width / 2, feed.position + feed.width / 2
     if feed.start == "resting" and (left < x.min() or right > x.max()):
-        yield f"feed: granules lie from x = {left:g} to {right:g} m, the body reaches from {x.min():g} to {x.max():g} m"
+        reach = f"from {metres(x.min())} to {metres(x.max())}"
+        yield f"feed: granules lie from x = {metres(left)} to {metres(right)}, the body reaches {reach}"
     level = min(scene.level + scene.release[0], scene.channel.top)
     curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
     for name, body in list(scene.body.items())[1:]:
         if _meets(body.outline(), curtain):
-            yield f"feed: the curtain begins at y = {level:.3g} m, inside body.{name}; move either"
+            yield f"feed: the curtain begins at y = {metres(level, 3)}, inside body.{name}; move either"
     if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
-        reach = f"x from {x.min():g} to {x.max():g} m"
-        yield f"feed.position = {feed.position:g} m: the curtain falls past the body ({reach})"
+        reach = f"x from {metres(x.min())} to {metres(x.max())}"
+        yield f"feed.position = {metres(feed.position)}: the curtain falls past the body ({reach})"
+
+
+def _rate_can_fall(scene: SceneTables) -> Iterator[str]:
+    """Refuse a curtain that would be denser than its granules: the rate of another unit than was meant."""
+    feed, speed = scene.feed, scene.feed.fall_speed
+    if feed.rate is None or feed.start == "resting" or speed == 0.0:
+        return
+    densest = max(fraction.properties.density for fraction in scene.fraction.values())
+    most = densest * speed * feed.width * feed.depth
+    if feed.rate > most:
+        hint = f"; '{feed.rate:g} kg/hour' meant?" if feed.rate / 3600 <= most else ""
+        curtain = f"a curtain of {metres(feed.width)} x {metres(feed.depth)} that falls at {say(speed, 'm/s', 3)}"
+        allowed = f"(allowed: at most {say(most, 'kg/s', 3)})"
+        yield f"feed.rate = {say(feed.rate, 'kg/s')}: {curtain} would be denser than its granules {allowed}{hint}"
 
 
 def _body_needed(scene: SceneTables) -> Iterator[str]:
@@ -96,9 +113,9 @@ def _body_needed(scene: SceneTables) -> Iterator[str]:
 def _goes_without_a_body(scene: SceneTables) -> Iterator[str]:
     feed, channel = scene.feed, scene.channel
     if not channel.bottom < channel.top:
-        yield f"channel.bottom = {channel.bottom:g} m must be below channel.top = {channel.top:g} m"
+        yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
     if not channel.bottom < scene.level <= channel.top:
-        yield f"feed.level = {scene.level:g} m lies outside channel.bottom .. channel.top"
+        yield f"feed.level = {metres(scene.level)} lies outside channel.bottom .. channel.top"
     if feed.start == "resting":
         yield "feed.start = 'resting': there is no body to lie on; add one, or leave start out"
     if feed.mode == "injected":
@@ -148,7 +165,9 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
             or y.min() < scene.channel.bottom - slack
             or y.max() > scene.channel.top + slack
         ):
-            yield f"bin.{name} lies outside the channel"
+            reach = f"x from {metres(x.min())} to {metres(x.max())}, y from {metres(y.min())} to {metres(y.max())}"
+            duct = f"x within {metres(half)} of 0, y from {metres(scene.channel.bottom)} to {metres(scene.channel.top)}"
+            yield f"bin.{name} lies outside the channel: {reach} (allowed: {duct})"
         bodies = scene.body.values()
         if collector.points is not None and any(_meets(body.outline(), collector.points) for body in bodies):
             yield f"bin.{name} runs through a body"
@@ -167,8 +186,9 @@ def _bins_apart(scene: SceneTables) -> Iterator[str]:
     for i, (name, one) in enumerate(placed):
         for other_name, other in placed[i + 1 :]:
             assert one.start is not None and one.to is not None and other.start is not None and other.to is not None  # noqa: PT018
-            if one.on == other.on and min(one.to, other.to) - max(one.start, other.start) > 1e-9:
-                yield f"bin.{name} and bin.{other_name} overlap"
+            low, high = max(one.start, other.start), min(one.to, other.to)
+            if one.on == other.on and high - low > 1e-9:
+                yield f"bin.{name} and bin.{other_name} overlap from {metres(low)} to {metres(high)}"
 
 
 def _inlets_fit(scene: SceneTables) -> Iterator[str]:
@@ -178,7 +198,8 @@ def _inlets_fit(scene: SceneTables) -> Iterator[str]:
     for name, one in placed:
         low, high = one.span
         if low <= channel.bottom or high >= channel.top:
-            yield f"channel.inlet.{name} reaches from y = {low:g} to {high:g} m, outside channel.bottom .. channel.top"
+            reach = f"from y = {metres(low)} to {metres(high)}"
+            yield f"channel.inlet.{name} reaches {reach}, outside channel.bottom .. channel.top"
     for (name, one), (other_name, other) in itertools.combinations(placed, 2):
         if one.side == other.side and abs(one.position - other.position) < (one.width + other.width) / 2:
             yield f"channel.inlet.{name} and channel.inlet.{other_name} overlap"
@@ -203,8 +224,8 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
             yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
         asked, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))
         if asked is not None and asked > most:
-            peak = f"the body rises by at most {most:.3g} m/s"
-            yield f"{key}.body_speed = {asked:g} m/s: {peak}; change [vibration]"
+            peak = f"the body rises by at most {say(most, 'm/s', 3)}"
+            yield f"{key}.body_speed = {say(asked, 'm/s')}: {peak}; change [vibration]"
 
 
 def _rung_fits(scene: SceneTables) -> Iterator[str]:
@@ -216,6 +237,7 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bodies_apart,
     _body_fits,
     _feed_fits,
+    _rate_can_fall,
     _body_needed,
     _shares_add_up,
     _bins_exist,

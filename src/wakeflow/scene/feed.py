@@ -6,12 +6,12 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
 from ..laws.constants import GRAVITY
 from ..laws.profile import crowding, profiles
-from .table import Array, Table, takes
+from .table import Array, Shorthand, Table, takes
 from .units import AnyAngle, Coordinate, Length, MassRate, Speed
 
 __all__ = ["Feed", "Profile"]
@@ -60,7 +60,7 @@ class Feed(Table):
     )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
-    profile: Annotated[Profile, BeforeValidator(_one_word)] = Field(
+    profile: Annotated[Profile, Shorthand(str, _one_word)] = Field(
         Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
     )
     rate: MassRate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")

@@ -7,7 +7,7 @@ from inspect import signature
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from ..core.errors import SceneError
 from ..core.registry import Registry
@@ -16,8 +16,8 @@ from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes
-from .table import Array, Table, takes
-from .units import Diameter, MassDensity, Portion, PositiveSpeed
+from .table import Array, Shorthand, Table, takes
+from .units import SHARE, Diameter, MassDensity, Portion, PositiveSpeed
 
 __all__ = ["Fraction", "Rebound", "Size", "Speeds"]
 
@@ -42,7 +42,7 @@ class Size(Table):
     scale: Diameter | None = Field(None, description="rosin-rammler: 63.2 % of the mass is finer")
     spread: Annotated[float, Field(ge=0.5, le=50)] | None = Field(None, description="rosin-rammler: its exponent")
     diameters: list[Diameter] | None = Field(None, description="table: the sieves, finest first")
-    passing: list[Annotated[float, Field(ge=0, le=1)]] | None = Field(
+    passing: list[Annotated[float, Field(ge=0, le=1), SHARE]] | None = Field(
         None, description="table: mass fraction finer than each sieve, from 0 to 1"
     )
 
@@ -127,7 +127,7 @@ class Fraction(Table):
     """[fraction.NAME]: a class of granules; what is not given comes from its material."""
 
     material: str | None = Field(None, description="one of: " + ", ".join(materials))
-    size: Annotated[Size, BeforeValidator(_one_diameter)] | None = Field(
+    size: Annotated[Size, Shorthand(Diameter, _one_diameter)] | None = Field(
         None, description="one diameter, or a distribution by mass"
     )
     density: MassDensity | None = None

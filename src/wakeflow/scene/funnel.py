@@ -8,6 +8,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
+from ..core.quantities import metres
 from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo
 from ..laws.material import Material, materials
@@ -55,17 +56,21 @@ class Funnel(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Funnel:
         if not self.low <= self.high:
-            raise SceneError(f"low = {self.low:g} m must not be above high = {self.high:g} m")
+            raise SceneError(f"low = {metres(self.low)} must not be above high = {metres(self.high)}")
         if self.high > 2 * self.low:
-            raise SceneError(f"high = {self.high:g} m is more than twice low = {self.low:g} m: give a narrower range")
+            raise SceneError(
+                f"high = {metres(self.high)} is over twice low = {metres(self.low)}: give a narrower range"
+            )
         if self.mass is not None and self.count is not None:
             raise SceneError("give either mass or count")
         if self.gamma > 0 and self.frequency is None:
             raise SceneError(f"gamma = {self.gamma:g} needs a frequency")
         if self.orifice < 2 * self.high:
-            raise SceneError(f"orifice = {self.orifice:g} m: no two beads of {self.high:g} m pass side by side")
+            raise SceneError(f"orifice = {metres(self.orifice)}: no two beads of {metres(self.high)} pass side by side")
         if self.width is not None and self.width < 1.5 * self.orifice:
-            raise SceneError(f"width = {self.width:g} m must be at least 1.5 times orifice = {self.orifice:g} m")
+            raise SceneError(
+                f"width = {metres(self.width)} must be at least 1.5 times orifice = {metres(self.orifice)}"
+            )
         if not 10 <= self.beads <= MOST:
             raise SceneError(f"mass is that of {self.beads} beads (allowed: 10 to {MOST})")
         return self

@@ -1,90 +1,136 @@
-"""Messages for what pydantic finds wrong with a scene: one line with field, value and what is allowed."""
+"""Messages for what pydantic finds wrong with a scene: one line with field, value and what is allowed, in the unit that
+the user wrote.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
+from ..core.quantities import converted, speaking, split_quantity
 from ..core.registry import did_you_mean
-from .bins import Bin
-from .feed import Feed, Profile
-from .fraction import Fraction, Rebound, Size, Speeds
-from .funnel import Funnel
 from .pictures import picture_tables
-from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
-from .whole import Numerics, SceneTables, SpanTable
+from .schema import Place, allowed_range, at, described, known_keys, unit_and_example, values_in
 
-__all__ = ["explain"]
+__all__ = ["dotted", "explain", "unit_of", "units_in"]
+
+WANTED = {  # pydantic's types of errors, in the user's words
+    "greater_than": "too small",
+    "greater_than_equal": "too small",
+    "less_than": "too large",
+    "less_than_equal": "too large",
+    "float_type": "needs a number",
+    "int_type": "needs a whole number",
+    "int_from_float": "needs a whole number",
+    "finite_number": "needs a finite number",
+    "string_type": "needs a text between quotes",
+    "bool_type": "needs true or false",
+    "list_type": "needs a list between [ ]",
+    "string_pattern_mismatch": "a name begins with a letter and goes on with letters, digits, - and _, 41 at most",
+}
+TOO_LARGE = ("less_than", "less_than_equal")
+TABLE = ("model_type", "dict_type", "model_attributes_type")
 
 
-def explain(problem: ValidationError) -> Iterator[str]:
-    """Each mistake: where, the value given, what is wrong, what is allowed."""
+def explain(problem: ValidationError, data: Mapping[str, Any]) -> Iterator[str]:
+    """Each mistake in the tables ``data``: where, the value given, what is wrong, what is allowed."""
     for error in problem.errors():
-        where = [str(part) for part in error["loc"] if "[" not in str(part)]  # drop pydantic's words for itself
-        value, text = error["input"], error["msg"].removeprefix("Value error, ")
-        key = ".".join(part for place, part in enumerate(where) if (where[0], place) != ("picture", 2))  # its kind
+        place = _place(error)
+        key, value = dotted(place), at(data, place)
         if error["type"].startswith("union_tag"):
             kinds = list(picture_tables())
             given = error.get("ctx", {}).get("tag")
             hint = "missing" if given is None else f"{given!r} is unknown{did_you_mean(given, kinds)}"
             yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
         elif error["type"] == "extra_forbidden":
-            known = _known_keys(where[:-1])
-            yield f"{key}: unknown key{did_you_mean(where[-1], known)} (known: {', '.join(known)})"
+            known = known_keys(described(place[:-1], data))
+            yield f"{key}: unknown key{did_you_mean(str(place[-1]), known)} (known: {', '.join(known)})"
         elif error["type"] == "missing":
-            yield f"{key}: missing{_allowed(where)}"
-        elif isinstance(value, Mapping | BaseModel):
-            yield f"{key}: {text}"
+            yield f"{key}: missing{_allowed(place, data, None)}"
+        elif error["type"] == "value_error" and not isinstance(value, Mapping):
+            yield f"{key} = {value!r}: {_words(error)}"
+        elif error["type"] in TABLE:
+            yield f"{key} = {value!r}: {_no_table(place, data)}"
+        elif isinstance(value, Mapping):
+            yield f"{key}: {_words(error)}"
         else:
-            yield f"{key} = {value!r}: {text[0].lower()}{text[1:]}{_allowed(where)}"
+            unit_lost = _unit_lost(place, data, value) if error["type"] in TOO_LARGE else ""
+            yield f"{key} = {value!r}: {_words(error)}{_allowed(place, data, value)}{unit_lost}"
 
 
-def _allowed(where: list[str]) -> str:
-    """The range and unit of a field, from its JSON schema."""
-    model = _model_at(where[:-1])
-    field = model.model_json_schema(by_alias=True)["properties"].get(where[-1], {}) if model else {}
-    for several in ("anyOf", "oneOf"):  # a number or nothing; a number or a table
-        field = {**field.get(several, [{}])[0], **field}
-    limits = [
-        f"{sign} {field[word]:.6g}"
-        for word, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
-        if word in field
-    ]
-    unit = field.get("unit", "")
-    if not limits and not unit:
+def units_in(data: Mapping[str, Any]) -> dict[str, str]:
+    """The unit that the tables ``data`` use most for each unit of the SI: {"m": "mm", "rad": "deg"}."""
+    counted: dict[str, Counter[str]] = {}
+    for _, value, node in values_in(data):
+        unit, written = unit_and_example(node), split_quantity(value) if isinstance(value, str) else None
+        if unit and written and _converts(written[1], unit[0]):
+            counted.setdefault(unit[0], Counter())[written[1]] += 1
+    return {unit: of.most_common(1)[0][0] for unit, of in counted.items()}
+
+
+def unit_of(key: str) -> str:
+    """The unit of the numbers of a dotted key, "m/s" for air.speed; empty for plain numbers and for other values."""
+    unit, _ = unit_and_example(described(tuple(key.split(".")), {})) or ("1", "")
+    return "" if unit == "1" else unit
+
+
+def dotted(place: Place) -> str:
+    """A place as the user writes it, fraction.wheat.size; in a list counted from one: fraction.wheat.target[2]."""
+    return "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in place).removeprefix(".")
+
+
+def _place(error: ErrorDetails) -> Place:
+    """Where the mistake is, without pydantic's words for itself, and without the kind of a picture after its name."""
+    inner = [part for part in error["loc"] if "[" not in str(part)]
+    if inner[0] == "picture" and len(inner) > 2:
+        del inner[2]
+    return tuple(inner)
+
+
+def _words(error: ErrorDetails) -> str:
+    text = error["msg"].removeprefix("Value error, ")
+    return WANTED.get(error["type"], f"{text[0].lower()}{text[1:]}")
+
+
+def _no_table(place: Place, data: Mapping[str, Any]) -> str:
+    """What to say of a value where a table belongs; "body.width = 60" forgets which body."""
+    known = known_keys(described(place, data))
+    names = list(at(data, place[:-1])) if len(place) > 1 else []
+    if place[-1] in known and (named := [name for name in names if isinstance(at(data, (*place[:-1], name)), Mapping)]):
+        return f"which one? {', '.join(dotted((*place[:-1], name, place[-1])) for name in named)}"
+    keys = f" (its keys: {', '.join(known)})" if known else ""
+    return f"is a table: write [{dotted(place)}] and its keys below it{keys}"
+
+
+def _allowed(place: Place, data: Mapping[str, Any], value: Any) -> str:
+    """The range of a field, in the unit of the value as it is written."""
+    node = described(place, data)
+    unit, _ = unit_and_example(node) or ("1", "")
+    written = split_quantity(value) if isinstance(value, str) else None
+    spoken = {unit: written[1]} if written and _converts(written[1], unit) else {}
+    with speaking(spoken):
+        words = allowed_range(node, unit)
+    return f" (allowed: {words})" if words else ""
+
+
+def _unit_lost(place: Place, data: Mapping[str, Any], value: Any) -> str:
+    """What to ask of a number alone that is too large, where scenes usually give such numbers another unit."""
+    unit, example = unit_and_example(described(place, data)) or ("1", "")
+    usual = split_quantity(example)
+    if not isinstance(value, int | float) or usual is None or usual[1] == unit:
         return ""
-    hint = "; a string may carry another unit, such as '60 deg'" if unit == "rad" else ""
-    return f" (allowed: {' and '.join(limits)} {unit}".rstrip() + f"{hint})"
+    alone = "" if unit == "1" else f": a number alone is in {unit}"
+    return f"; unit forgotten{alone}? Write '{value:g} {usual[1]}' if that is meant"
 
 
-def _model_at(where: list[str]) -> type[BaseModel] | None:
-    """The table that a dotted place belongs to; None inside keyed tables before their name."""
-    keyed: dict[str, type[BaseModel]] = {"body": Body, "fraction": Fraction, "bin": Bin}
-    plain: dict[str, type[BaseModel]] = {
-        "channel": Channel, "air": Air, "vibration": Vibration, "feed": Feed, "funnel": Funnel,
-        "numerics": Numerics,
-    }  # fmt: skip
-    if not where:
-        return SceneTables
-    if where[:2] == ["channel", "inlet"]:
-        return Inlet if len(where) > 2 else None
-    if where[:2] == ["vibration", "samples"]:
-        return Samples
-    if where[:2] == ["numerics", "span"]:
-        return SpanTable
-    if where[:2] == ["feed", "profile"]:
-        return Profile
-    if where[0] == "picture":  # its kind stands after its name
-        return picture_tables()[where[2]] if len(where) > 2 else None
-    if where[0] not in keyed:
-        return plain.get(where[0])
-    parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
-    if where[2:] and where[2] in parts:
-        return parts[where[2]]
-    return keyed[where[0]] if len(where) > 1 else None
-
-
-def _known_keys(where: list[str]) -> list[str]:
-    model = _model_at(where)
-    return [] if model is None else [field.alias or key for key, field in model.model_fields.items()]
+def _converts(written: str, unit: str) -> bool:
+    """Whether a unit as it is written is one of the kind of ``unit``."""
+    try:
+        converted(1.0, written, unit)
+    except ValueError:
+        return False
+    return True

@@ -1,14 +1,20 @@
-"""Changes of a scene that are given as text: ``--set KEY=VALUE`` and ``--force TERM=on``."""
+"""Changes of a scene that are given as text, ``--set KEY=VALUE`` and ``--force TERM=on``, and how to quote them."""
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
+from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
+from ..core.quantities import QUANTITY, quantity
+from ..core.registry import did_you_mean
 
-__all__ = ["changes_of", "switches_of"]
+__all__ = ["changed", "changes_of", "share_of", "switches_of", "unquoted", "unquoted_in"]
 
 
 def changes_of(settings: Sequence[str]) -> dict[str, Any]:
@@ -24,6 +30,74 @@ def switches_of(forced: Sequence[str]) -> dict[str, bool]:
             raise SceneError(f"--force {term}={state}: write on or off")
         switches[term] = state == "on"
     return switches
+
+
+def share_of(text: str) -> float:
+    """A share from text, 0.05 or 5%. Raises ValueError for any other text."""
+    try:
+        return quantity(text, "1", "5%") if "%" in text else float(text)
+    except ValueError:
+        raise ValueError(f"{text!r}: needs a share such as 0.05 or 5%") from None
+
+
+def changed(data: Mapping[str, Any], changes: Mapping[str, Any], name: str = "scene") -> dict[str, Any]:
+    """A deep copy of a scene's ``data`` with dotted keys set. Tables that are missing on the way are made, but for one
+    whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole.
+
+    Raises SceneError for a key in such a table, and for a key in a value.
+    """
+    result: dict[str, Any] = json.loads(json.dumps(data, default=str))
+    for key, value in changes.items():
+        *tables, last = key.split(".")
+        node = result
+        for i, table in enumerate(tables):
+            if table not in node:
+                _refuse_misspelt(tuple(tables[:i]), table, key, result, name)
+            node = node.setdefault(table, {})
+            if not isinstance(node, dict):
+                raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is a value, not a table")
+        node[last] = value
+    return result
+
+
+def unquoted(words: Sequence[str]) -> str | None:
+    """How to write ``--set KEY=7 m/s`` of a command line's ``words``, whose blank has parted the value; None where no
+    setting is followed by a word that goes on with it.
+    """
+    for place, word in enumerate(words[:-2]):
+        if word == "--set":
+            rest = takewhile(lambda one: not one.startswith("--"), words[place + 1 :])
+            key, *parts = [one for one in rest if not one.endswith(".toml")]
+            if parts:
+                return f"put quotes round a value with blanks: --set '{' '.join([key, *parts])}'"
+    return None
+
+
+def unquoted_in(path: Path, problem: str) -> str:
+    """A hint for the line of a scene file that is not TOML, as ``speed = 7 m/s`` and ``speed = 1,5`` are not; empty
+    where there is none. ``problem``: tomllib's message, which tells the line.
+    """
+    found = re.search(r"at line (\d+)", problem)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    line = lines[int(found[1]) - 1] if found and int(found[1]) <= len(lines) else ""
+    key, sign, value = (part.strip() for part in line.partition("#")[0].partition("="))
+    if sign and re.fullmatch(r"[-+]?\d+,\d+", value):
+        return f"; write a decimal point: {key} = {value.replace(',', '.')}"
+    if sign and re.fullmatch(QUANTITY, value):
+        return f"; put quotes round a value with a unit: {key} = {value!r}"
+    return ""
+
+
+def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: dict[str, Any], name: str) -> None:
+    """Raise SceneError where the tables at ``place`` have names of the user's, and one of them is nearly ``table``."""
+    from .schema import at, named_tables  # the command line reads texts before it needs a scene
+
+    if not named_tables(place, data):
+        return
+    known, kind = list(at(data, place) or {}), ".".join(place)
+    if near := did_you_mean(table, known):
+        hint = f"no {kind} {table!r}{near} (known: {', '.join(known)})"
+        raise SceneError(f"{name}: {key}: {hint}; to add one, give it whole: {kind}.{table}={{...}}")
 
 
 def _split(text: str, option: str) -> tuple[str, str]:

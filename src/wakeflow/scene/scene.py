@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ..core.errors import SceneError
+from ..core.quantities import speaking
 from ..laws.constants import STANDARD_AIR
 from .consistency import CHECKS
-from .messages import explain
+from .doubts import doubts, with_units
+from .messages import explain, units_in
+from .overrides import changed, unquoted_in
 from .user_case import air_of, find_case
 from .vibration_samples import read_samples
 from .whole import SceneTables
@@ -42,18 +45,31 @@ class Scene(SceneTables):
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
         data = _with_samples(_with_case(data, base or Path(), name), base or Path(), name)
-        try:
-            scene = cls.model_validate(data)
-        except ValidationError as problem:
-            raise SceneError(f"{name}: {'; '.join(explain(problem))}") from None
-        mistakes = [message for check in CHECKS for message in check(scene)]
+        with speaking(units_in(data)):
+            try:
+                scene = cls.model_validate(data)
+            except ValidationError as problem:
+                raise SceneError(f"{name}: {'; '.join(explain(problem, data))}") from None
+            mistakes = [message for check in CHECKS for message in check(scene)]
         if mistakes:
             raise SceneError(f"{name}: {'; '.join(mistakes)}")
         return scene
 
     @classmethod
+    def of(cls, scene: Scene | Path | str) -> Scene:
+        """The scene itself, or that of a scene file. Raises SceneError as :meth:`load`, and for anything else."""
+        if isinstance(scene, Scene):
+            return scene
+        if isinstance(scene, Path | str):
+            return cls.load(scene)
+        raise SceneError(f"needs a Scene or the path of a scene file, not {type(scene).__name__}; see Scene.parse")
+
+    @classmethod
     def load(cls, path: Path | str, changes: Mapping[str, Any] | None = None) -> Scene:
-        """Read a scene file, with ``changes`` (dotted key to value) applied before validation."""
+        """Read a scene file, with ``changes`` (dotted key to value) applied before validation.
+
+        Raises SceneError as :meth:`parse` does, and where a length without a unit is far off the scene's scale.
+        """
         path = Path(path)
         try:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -61,13 +77,24 @@ class Scene(SceneTables):
             raise SceneError(f"no scene file {str(path)!r}; make one with: wakeflow new rhombus {path.name}") from None
         except IsADirectoryError:
             raise SceneError(f"{path} is a folder; name a scene file") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-            raise SceneError(f"{path}: not valid TOML: {problem}") from None
-        return cls.parse(_changed(data, changes or {}), path.name, path.parent)
+        except UnicodeDecodeError as problem:
+            raise SceneError(f"{path}: not a text file: {problem}") from None
+        except tomllib.TOMLDecodeError as problem:
+            raise SceneError(f"{path}: not valid TOML: {problem}{unquoted_in(path, str(problem))}") from None
+        data = changed(data, changes or {}, path.name)
+        if asked := doubts(data):
+            raise SceneError(f"{path.name}: {asked}")
+        return cls.parse(data, path.name, path.parent)
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
-        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
-        return self.parse(_changed(self.tables(), changes))
+        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``.
+
+        Raises SceneError as :meth:`load` does, doubting no other lengths than the changed ones.
+        """
+        data = changed(self.tables(), changes)
+        if asked := doubts(data, [tuple(key.split(".")) for key in changes]):
+            raise SceneError(f"scene: {asked}")
+        return self.parse(data)
 
     def fed(self, rate: float | None = None) -> Scene:
         """The scene with the funnel's ``rate`` (kg/s) as the rate of its feed; Beverloo's estimate if ``rate`` is None.
@@ -94,7 +121,7 @@ class Scene(SceneTables):
         from ..core.files import atomic_write
 
         with atomic_write(path) as stream:
-            stream.write(tomlkit.dumps(self.tables()))
+            stream.write(tomlkit.dumps(with_units(self.tables())))
 
 
 def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
@@ -129,17 +156,3 @@ def _with_samples(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str
     except SceneError as problem:
         raise SceneError(f"{name}: {problem}") from None
     return {**data, "vibration": {**vibration, "samples": samples}}
-
-
-def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A deep copy of ``data`` with dotted keys set; tables that are missing on the way are made."""
-    result: dict[str, Any] = json.loads(json.dumps(data, default=str))
-    for key, value in changes.items():
-        *tables, last = key.split(".")
-        node = result
-        for i, table in enumerate(tables):
-            node = node.setdefault(table, {})
-            if not isinstance(node, dict):
-                raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is a value, not a table")
-        node[last] = value
-    return result

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from ..core.errors import SceneError
 from ..core.geometry import is_simple, rounded
@@ -26,6 +26,7 @@ from .units import (  # fmt: skip
     PositiveSpeed,
     SlopeAngle,
     Viscosity,
+    WithUnit,
 )
 
 __all__ = ["Air", "Body", "Channel", "Inlet", "Samples", "Vibration"]
@@ -73,7 +74,7 @@ class Inlet(Table):
     opening leave the channel there.
     """
 
-    side: Literal["left", "right"]
+    side: Literal["left", "right"] = Field(description="the wall that it comes through")
     position: Coordinate = Field(description="y of its middle")
     width: Length = Field(description="of the opening, along the wall")
     velocity: PositiveSpeed = Field(description="into the channel, uniform")
@@ -95,6 +96,11 @@ class Channel(Table):
     inlet: dict[Name, Inlet] = Field({}, description="secondary air streams through the walls")
 
 
+def _speed_or_case(schema: dict[str, Any]) -> None:
+    """A case's speed is read before the tables are validated: in the schema either will do."""
+    schema["anyOf"] = [{"required": [key]} for key in (*schema.pop("required"), "case")]
+
+
 class Air(Table):
     """[air]: leave the table out for a vacuum.
 
@@ -102,11 +108,14 @@ class Air(Table):
     viscosity need not be given, what is given is checked against it.
     """
 
+    model_config = ConfigDict(json_schema_extra=_speed_or_case)
     speed: PositiveSpeed
-    direction: Literal["down", "up"] = "down"
+    direction: Literal["down", "up"] = Field("down", description="to which the air blows")
     density: MassDensity = STANDARD_AIR[0]
     viscosity: Viscosity = STANDARD_AIR[1]
-    turbulence: Annotated[float, Field(ge=0.001, le=0.5)] = Field(0.05, description="inlet intensity, u'/U")
+    turbulence: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "5 %")] = Field(
+        0.05, description="inlet intensity, u'/U"
+    )
     profile: Literal["uniform", "parabolic"] = Field(
         "uniform", description="at the inlet; parabolic: fully developed laminar flow, speed is its mean"
     )
@@ -126,7 +135,8 @@ class Air(Table):
 
 def _or_a_file(schema: dict[str, Any]) -> None:
     """The name of a file is read before the tables are validated, and allowed in the schema only."""
-    schema["anyOf"].append({"type": "string"})
+    given = schema.pop("anyOf", None) or [{"$ref": schema.pop("$ref")}]
+    schema["anyOf"] = [*given, {"type": "string"}]
 
 
 class Samples(Table):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from ..core.errors import SceneError
@@ -13,7 +14,7 @@ __all__ = ["write_template"]
 
 
 def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:
-    """Write the shipped scene called ``kind`` to the file ``target``.
+    """Write the shipped scene called ``kind`` to the file ``target``, which the commands in its comments name.
 
     Raises SceneError for an unknown kind, and where the file exists and ``overwrite`` does not allow replacing it.
     """
@@ -23,4 +24,5 @@ def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:
     if target.exists() and not overwrite:
         raise SceneError(f"{target} exists; choose another name or add --overwrite")
     with atomic_write(target) as stream:
-        stream.write(known[kind].read_text(encoding="utf-8"))
+        text = known[kind].read_text(encoding="utf-8")
+        stream.write(text.replace(f"wakeflow run cases/{kind}.toml", f"wakeflow run {shlex.quote(str(target))}"))

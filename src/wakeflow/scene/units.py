@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
+
+from ..core.quantities import QUANTITY, quantity
 
 __all__ = [
+    "SHARE",
     "AnyAngle",
     "Coordinate",
     "Diameter",
@@ -25,50 +30,51 @@ __all__ = [
     "SlopeAngle",
     "Speed",
     "Viscosity",
+    "WithUnit",
 ]  # fmt: skip
 
 
-def _in(unit: str, example: str) -> BeforeValidator:
-    """Convert a string with a unit to a number in ``unit`` (pint is loaded only for strings); numbers pass."""
+@dataclass(frozen=True)
+class WithUnit:
+    """Marks a number in ``unit``: a string with another unit of the kind, such as ``example``, is converted to it.
 
-    def convert(value: Any) -> Any:
-        if not isinstance(value, str):
-            return value
-        import pint
+    :func:`wakeflow.core.quantities.quantity` reads the strings; pint is loaded only for them. Stands after the range,
+    which is that of the number. The JSON schema allows both.
+    """
 
-        try:
-            quantity = pint.application_registry.Quantity(value)
-            return float(quantity.to(unit).magnitude)
-        except (pint.PintError, ValueError, AssertionError, AttributeError, TypeError):
-            raise ValueError(f"needs a number in {unit} or a string such as {example!r}") from None
+    unit: str
+    example: str
 
-    return BeforeValidator(convert)
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_before_validator_function(self._number, handler(source))
 
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        text = {"type": "string", "pattern": QUANTITY}
+        return {"anyOf": [handler(schema), text], "unit": self.unit, "examples": [self.example]}
 
-def _unit(unit: str) -> dict[str, Any]:
-    return {"unit": unit}
+    def _number(self, value: Any) -> Any:
+        return quantity(value, self.unit, self.example) if isinstance(value, str) else value
 
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,40}$")]  # becomes a patch and a file name
-Length = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("m")), _in("m", "50 mm")]
-Coordinate = Annotated[float, Field(gt=-1e3, lt=1e3, json_schema_extra=_unit("m")), _in("m", "-120 mm")]
+Length = Annotated[float, Field(gt=0, lt=1e3), WithUnit("m", "50 mm")]
+Coordinate = Annotated[float, Field(gt=-1e3, lt=1e3), WithUnit("m", "-120 mm")]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Diameter = Annotated[float, Field(ge=1e-9, le=0.1, json_schema_extra=_unit("m")), _in("m", "50 um")]
+Diameter = Annotated[float, Field(ge=1e-9, le=0.1), WithUnit("m", "4 mm")]
 SlopeAngle = Annotated[
     float,
-    Field(ge=math.radians(10) - 1e-9, le=math.radians(80) + 1e-9, json_schema_extra=_unit("rad")),
-    _in("rad", "60 deg"),
+    Field(ge=math.radians(10) - 1e-9, le=math.radians(80) + 1e-9),
+    WithUnit("rad", "60 deg"),
 ]
-AnyAngle = Annotated[
-    float, Field(ge=-2 * math.pi, le=2 * math.pi, json_schema_extra=_unit("rad")), _in("rad", "90 deg")
-]
-Speed = Annotated[float, Field(ge=0, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "1.4 m/s")]
-PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "5 m/s")]
-MassDensity = Annotated[float, Field(gt=0, le=3e4, json_schema_extra=_unit("kg/m^3")), _in("kg/m^3", "1300 kg/m^3")]
-Viscosity = Annotated[float, Field(ge=1e-7, le=1, json_schema_extra=_unit("Pa*s")), _in("Pa*s", "1.8e-5 Pa*s")]
-Frequency = Annotated[float, Field(gt=0, le=1e4, json_schema_extra=_unit("Hz")), _in("Hz", "30 Hz")]
-Duration = Annotated[float, Field(gt=0, lt=1e4, json_schema_extra=_unit("s")), _in("s", "0.2 s")]
-MassRate = Annotated[float, Field(gt=0, json_schema_extra=_unit("kg/s")), _in("kg/s", "500 kg/hour")]
-Mass = Annotated[float, Field(gt=0, lt=1e3, json_schema_extra=_unit("kg")), _in("kg", "35 g")]
-Modulus = Annotated[float, Field(ge=5e6, le=1e9, json_schema_extra=_unit("Pa")), _in("Pa", "5 MPa")]
-Portion = Annotated[float, Field(gt=0, le=1)]
+AnyAngle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi), WithUnit("rad", "90 deg")]
+Speed = Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "1.4 m/s")]
+PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100), WithUnit("m/s", "5 m/s")]
+MassDensity = Annotated[float, Field(gt=0, le=3e4), WithUnit("kg/m^3", "1300 kg/m^3")]
+Viscosity = Annotated[float, Field(ge=1e-7, le=1), WithUnit("Pa*s", "1.8e-5 Pa*s")]
+Frequency = Annotated[float, Field(gt=0, le=1e4), WithUnit("Hz", "30 Hz")]
+Duration = Annotated[float, Field(gt=0, lt=1e4), WithUnit("s", "0.2 s")]
+MassRate = Annotated[float, Field(gt=0), WithUnit("kg/s", "500 kg/hour")]
+Mass = Annotated[float, Field(gt=0, lt=1e3), WithUnit("kg", "35 g")]
+Modulus = Annotated[float, Field(ge=5e6, le=1e9), WithUnit("Pa", "5 MPa")]
+SHARE = WithUnit("1", "90 %")
+Portion = Annotated[float, Field(gt=0, le=1), SHARE]

@@ -18,7 +18,7 @@ from .pictures import AnyPicture
 from .rungs import rungs
 from .surroundings import Air, Body, Channel, Vibration
 from .table import Array, Table
-from .units import Name
+from .units import Name, WithUnit
 
 __all__ = ["Numerics", "SceneTables", "SpanTable"]
 
@@ -51,11 +51,11 @@ class SpanTable(Table):
 class Numerics(Table):
     """[numerics]: how it is computed."""
 
-    rung: RungName = "auto"
+    rung: RungName = Field("auto", description="fidelity of the airflow")
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(
         1e-4, description="landing error in body widths; channel widths without a body"
     )
-    target_error: Annotated[float, Field(gt=0, le=0.5)] = Field(
+    target_error: Annotated[float, Field(gt=0, le=0.5), WithUnit("1", "1 %")] = Field(
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
     )
     mesh_scale: Annotated[float, Field(ge=0.2, le=4.0)] = Field(1.0, description="factor on every cell edge")
@@ -65,7 +65,7 @@ class Numerics(Table):
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )
-    span: SpanTable = SpanTable()
+    span: SpanTable = Field(SpanTable(), description="of rung 3d")
 
 
 class SceneTables(Table):

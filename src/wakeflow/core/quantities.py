@@ -1,0 +1,115 @@
+"""Numbers with a unit: read from text without guessing, and said in the unit that the user writes.
+
+pint knows the units. It does not read the numbers: to it "1,5" is 15, "1 500" is 500, and a turn is 6.28 with no unit,
+so that 1800 rpm would be 188 Hz.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pint import Unit
+
+__all__ = ["QUANTITY", "converted", "metres", "quantity", "say", "speaking", "split_quantity"]
+
+NUMBER = r"[-+\u2212]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+\u2212]?[0-9]+)?"  # U+2212: a typographer's minus
+UNIT = r"(?:1/)?[^\s\d.,;'\u2019_+*\u2212-].*"  # whatever could go on a number is none
+QUANTITY = rf"^\s*{NUMBER}\s*{UNIT}$"  # as a JSON schema says it
+_PARTS = re.compile(rf"\s*({NUMBER})\s*({UNIT}?)?\s*")
+_MARKED = re.compile(r"(?<=[0-9])[ ,'\u2019_](?=[0-9])")
+_SPOKEN: ContextVar[Mapping[str, str]] = ContextVar("spoken units")
+
+
+def split_quantity(text: str) -> tuple[float, str] | None:
+    """Number and unit of a text such as "50 mm", the unit empty where there is none; None for any other text."""
+    found = _PARTS.fullmatch(text)
+    return (float(found[1].replace("\u2212", "-")), (found[2] or "").strip()) if found else None
+
+
+def quantity(text: str, unit: str, example: str) -> float:
+    """The number in ``unit`` that a text such as "50 mm" says; "1" is the unit of a share, for which "90 %" is one.
+
+    A frequency may be an angular speed: 1800 rpm and 188.5 rad/s are 30 Hz. An angle has a unit of angle, never none.
+    Raises ValueError, saying how to write it, for all else: no unit, one of another kind, a decimal comma, digits in
+    groups.
+    """
+    parts = split_quantity(text)
+    if parts is not None and parts[1]:
+        try:
+            return converted(parts[0], parts[1], unit)
+        except ValueError:
+            pass
+    if _MARKED.search(text):
+        raise ValueError(f"a decimal point is written '.', and thousands without a mark: {_pointed(text)}")
+    number = "a number" if unit == "1" else f"a number in {unit}"
+    raise ValueError(f"needs {number} or a string such as {example!r}")
+
+
+def _pointed(text: str) -> str:
+    """The text with a comma as a point and, where it may part thousands, without marks between digits."""
+    meant = [text.strip().replace(",", ".")] if text.count(",") == 1 else []
+    if not meant or re.search(r",[0-9]{3}(?![0-9])", text):
+        meant.append(_MARKED.sub("", text.strip()))
+    return " or ".join(repr(one) for one in meant)
+
+
+def converted(value: float, given: str, wanted: str) -> float:
+    """``value`` of the unit ``given`` in the unit ``wanted``. Raises ValueError for units of different kinds."""
+    import pint
+
+    registry = pint.application_registry
+    try:
+        source, target = (_unit(one) for one in (given, wanted))
+        if _kind(source) != _kind(target):  # one turn a period
+            hertz, turns = registry.parse_units("Hz"), registry.parse_units("turn / second")
+            source, target = (turns if one == hertz else one for one in (source, target))
+        if _kind(source) == _kind(target):
+            return float(registry.Quantity(value, source).to(target).magnitude)
+    except (pint.PintError, ArithmeticError, AssertionError, AttributeError, TypeError, ValueError):
+        pass  # what pint raises for text that is no unit
+    raise ValueError(f"{given!r} is not a unit like {wanted!r}")
+
+
+def _unit(text: str) -> Unit:
+    """A unit of pint's from text: kg/m3 is kg/m^3, /min is 1/min."""
+    import pint
+
+    named = "" if text == "1" else re.sub(r"(?<=[^\W\d_])(\d)", r"^\1", text)
+    unit: Unit = pint.application_registry.parse_units(f"1{named}" if named.startswith("/") else named)
+    return unit
+
+
+def _kind(unit: Unit) -> Unit:
+    """What the unit is made of; radians count, unlike in pint's dimensionality."""
+    import pint
+
+    kind: Unit = pint.application_registry.get_root_units(unit)[1]
+    return kind
+
+
+@contextmanager
+def speaking(units: Mapping[str, str]) -> Iterator[None]:
+    """Within this context :func:`say` uses ``units``: the user's unit for a unit of the SI, {"m": "mm"}."""
+    before = _SPOKEN.set(units)
+    try:
+        yield
+    finally:
+        _SPOKEN.reset(before)
+
+
+def say(value: float, unit: str, digits: int = 6) -> str:
+    """A number in ``unit`` (of the SI) with the unit that the user writes, such as "95 deg"."""
+    spoken = _SPOKEN.get({}).get(unit, unit)
+    shown = value if spoken == unit else converted(value, unit, spoken)
+    rounded = float(f"{shown:.{digits}g}")  # 140, not 1.4e+02
+    return f"{rounded:g} {spoken}".removesuffix(" 1")
+
+
+def metres(value: float, digits: int = 6) -> str:
+    """A length in metres with the unit that the user writes lengths in."""
+    return say(value, "m", digits)

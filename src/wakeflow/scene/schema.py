@@ -1,0 +1,168 @@
+"""The JSON schema of scene files: what an editor checks, and where messages find a key's unit and range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core.core_schema import DictSchema, NullableSchema, WithDefaultSchema
+
+from ..core.quantities import say
+from .whole import SceneTables
+
+__all__ = [
+    "Place",
+    "allowed_range",
+    "at",
+    "described",
+    "known_keys",
+    "named_tables",
+    "scene_schema",
+    "unit_and_example",
+    "values_in",
+]
+
+Place = tuple[str | int, ...]  # keys, and places in lists, from the top of a scene
+Node = dict[str, Any]  # a schema within the schema
+LIMITS = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
+
+
+class _OfToml(GenerateJsonSchema):
+    """TOML has no null: a key that is not given is left out. Names of tables that the pattern refuses are refused."""
+
+    def nullable_schema(self, schema: NullableSchema) -> Node:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: WithDefaultSchema) -> Node:
+        node: Node = super().default_schema(schema)
+        return _without_none(node)
+
+    def dict_schema(self, schema: DictSchema) -> Node:
+        node: Node = super().dict_schema(schema)
+        return {**node, "additionalProperties": False} if "patternProperties" in node else node
+
+
+def _without_none(node: Node) -> Node:
+    return {
+        key: _without_none(value) if isinstance(value, dict) else value
+        for key, value in node.items()
+        if value is not None
+    }
+
+
+def scene_schema() -> Node:
+    """JSON schema (2020-12) of a scene file. ``unit`` of a key is that of a number alone; its description says unit and
+    range in words too.
+    """
+    made = SceneTables.model_json_schema(by_alias=True, schema_generator=_OfToml)
+    for table in (made, *made["$defs"].values()):
+        table["description"] = table["description"].replace("``", "`")  # editors show Markdown
+        for node in table["properties"].values():
+            _document(node)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made, "title": "Scene"}
+
+
+def _document(node: Node) -> None:
+    """Add unit and range to the description of a key, for editors that show no more than that."""
+    unit, example = unit_and_example(node) or ("1", "")
+    words = [node.get("description", ""), allowed_range(node, unit)]
+    if example:
+        words.append(f"a number{'' if unit == '1' else f' in {unit}'}, or a string such as {example!r}")
+    if any(words):
+        node["description"] = "; ".join(word for word in words if word)
+
+
+def allowed_range(node: Node, unit: str) -> str:
+    """The range of a key in words, such as ">= 10 deg and <= 80 deg"; empty without one. ``unit``: that of its numbers,
+    which is said as the user's; "1" for none.
+    """
+    number: Node = next((one for one in _here(node) if one.get("type") in ("number", "integer")), {})
+    return " and ".join(f"{sign} {say(number[word], unit)}" for word, sign in LIMITS if word in number)
+
+
+def known_keys(node: Node) -> list[str]:
+    """The keys that a table may have; none for a table of tables whose names are the user's, and for a value."""
+    return next((list(one["properties"]) for one in _variants(node) if "properties" in one), [])
+
+
+def unit_and_example(node: Node) -> tuple[str, str] | None:
+    """Unit of a key's numbers and an example of a string for it; None where there is no unit."""
+    return next(((one["unit"], one["examples"][0]) for one in _here(node) if "unit" in one), None)
+
+
+def described(place: Place, data: Any) -> Node:
+    """What the schema says of ``place`` in a scene's ``data``; empty where nothing may stand."""
+    node, here = _schema(), data
+    for part in place:
+        node, here = _below(node, part, here), at(here, (part,))
+    return node
+
+
+def named_tables(place: Place, data: Any) -> bool:
+    """Whether ``place`` in a scene's ``data`` holds tables whose names are the user's, as [fraction] does."""
+    return any("patternProperties" in one for one in _variants(described(place, data)))
+
+
+def at(data: Any, place: Place) -> Any:
+    """What stands at ``place`` in a scene's ``data``; the last thing on the way there where that is a value."""
+    for part in place:
+        if isinstance(data, Mapping):
+            data = data.get(str(part))
+        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
+            data = data[part]
+    return data
+
+
+def values_in(data: Any) -> Iterator[tuple[Place, Any, Node]]:
+    """Every value that a scene's ``data`` gives: its place, itself, and what the schema says of it."""
+    ahead: list[tuple[Place, Any, Node]] = [((), data, _schema())]
+    while ahead:
+        place, value, node = ahead.pop(0)
+        if isinstance(value, Mapping):
+            inner: list[tuple[str | int, Any]] = list(value.items())
+        elif isinstance(value, list):
+            inner = list(enumerate(value))
+        else:
+            yield place, value, node
+            continue
+        ahead += [((*place, part), one, _below(node, part, value)) for part, one in inner]
+
+
+@cache
+def _schema() -> Node:
+    return scene_schema()
+
+
+def _here(node: Node) -> Iterator[Node]:
+    """The node and whatever else may stand in its place."""
+    yield node
+    for several in ("anyOf", "oneOf"):
+        for one in node.get(several, ()):
+            yield from _here(one)
+
+
+def _variants(node: Node) -> Iterator[Node]:
+    """The node and whatever else may stand in its place, references followed."""
+    for one in _here(node):
+        yield from _variants(_schema()["$defs"][one["$ref"].rpartition("/")[2]]) if "$ref" in one else (one,)
+
+
+def _below(node: Node, part: str | int, table: Any) -> Node:
+    """What the schema says of ``part`` of a ``table`` or list that ``node`` describes."""
+    for one in _variants(node):
+        found: Node = {}
+        if isinstance(part, int):
+            found = one.get("items", found)
+        elif _is_kind(one, table):
+            found = one.get("properties", {}).get(part) or next(iter(one.get("patternProperties", {}).values()), found)
+        if found:
+            return found
+    return {}
+
+
+def _is_kind(node: Node, table: Any) -> bool:
+    """Whether a table may be what ``node`` describes: its kind is that of the node, where the node has one."""
+    kind = node.get("properties", {}).get("kind", {}).get("const")
+    return kind is None or (isinstance(table, Mapping) and table.get("kind") == kind)
