@@ -180,6 +180,45 @@ def test_it_meets_what_the_tracker_meets(inertia: float | None) -> None:
     np.testing.assert_allclose(ours.counts()[Fate.BINNED], theirs.counts()[Fate.BINNED], atol=3)
 
 
+def test_scatter_is_the_tracker_s_too_whatever_the_threads_and_steps() -> None:
+    """Angles are numbered by seed, granule and impact: both programs draw the same, and so does any thread."""
+    bodies, lines = maze(Motion((0.3e-3, 2e-3), 30.0, 0.3))
+    grains = curtain(300, inertia=0.5, scatter=0.15, tangential_restitution=0.3)
+    how = {"until": 3.0, "bodies": bodies, "lines": lines, "length": D, "seed": 11}
+    ours, theirs = follow(grains, **how), wf.track(None, grains, forces=("gravity",), **how)
+    off = np.linalg.norm(ours.position - theirs.position, axis=1) / D
+    assert np.mean(off < 1e-6) > 0.98  # a grazed corner or a hop more or less makes another path
+    assert np.mean(ours.impacts == theirs.impacts) > 0.98
+    assert np.median(off) < 1e-12
+    alone = wf.track(None, grains, forces=("gravity",), workers=1, **how)
+    np.testing.assert_array_equal(alone.position, theirs.position)
+    smooth = wf.track(None, grains.replace(scatter=0.0), forces=("gravity",), **how)
+    assert np.mean(np.linalg.norm(smooth.position - theirs.position, axis=1) > 0.1 * D) > 0.5
+    other = wf.track(None, grains, forces=("gravity",), **{**how, "seed": 12})
+    assert np.mean(other.position[:, 0] != theirs.position[:, 0]) > 0.9
+    assert np.all(theirs.fate != Fate.STOPPED)
+
+
+def test_scatter_does_not_shake_what_slides() -> None:
+    """Granules bounce ever lower on a slope, with scatter, and slide in the end: on from there as without scatter."""
+    angle, friction = math.radians(40), 0.3
+    t, n = np.array([math.cos(angle), -math.sin(angle)]), np.array([math.sin(angle), math.cos(angle)])
+    start = 0.2 * t + 3e-3 * n
+    grains = Granules(
+        np.tile(start, (200, 1)), np.zeros((200, 2)), 2e-3, 1000.0, restitution=0.3, friction=friction, scatter=0.2
+    )
+    how = {"until": 0.25, "tolerance": 1e-9, "length": 1.0, "bodies": [slope(angle)]}
+    for end in (follow(grains, **how), wf.track(None, grains, forces=("gravity",), **how)):
+        assert end.impacts.max() < 60
+        np.testing.assert_allclose((end.position @ n), 1e-3, atol=1e-9)
+        np.testing.assert_allclose((end.velocity @ n), 0.0, atol=1e-9)
+        assert np.std(end.velocity @ t) > 1e-3
+    sliding = grains.replace(position=np.tile(0.2 * t + 1e-3 * n, (200, 1)))
+    way = 0.5 * G * (math.sin(angle) - friction * math.cos(angle)) * 0.25**2
+    for end in (follow(sliding, **how), wf.track(None, sliding, forces=("gravity",), **how)):
+        np.testing.assert_allclose(end.position @ t, 0.2 + way, atol=1e-9)
+
+
 def test_a_restitution_law_is_looked_up_at_each_impact() -> None:
     """Bounces of e = 0.6 v^-1/4: each rises by its own speed, 0.6 v^3/4."""
     law = Restitution("power", value=0.6, at=1.0)

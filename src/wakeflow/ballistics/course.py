@@ -9,8 +9,10 @@ import numpy as np
 
 from ..core.errors import SceneError
 from ..core.geometry import contains
-from ..laws.collision import approach_speed, collide
+from ..laws.collision import approach_speed
 from ..laws.constants import GRAVITY
+from ..laws.random_numbers import normals
+from ..laws.rebound import thrown
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
 from ..tracking.kernel import layout as at
@@ -33,6 +35,7 @@ def follow(
     bodies: Sequence[Body] = (),
     lines: Sequence[Any] = (),
     gravity: Sequence[float] = (0.0, -GRAVITY),
+    seed: int = 0,
     record: bool = False,
 ) -> Tracks:
     """Follow ``grains`` in a vacuum until each meets its fate, or the clock shows ``until`` (s).
@@ -47,7 +50,7 @@ def follow(
     if length is None:
         length = float(np.ptp(bodies[0].outline[:, 0])) if bodies else 1.0
     flight = _Flight(grains, Surfaces.of(bodies, lines), np.asarray(gravity, dtype=float), until, length, record)
-    flight.tiny = at.LOWEST_BOUNCE * tolerance * length
+    flight.tiny, flight.seed = at.LOWEST_BOUNCE * tolerance * length, seed
     flight.stop_inside(bodies)
     while flight.advance():
         pass
@@ -58,6 +61,7 @@ class _Flight:
     """Granules on their way; arrays (n,) or (n, 2), changed in place."""
 
     tiny = 0.0  # m: bounces that rise less are sliding
+    seed = 0  # of the random angles of rebounds
 
     def __init__(
         self, grains: Granules, surfaces: Surfaces, gravity: Array, until: float, length: float, record: bool
@@ -147,11 +151,12 @@ class _Flight:
         friction = np.where(np.isnan(surfaces.friction[body]), self.grains.friction[who], surfaces.friction[body])
         captured = surfaces.captures[body]
         tracks.fate[who[captured]] = Fate.CAPTURED
-        vx, vy, spin, impulse, _ = collide(
-            vx, vy, tracks.spin[who], nx, ny, wx, wy, restitution, friction, self.mobility[who], self.radius[who]
-        )
+        velocity, spin, impulse = thrown(
+            tracks.velocity[who], tracks.spin[who], normal, wall, restitution, friction, self.mobility[who],
+            self.radius[who], self.grains.tangential_restitution[who], self._angle(who),
+        )  # fmt: skip
         go = ~captured
-        tracks.velocity[who[go]], tracks.spin[who[go]] = np.stack([vx, vy], axis=1)[go], spin[go]
+        tracks.velocity[who[go]], tracks.spin[who[go]] = velocity[go], spin[go]
         tracks.impacts[who[go]] += (impulse > 0.0)[go]
         rattles = go & (tracks.impacts[who] >= at.MOST_IMPACTS)
         tracks.fate[who[rattles]] = Fate.STOPPED
@@ -163,6 +168,14 @@ class _Flight:
         stays = go & (lift < 0.0) & ((rebound <= at.SLOW) | (rebound**2 <= -2.0 * lift * self.tiny))
         self._touch(who[stays], kind[stays], which[stays], along[stays], friction[stays])
         return np.asarray(who[go & ~stays])
+
+    def _angle(self, who: Index) -> Array:
+        """By what angle (rad) the shape of each granule turns the wall's normal at this impact: the tracker's draw."""
+        scatter = self.grains.scatter[who]
+        if not scatter.any():
+            return scatter
+        drawn: Array = normals(np.full(len(who), self.seed), who, -1 - self.tracks.impacts[who])[0]
+        return scatter * drawn
 
     # -- contact -------------------------------------------------------------------------------------------------------
 

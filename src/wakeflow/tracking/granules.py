@@ -21,6 +21,8 @@ SCALARS: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may
     "sphericity": ("above 0 and at most 1", lambda x: (x > 0) & (x <= 1)),
     "restitution": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
     "friction": ("not negative", lambda x: x >= 0),
+    "scatter": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
+    "tangential_restitution": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
     "spin": ("finite", lambda x: x == x),
     "weight": ("not negative", lambda x: x >= 0),
     "drag_scale": ("positive", lambda x: x > 0),
@@ -53,7 +55,9 @@ class Granules:
     ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
     the fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal
     velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
-    approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born. Raises
+    approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
+    ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.rebound``);
+    ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``). Raises
     SceneError, naming the count and the first index, for values that are not finite or out of range.
     """
 
@@ -70,6 +74,8 @@ class Granules:
     drag_scale: Any = 1.0
     inertia: Any = None
     time: Any = 0.0
+    scatter: Any = 0.0
+    tangential_restitution: Any = 0.0
 
     def __post_init__(self) -> None:
         shape = np.shape(self.position)

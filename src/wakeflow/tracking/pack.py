@@ -50,6 +50,7 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     rows[:, at.RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
     rows[:, at.FRICTION] = grains.friction
     rows[:, at.MOBILITY] = 1.0 / grains.inertia
+    rows[:, at.SCATTER], rows[:, at.GIVES_BACK] = grains.scatter, grains.tangential_restitution
     acting = [
         all_forces[name] for name in all_forces if name in forces and (field is not None or all_forces[name].in_vacuum)
     ]

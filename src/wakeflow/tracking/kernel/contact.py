@@ -15,6 +15,7 @@ from .forces import free_force
 from .jit import compiled, inlined
 from .rest import caught, held, hold_still, tangent, unwedge, wedge
 from .restitution import restitution_of
+from .scatter import tilted
 from .walls import constrain, grasp, inside
 
 __all__ = ["grip", "rescue", "settle", "strike"]
@@ -40,16 +41,21 @@ def settle(state, ints, hold, walls, rolls):
 
 
 @inlined
-def _collision(state, ints, hold, grain, walls, body, friction, last, one):
+def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed):
     """Velocity and spin after the impact on the wall in ``hold``; a granule that it throws back for ever at the wall
     (last, one) stops. Returns the restitution, the normal impulse, the wall's velocity and its acceleration.
+
+    Only granules that come flying are scattered: not those that lie on another wall, or rattle between two.
     """
     nx, ny = hold[at.NX], hold[at.NY]
     _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
-    mobility, radius = grain[at.MOBILITY], grain[at.RADIUS]
+    mobility, radius, back = grain[at.MOBILITY], grain[at.RADIUS], grain[at.GIVES_BACK]
+    mx, my = nx, ny
+    if grain[at.SCATTER] != 0.0 and last == at.FREE:
+        mx, my = tilted(state, ints, hold, grain, wx, wy, e, friction, seed)
     vx, vy, spin, normal, _ = _collide(
-        state[at.VX], state[at.VY], state[at.SPIN], nx, ny, wx, wy, e, friction, mobility, radius
+        state[at.VX], state[at.VY], state[at.SPIN], mx, my, wx, wy, e, friction, mobility, radius, back
     )
     if grain[at.NOISE] != 0.0:
         mirror(state, ints, nx, ny)
@@ -80,7 +86,7 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         return
     f = walls.bodies[body, at.BODY_FRICTION]
     f = grain[at.FRICTION] if f < 0.0 else f
-    e, normal, wx, wy, px, py = _collision(state, ints, hold, grain, walls, body, f, last, one)
+    e, normal, wx, wy, px, py = _collision(state, ints, hold, grain, walls, body, f, last, one, rules.seed)
     vx, vy = state[at.VX], state[at.VY]
     fx, fy, _, _, _ = free_force(affine, grain, table, state[at.X], state[at.Y], vx, vy, state[at.T], state[at.SPIN])
     rebound, slide = (vx - wx) * nx + (vy - wy) * ny, -ny * (vx - wx) + nx * (vy - wy)

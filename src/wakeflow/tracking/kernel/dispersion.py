@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ...laws import turbulence
+from ...laws.random_numbers import normals
 from . import layout as at
 from .air import nodal, swinging
 from .forces import drag_rate
@@ -23,31 +22,9 @@ __all__ = ["mirror", "renew"]
 
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
-G1, G2, G3 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
-S27, S30, S31, S11 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(11)
-UNIT = 2.0**-53
+_normals = compiled(normals)
 LEAST_INTERVALS = 64  # of a flight
 PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
-
-
-@compiled
-def _scramble(x):
-    """The finaliser of splitmix64 (Steele, Lea & Flood 2014, OOPSLA): a bijection of 64 bits that looks random."""
-    x = (x ^ (x >> S30)) * G2
-    x = (x ^ (x >> S27)) * G3
-    return x ^ (x >> S31)
-
-
-@compiled
-def _normals(seed, stream, draw):
-    """Two independent standard normal numbers (Box & Muller 1958), a pure function of its arguments."""
-    key = _scramble(np.uint64(seed) + G1)
-    key = _scramble(key + (np.uint64(stream) + np.uint64(1)) * G1)
-    key = _scramble(key + (np.uint64(draw) + np.uint64(1)) * G1)
-    u = (float(key >> S11) + 0.5) * UNIT
-    v = float(_scramble(key + G1) >> S11) * UNIT
-    r = math.sqrt(-2.0 * math.log(u))
-    return r * math.cos(2.0 * math.pi * v), r * math.sin(2.0 * math.pi * v)
 
 
 @compiled

@@ -141,8 +141,10 @@ INTS = 26
     NOISE,  # 1: dispersion or Brownian motion is on
     DISPERSION,  # 1: on
     DIFFUSIVITY,  # m2/s, Brownian
-) = range(18)  # fmt: skip
-CONSTANTS = 18
+    SCATTER,  # rad, rms angle by which its shape turns the wall's normal at an impact
+    GIVES_BACK,  # tangential restitution
+) = range(20)  # fmt: skip
+CONSTANTS = 20
 
 # -- The path of a step, see ``dense_output`` --------------------------------------------------------------------------
 (
