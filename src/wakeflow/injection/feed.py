@@ -112,7 +112,7 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     outline = scene.first_outline
     reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
-        0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
+        0.0, np.ceil(np.log2((float(drop.max(initial=0.0)) + 0.5) / reach))
     )  # the same for any part of the granules
     flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])

@@ -21,29 +21,35 @@ if TYPE_CHECKING:
 __all__ = ["Crowd", "CrowdCompanion", "CrowdStage"]
 
 FEWEST = 2  # replicates of a companion
+SMALL = 0.1  # of the accuracy asked for: landing error that a step of the slab may make, body widths; chosen
 
 
 @dataclass(frozen=True)
 class CrowdCompanion:
-    """Part of the replicates flown again with one thing changed; ``name`` among the stages, factors on the tolerance
-    and on the slab's depth.
+    """Part of the replicates flown again with one thing changed; ``name`` among the stages, factors on the step of the
+    slab's clock and on its depth.
     """
 
     name: str
-    tolerance: float = 1.0
+    step: float = 1.0
     depth: float = 1.0
 
 
 @dataclass(frozen=True)
 class Crowd:
     """What the slab found: the landings of every fraction's granules that came in steady operation; the slab's
-    ``depth`` (m), the ``start_up`` (s) that was dropped, and the ``replicates`` that were flown.
+    ``depth`` (m), the ``start_up`` (s) that was dropped, and the ``replicates`` that were flown; the ``step`` of its
+    clock (s) with the landing error that it was seen to make (body widths), and in how many replicates the feed
+    ``jammed``.
     """
 
     landings: Mapping[str, Landings]
     depth: float
     start_up: float
     replicates: int
+    step: float
+    step_error: float
+    jammed: int
 
 
 @dataclass
@@ -74,25 +80,34 @@ class CrowdStage:
 
         return steady_after(self.plan, self.tracked.landings)
 
+    @property
+    def tolerance(self) -> float:
+        """Landing error (body widths) of a step of the slab's clock: a mean shift moves about half of it as a share."""
+        numerics = self.scene.numerics
+        return max(numerics.tolerance, SMALL * self.plan.target_error)
+
     @cached_property
     def key(self) -> str:
         """Everything the slab's landings depend on."""
         feed, crowd = self.scene.feed, self.crowd
         fed = feed.mass_flow, feed.depth, self.scene.mass_shares(), repr(self.scene.collisions)
         flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        return content_key("crowd", self.tracks_key, self.scene.numerics.tolerance, *fed, *flown, code_of("crowd"))
+        return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("crowd"))
 
     def fly(self, companion: CrowdCompanion | None = None) -> Crowd:
         """The slab; under a ``companion``'s change some of its replicates."""
-        from .crowd_flight import CrowdFlight, load_crowd
+        from .crowd_flight import SlabFlight, load_crowd
 
         change = companion or CrowdCompanion("slab")
         depth = change.depth * self.crowd.depth
         replicates = self.crowd.replicates if companion is None else max(FEWEST, self.crowd.replicates // 4)
-        flight = CrowdFlight(
-            self.scene, self.plan, self.air.realisations, depth, self.start_up, self.crowd.operation,
-            change.tolerance * self.scene.numerics.tolerance, self.workers, partial(self.cache.tell, change.name),
+        step = None if companion is None else change.step * self.fly().step
+        flight = SlabFlight(
+            self.scene, self.plan, self.air.realisations, depth, self.start_up, self.crowd.operation, self.tolerance,
+            step, self.workers, partial(self.cache.tell, change.name),
         )  # fmt: skip
-        key = content_key(self.key, change.tolerance, depth, replicates)
+        key = content_key(self.key, change.step, depth, replicates)
         folder = self.cache.make(change.name, key, lambda part: flight.fly_all(part, replicates))
-        return Crowd(load_crowd(folder, self.scene, replicates), depth, self.start_up, replicates)
+        found = load_crowd(folder, self.scene, replicates)
+        how = found.step, found.step_error, found.jammed
+        return Crowd(found.landings, depth, self.start_up, replicates, *how)

@@ -44,7 +44,7 @@ TURNING = "turning-before-the-impact"  # what injection leaves out: how the air 
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
 RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
 CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
-NONE_MET = Encounters(0.0, 0.0, 0.0)  # for scales of which no one asks what a granule meets
+NONE_MET = Encounters({}, 0.0, 0.0)  # for scales of which no one asks what a granule meets
 LARGEST_ERROR = 0.5  # of a share: an accuracy beyond would say nothing
 
 

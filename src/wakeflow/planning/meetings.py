@@ -38,14 +38,19 @@ LONGEST = 1.0  # s: the longest that a granule is taken to lie in the curtain's 
 
 @dataclass(frozen=True)
 class Encounters:
-    """What a granule of one fraction meets on its flight: ``number`` of granules in all, ``heavier`` those as heavy or
-    heavier, lighter ones by their share, and ``knock`` (m/s), the change of velocity that one of these brings at most,
-    mean over them.
+    """What a granule of one fraction meets on its flight: how many granules of each fraction (``by`` its name),
+    ``heavier`` those as heavy or heavier, lighter ones by their share, and ``knock`` (m/s), the change of velocity that
+    one of these brings at most, mean over them.
     """
 
-    number: float
+    by: Mapping[str, float]
     heavier: float
     knock: float
+
+    @property
+    def number(self) -> float:
+        """Of granules in all."""
+        return sum(self.by.values())
 
 
 class _Fall(NamedTuple):
@@ -78,15 +83,15 @@ def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str,
     bounce = 1.0 + scene.collisions.restitution
     found = {}
     for name, own in streams.items():
-        number = heavier = knocks = 0.0
-        for other in streams.values():
+        by, heavier, knocks = dict.fromkeys(streams, 0.0), 0.0, 0.0
+        for partner, other in streams.items():
             share = other.mass / (own.mass + other.mass)
             for meetings, closing in _ways(own, other):
-                number += meetings
+                by[partner] += meetings
                 weighed = meetings * min(1.0, 2.0 * share)
                 heavier += weighed
                 knocks += weighed * bounce * share * closing
-        found[name] = Encounters(number, heavier, knocks / heavier if heavier > 0.0 else 0.0)
+        found[name] = Encounters(by, heavier, knocks / heavier if heavier > 0.0 else 0.0)
     return found
 
 

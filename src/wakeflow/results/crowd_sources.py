@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SlabDepth", "SlabStep"]
 
-FINER = 0.01  # tolerance of the companion over the scene's, as of the tracks alone
+FINER = 0.5  # step of the companion over the answer's
 THINNER = 0.5  # depth of the companion's slab over the answer's
 
 
@@ -55,7 +55,7 @@ class SlabStep(_SlabAgain):
     """The time step in which granules that meet are moved: part of the replicates with a finer one."""
 
     name, place = "slab-time-step", 21
-    companion = CrowdCompanion("slab finer steps", tolerance=FINER)
+    companion = CrowdCompanion("slab finer steps", step=FINER)
 
 
 class SlabDepth(_SlabAgain):

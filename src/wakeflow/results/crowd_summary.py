@@ -26,6 +26,11 @@ class CrowdSummary:
     tracers: dict[str, float] = column("1", "share of each fraction's mass, its finest granules, that flew as tracers")
     meetings: dict[str, float] = column("1", "with other granules on a flight, mean over each fraction's mass")
     fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
+    step: float = column("s", "of its clock")
+    step_error: float | None = column(
+        "as plan.unit", "how far nine of ten granules that meet nobody land from where shorter steps put them, at most"
+    )
+    jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
 
 
 def crowd_of(plan: Plan, crowd: Crowd) -> CrowdSummary:
@@ -43,6 +48,9 @@ def crowd_of(plan: Plan, crowd: Crowd) -> CrowdSummary:
             name: {fate.name.lower(): int(np.sum(found.fate == fate)) for fate in Fate}
             for name, found in landings.items()
         },
+        step=crowd.step,
+        step_error=None if np.isnan(crowd.step_error) else crowd.step_error,
+        jammed=crowd.jammed,
     )
 
 

@@ -21,6 +21,7 @@ __all__ = ["notices"]
 LOOSE_LOOP = 0.1  # of the rms fluctuation: a stored loop that joins with more kicks the granules once a period
 SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
 LONGER = 1e-9  # m: rounding of the mesh's ends, no longer channel
+JAM = "granules that lie still become more as long as it runs; widen the gap, or feed less"
 ENDINGS = {  # fates that are no landing: what they mean
     "airborne": "were still in the air when tracking ended",
     "stopped": "hit the tracker's hard stop",
@@ -43,6 +44,8 @@ def notices(
     lines = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
     lines += [] if funnel is None else funnel_notices(to_json(funnel))
     if tracked is not None:
+        if slab is not None and slab.jammed:
+            lines.append(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}")
         lines += [*_passing(pipeline, tracked), *_unlanded(tracked.fates if slab is None else slab.fates)]
     return lines
 

@@ -48,7 +48,7 @@ def track(
     tolerance: float = 1e-6,
     length: float | None = None,
     forces: Sequence[str] = ("drag", "gravity"),
-    drag: str = "brown-lawler",
+    drag: str | Sequence[str] = "brown-lawler",
     bodies: Sequence[Body | Any] = (),
     lines: Sequence[Any] = (),
     motion: Motion | None = None,
@@ -63,7 +63,8 @@ def track(
 
     ``tolerance`` is the landing error in units of ``length`` (m; default: width of the first body, 1 m without one).
     ``forces``: names of :mod:`wakeflow.laws.forces`: drag, gravity (g alone), buoyancy, pressure-gradient, added-mass,
-    lift, magnus, dispersion, brownian; those of the air do nothing in a vacuum.
+    lift, magnus, dispersion, brownian; those of the air do nothing in a vacuum. ``drag``: a law, or one for each
+    ``fraction`` of the granules.
     ``bodies`` are outlines (k, 2), which move by ``motion``, or Body; ``lines`` (k, 2) polylines that end a track
     when its centre crosses them. An edge of the mesh that no body covers ends it there: BINNED when it lies on a
     line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
@@ -85,7 +86,7 @@ def track(
     air = pack_air(field, solids, reach, forces)
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
     points = ROOM if record is True else int(record)
-    tables, table_of = pack_tables(drag, grains.sphericity)
+    tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
     flight = _Flight(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
     found = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
