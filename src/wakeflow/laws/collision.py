@@ -1,13 +1,20 @@
-"""The collision of a granule with a wall: one function for the impact of eq. (1)-(2), the tracker's walls and the
-labyrinth.
+"""The collision of a granule with a wall or another granule: one law of impulses for the impact of eq. (1)-(2), the
+tracker's walls, the labyrinth and crowds.
 
-Plane motion, rigid disc or sphere, Newton restitution R and Coulomb friction f. With the unit normal n (from the wall
-to the granule), the tangent t = z x n and the spin counter-clockwise positive, the contact point moves along the wall
-with s = (v - v_wall) . t - r omega. The normal impulse per mass is (1 + R) |v_n|. The tangential one changes s by (1
-+ 1/k) times itself, k = I / (m r^2), so -s / (1 + 1/k) brings the contact point to rest (rolling); Coulomb's law caps
-it at f (1 + R) |v_n|. Hence friction never reverses the contact point. A point mass has 1/k = 0 and does not turn.
+Rigid disc or sphere, Newton restitution R and Coulomb friction f. With the unit normal n (from the wall to the
+granule), the tangent t = z x n and the spin counter-clockwise positive, the contact point moves along the wall with
+s = (v - v_wall) . t - r omega. The normal impulse per mass is (1 + R) |v_n|. The tangential one changes s by (1 + 1/k)
+times itself, k = I / (m r^2), so -s / (1 + 1/k) brings the contact point to rest (rolling); Coulomb's law caps it at
+f (1 + R) |v_n|. Hence friction alone never reverses the contact point. The elasticity of the contact can: with the
+tangential restitution b the slip of a contact that sticks becomes -b s, 0 where it is not given (Walton, O.R. 1993, in
+Particulate Two-Phase Flow, ch. 25; Foerster, S.F., Louge, M.Y., Chang, H. & Allia, K. 1994, Phys. Fluids 6, 1108). A
+point mass has 1/k = 0 and does not turn.
 Source: Routh, E.J. 1897, Dynamics of a System of Rigid Bodies, ch. 4; Spade, Vaicis, Vutukuru & Irbe 2020, doi
 10.22616/ERDev.2020.19.TF365, eq. (1)-(2), with the parenthesis and the sign misprinted there put right.
+
+Two granules (``collide_pair``): the same impulses over the reduced mass m = 1 / (1/m1 + 1/m2), in three dimensions, the
+slip opposite to its own direction. 1 + 1/k becomes m ((1 + 1/k1) / m1 + (1 + 1/k2) / m2); a wall is a second granule
+without an inverse mass.
 """
 
 from __future__ import annotations
@@ -22,7 +29,10 @@ from ..core.errors import SceneError
 from ..core.registry import Registry
 from .restitution import Restitution, restitution_at
 
-__all__ = ["Impact", "ImpactModel", "approach_speed", "bounce", "collide", "impact", "impact_models"]
+__all__ = [
+    "Impact", "ImpactModel", "approach_speed", "bounce", "collide", "collide_pair", "impact", "impact_models",
+    "impulses",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 TINY = np.finfo(float).tiny
@@ -54,31 +64,67 @@ impact_models.add("shell", ImpactModel(2.0 / 3.0, "a hollow sphere with a thin w
 impact_models.add("tube", ImpactModel(1.0, "a hollow cylinder with a thin wall about its axis: lying straw", _ROUTH))
 
 
+def impulses(approach: Any, slip: Any, give: Any, restitution: Any, friction: Any, back: Any) -> Any:
+    """Sizes (m/s, per reduced mass) of the normal impulse, and of the tangential one, which opposes the slip.
+
+    ``approach`` and ``slip`` (m/s, not negative) of the contact point, ``give`` 1 + m r^2 / I: what a tangential
+    impulse changes the slip by; coefficients of ``restitution``, ``friction`` and tangential restitution ``back``.
+    Energy does not grow for restitutions within 0 and 1.
+    """
+    normal = (1.0 + restitution) * approach
+    grip = np.minimum(friction, ROUGH) * normal
+    return normal, np.minimum((1.0 + back) * slip / give, grip)
+
+
 def collide(
     vx: Any, vy: Any, spin: Any, nx: Any, ny: Any, wx: Any, wy: Any, restitution: Any, friction: Any, mobility: Any,
-    radius: Any,
+    radius: Any, tangential_restitution: Any = 0.0,
 ) -> Any:  # fmt: skip
-    """One collision; returns (vx, vy, spin, normal impulse, tangential impulse along t) after it, impulses per mass
-    in m/s.
+    """One collision with a wall; returns (vx, vy, spin, normal impulse, tangential impulse along t) after it, impulses
+    per mass in m/s.
 
     ``n`` unit normal away from the wall, ``w`` velocity of the wall, ``mobility`` = m r^2 / I (0: point mass, 2.5:
-    sphere, 2: disc). Numpy arithmetic only: takes arrays, and scalars inside the tracker's compiled kernel. Without
-    approach (relative normal velocity >= 0) nothing changes.
+    sphere, 2: disc), ``tangential_restitution`` of a contact that sticks. Numpy arithmetic only: takes arrays, and
+    scalars inside the tracker's compiled kernel. Without approach (relative normal velocity >= 0) nothing changes.
     """
     rx = vx - wx
     ry = vy - wy
     approach = np.maximum(-(rx * nx + ry * ny), 0.0)
     slip = ry * nx - rx * ny - radius * spin * np.sign(mobility)
-    normal = (1.0 + restitution) * approach
-    grip = np.minimum(friction, ROUGH) * normal
-    tangential = -np.copysign(np.minimum(np.abs(slip) / (1.0 + mobility), grip), slip)
+    normal, along = impulses(approach, np.abs(slip), 1.0 + mobility, restitution, friction, tangential_restitution)
+    along = -np.copysign(along, slip)
     return (
-        vx + normal * nx - tangential * ny,
-        vy + normal * ny + tangential * nx,
-        spin - mobility * tangential / radius,
+        vx + normal * nx - along * ny,
+        vy + normal * ny + along * nx,
+        spin - mobility * along / radius,
         normal,
-        tangential,
+        along,
     )
+
+
+def collide_pair(
+    rx: Any, ry: Any, rz: Any, sx: Any, sy: Any, sz: Any, nx: Any, ny: Any, nz: Any, light: Any, heavy: Any,
+    mobility: Any, other: Any, restitution: Any, friction: Any, tangential_restitution: Any = 0.0,
+) -> Any:  # fmt: skip
+    """The impulse (N s, three components) that the first of two granules gets from the second, the one that it gives
+    with the sign turned; and its normal part.
+
+    ``r`` velocity (m/s) of the first seen from the second, ``n`` unit normal from the second to the first, ``s`` =
+    r1 omega1 + r2 omega2 (m/s, radii times spins of those that turn): the contact point slips with r - s x n. ``light``
+    and ``heavy`` inverse masses (1/kg; a wall has 0), ``mobility`` and ``other`` = m r^2 / I of both (0: a point mass).
+    The impulse J changes the velocities by J / m1 and -J / m2, the spins by -m r^2 / I (n x J) / (m r) of either.
+    Momentum is kept; angular momentum is, where both turn. Takes arrays, and scalars inside the compiled kernel.
+    """
+    closing = rx * nx + ry * ny + rz * nz
+    gx = rx - closing * nx - (sy * nz - sz * ny)
+    gy = ry - closing * ny - (sz * nx - sx * nz)
+    gz = rz - closing * nz - (sx * ny - sy * nx)
+    slip = np.sqrt(gx * gx + gy * gy + gz * gz)
+    mass = 1.0 / (light + heavy)
+    give = mass * (light * (1.0 + mobility) + heavy * (1.0 + other))
+    normal, along = impulses(np.maximum(-closing, 0.0), slip, give, restitution, friction, tangential_restitution)
+    normal, along = mass * normal, mass * along / np.maximum(slip, TINY)
+    return normal * nx - along * gx, normal * ny - along * gy, normal * nz - along * gz, normal
 
 
 def approach_speed(vx: Any, vy: Any, nx: Any, ny: Any, wx: Any, wy: Any) -> Any:

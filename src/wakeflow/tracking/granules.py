@@ -53,8 +53,9 @@ class Granules:
     ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
     the fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal
     velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
-    approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born. Raises
-    SceneError, naming the count and the first index, for values that are not finite or out of range.
+    approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
+    ``depth`` m, its place across the slab of a crowd, None: drawn evenly. Raises SceneError, naming the count and the
+    first index, for values that are not finite or out of range.
     """
 
     position: Array
@@ -70,6 +71,7 @@ class Granules:
     drag_scale: Any = 1.0
     inertia: Any = None
     time: Any = 0.0
+    depth: Any = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.position)
@@ -90,6 +92,8 @@ class Granules:
         inertia = np.array(np.broadcast_to(np.asarray(inertia, dtype=float), shape[:1]))
         _refuse("inertia", inertia, ~(inertia > 0), "positive")
         object.__setattr__(self, "inertia", inertia)
+        if self.depth is not None:
+            object.__setattr__(self, "depth", _clean("depth", self.depth, shape[:1]))
 
     def __len__(self) -> int:
         return len(self.position)
@@ -97,7 +101,8 @@ class Granules:
     def __getitem__(self, chosen: Any) -> Granules:
         """The chosen granules: a slice, indices or a mask."""
         own: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        return self.replace(**{name: v[chosen] for name, v in own.items() if not isinstance(v, Restitution)})
+        whole = {name: v for name, v in own.items() if v is not None and not isinstance(v, Restitution)}
+        return self.replace(**{name: v[chosen] for name, v in whole.items()})
 
     def replace(self, **changes: Any) -> Granules:
         """The same granules with some properties replaced."""

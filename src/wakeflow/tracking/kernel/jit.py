@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -33,7 +34,14 @@ def _folder(module: str) -> Path:
 
 
 def compiled(function: Any) -> Any:
-    """A helper of the kernel: compiled into whatever calls it."""
+    """A helper of the kernel: compiled into whatever calls it. What a law calls of its own module is compiled too:
+    laws are plain Python, and a compiled function calls compiled ones only.
+    """
+    own = function.__globals__
+    called = {name: own[name] for name in function.__code__.co_names if isinstance(own.get(name), FunctionType)}
+    if called:
+        ready = own | {name: compiled(law) for name, law in called.items()}
+        function = FunctionType(function.__code__, ready, function.__name__, function.__defaults__)
     return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
 
 
