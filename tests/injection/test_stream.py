@@ -80,7 +80,7 @@ def test_nobody_is_born_inside_another(scene: Scene, plan: Plan) -> None:
         since = grains.time[later] - grains.time[i]
         down = speed[i] * since + 0.5 * G * since**2  # when the later one is born
         x = grains.position[later, 0] - grains.position[i, 0]
-        z = stream.depth[later] - stream.depth[i]
+        z = grains.depth[later] - grains.depth[i]
         z -= 0.03 * np.round(z / 0.03)
         radii = 0.5 * (grains.diameter[later] + grains.diameter[i])
         nearest = min(nearest, float(np.min(np.sqrt(x**2 + down**2 + z**2) / radii, initial=np.inf)))

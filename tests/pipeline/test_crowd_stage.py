@@ -15,7 +15,7 @@ import pytest
 import wakeflow as wf
 from support import shipped
 from wakeflow.pipeline.crowd_flight import SlabFlight, load_crowd
-from wakeflow.pipeline.crowd_stage import Crowd
+from wakeflow.pipeline.crowd_stage import SlabFound
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
@@ -39,7 +39,7 @@ def pipeline(rate: float) -> Pipeline:
     return Pipeline(scene, make_plan(scene, force={COLLISIONS: True}))
 
 
-def crowd(rate: float) -> Crowd:
+def crowd(rate: float) -> SlabFound:
     found = pipeline(rate).crowd()
     assert found is not None
     return found

@@ -37,15 +37,14 @@ ROUNDS = 200  # in which granules that overlap at birth are given other places, 
 class SlabFeed:
     """The granules that one replicate of a slab is fed with, by time of birth.
 
-    ``fraction`` (n,) is each one's place among the scene's; ``mass`` (n,) what it stands for, in any unit; ``depth``
-    (n,) m, its place across the picture; ``counted`` (n,) whether it came in steady operation. ``granules.fraction``
+    ``fraction`` (n,) is each one's place among the scene's; ``mass`` (n,) what it stands for, in any unit; ``counted``
+    (n,) whether it came in steady operation. ``granules.fraction``
     is the same place, plus the number of fractions for ``tracers``.
     """
 
     granules: Granules
     fraction: NDArray[np.int64]
     mass: Array
-    depth: Array
     counted: NDArray[np.bool_]
     tracers: tuple[int, ...]
 
@@ -65,17 +64,15 @@ def slab_stream(
         parts += [_fed(scene, plan, name, number, rng, whole, depth, tracers=tracers) for tracers in (False, True)]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
-    fraction, mass, across = (
-        np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass", "depth")
-    )
+    fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
     tracers = tuple(len(scene.fraction) + i for i, name in enumerate(scene.fraction) if crowd.tracers[name] > 0.0)
     solid = np.flatnonzero(granules.fraction < len(scene.fraction))
-    x, across = _apart(scene, rng, granules, across, solid, depth)
+    x, across = _apart(scene, rng, granules, solid, depth)
     since = granules.time
     position = np.stack([x, granules.position[:, 1]], axis=1)
-    granules = granules.replace(position=position, time=begin + since)
+    granules = granules.replace(position=position, time=begin + since, depth=across)
     counted = (since >= start_up) & (since < start_up + operation)
-    return SlabFeed(granules, fraction, mass, across, counted, tracers)
+    return SlabFeed(granules, fraction, mass, counted, tracers)
 
 
 def _fed(
@@ -99,7 +96,7 @@ def _fed(
     mass = np.ones(len(p)) if tracers else grains.density * diameter**3
     mass = mass * _share_of_mass(crowd, name, mass, tracers=tracers)
     index = np.full(len(p), number)
-    return SlabFeed(grains, index, mass, depth * rng.random(len(p)), np.zeros(len(p), dtype=bool), ())
+    return SlabFeed(grains, index, mass, np.zeros(len(p), dtype=bool), ())
 
 
 def _share_of_mass(crowd: CrowdPlan, name: str, mass: Array, *, tracers: bool) -> float:
@@ -162,13 +159,13 @@ def _speeds(scene: Scene, plan: Plan, name: str, grains: Granules, drop: Array, 
 
 
 def _apart(
-    scene: Scene, rng: np.random.Generator, grains: Granules, across: Array, solid: NDArray[np.int64], depth: float
+    scene: Scene, rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64], depth: float
 ) -> tuple[Array, Array]:
     """Places x (n,) and across the slab (n,) m such that no two of the ``solid`` granules overlap when they are born.
 
     The later one of a pair that would is given another place, as often as it takes.
     """
-    x, z = grains.position[:, 0].copy(), across.copy()
+    x, z = grains.position[:, 0].copy(), depth * rng.random(len(grains))
     if len(solid) < 2:
         return x, z
     width = grains.diameter[solid]

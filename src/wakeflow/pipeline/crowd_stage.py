@@ -18,7 +18,7 @@ from .landings import Landings
 if TYPE_CHECKING:
     from .landings import Tracked
 
-__all__ = ["Crowd", "CrowdCompanion", "CrowdStage"]
+__all__ = ["CrowdCompanion", "CrowdStage", "SlabFound"]
 
 FEWEST = 2  # replicates of a companion
 SMALL = 0.1  # of the accuracy asked for: landing error that a step of the slab may make, body widths; chosen
@@ -36,7 +36,7 @@ class CrowdCompanion:
 
 
 @dataclass(frozen=True)
-class Crowd:
+class SlabFound:
     """What the slab found: the landings of every fraction's granules that came in steady operation; the slab's
     ``depth`` (m), the ``start_up`` (s) that was dropped, and the ``replicates`` that were flown; the ``step`` of its
     clock (s) with the landing error that it was seen to make (body widths), and in how many replicates the feed
@@ -94,7 +94,7 @@ class CrowdStage:
         flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
         return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("crowd"))
 
-    def fly(self, companion: CrowdCompanion | None = None) -> Crowd:
+    def fly(self, companion: CrowdCompanion | None = None) -> SlabFound:
         """The slab; under a ``companion``'s change some of its replicates."""
         from .crowd_flight import SlabFlight, load_crowd
 
@@ -110,4 +110,4 @@ class CrowdStage:
         folder = self.cache.make(change.name, key, lambda part: flight.fly_all(part, replicates))
         found = load_crowd(folder, self.scene, replicates)
         how = found.step, found.step_error, found.jammed
-        return Crowd(found.landings, depth, self.start_up, replicates, *how)
+        return SlabFound(found.landings, depth, self.start_up, replicates, *how)

@@ -20,7 +20,7 @@ from ..scene import Scene
 from . import blended_air, span_air  # noqa: F401 - their imports register kinds of airflow
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
-from .crowd_stage import Crowd, CrowdCompanion, CrowdStage
+from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound
 from .stages import StageKey, StageTime
 from .track_stage import Companion, Compilation, TrackStage
 
@@ -172,7 +172,7 @@ class Pipeline:
         """Everything the slab depends on; None where the plan has none."""
         return None if self.plan.crowd is None else self._crowd_stage.key
 
-    def crowd(self, companion: CrowdCompanion | None = None) -> Crowd | None:
+    def crowd(self, companion: CrowdCompanion | None = None) -> SlabFound | None:
         """The landings of granules that meet each other, of some replicates under a ``companion``'s change; None where
         the plan has no slab.
         """

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ..pipeline.crowd_stage import Crowd, CrowdCompanion
+from ..pipeline.crowd_stage import CrowdCompanion, SlabFound
 from .landing_results import COMPANION, BudgetPart
 from .source import FractionResults, Source, budget_sources
 from .spread import student
@@ -26,13 +26,13 @@ FINER = 0.5  # step of the companion over the answer's
 THINNER = 0.5  # depth of the companion's slab over the answer's
 
 
-class _SlabAgain(Source[Crowd]):
+class _SlabAgain(Source[SlabFound]):
     """Some replicates of the slab under a companion's change."""
 
     how = COMPANION
     companion: ClassVar[CrowdCompanion]
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Crowd | None:
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
         del tracked
         return pipeline.crowd(self.companion)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.record import column
-from ..pipeline.crowd_stage import Crowd
+from ..pipeline.crowd_stage import SlabFound
 from ..pipeline.landings import Landings
 from ..planning.plan import Plan
 from ..tracking import Fate
@@ -33,7 +33,7 @@ class CrowdSummary:
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
 
 
-def crowd_of(plan: Plan, crowd: Crowd) -> CrowdSummary:
+def crowd_of(plan: Plan, crowd: SlabFound) -> CrowdSummary:
     """What the slab was, and what granules met in it."""
     assert plan.crowd is not None
     landings = crowd.landings

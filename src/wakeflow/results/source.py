@@ -18,7 +18,7 @@ from .separation import share_spreads
 from .spread import Spread
 
 if TYPE_CHECKING:
-    from ..pipeline.crowd_stage import Crowd
+    from ..pipeline.crowd_stage import SlabFound
     from ..pipeline.landings import Tracked
 
 __all__ = ["Flights", "FractionResults", "Source", "budget_sources"]
@@ -77,7 +77,7 @@ class Flights:
 
     pipeline: Pipeline
     tracked: Tracked
-    crowd: Crowd | None = None
+    crowd: SlabFound | None = None
     _made: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def of(self, source: Source[Flown]) -> Flown | None:
