@@ -303,9 +303,9 @@ def test_dust_past_a_body_that_swings_sideways_flies_with_the_air(cases: Path, t
 def flown_by_chance(flight: Flight, folder: Path, *, drawn: bool) -> None:
     """A slow stage instead of the tracker: landings that any other airflow would change."""
     del drawn
-    assert flight.field is not None
+    assert flight.airs.field is not None
     time.sleep(1.0)
-    rng = np.random.default_rng(zlib.crc32(flight.field.velocity.tobytes()))
+    rng = np.random.default_rng(zlib.crc32(flight.airs.field.velocity.tobytes()))
     for name in flight.scene.fraction:
         replicate = np.arange(flight.replicates * 8) // 8
         count = len(replicate)

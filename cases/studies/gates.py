@@ -21,6 +21,7 @@ from wakeflow.field import FlowField
 from wakeflow.injection.feed import feedstock
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import bounds
 from wakeflow.planning.make import make_plan
@@ -72,7 +73,7 @@ class Trial:
         """Tracks of the fraction's first granules."""
         plan = self.plan.with_forces(terms)
         grains = feedstock(self.scene, plan, name, self.field.period).granules
-        return Flight(self.scene, plan, self.field, tolerance).fly(name, grains)
+        return Flight(self.scene, plan, Realisations(self.field), tolerance).fly(name, grains)
 
 
 def trial(which: str, count: int = COUNT, *, spheres: bool = False) -> Trial:

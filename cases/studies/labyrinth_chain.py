@@ -18,6 +18,7 @@ import numpy as np
 import wakeflow as wf
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight, compile_tracker
 from wakeflow.planning.make import make_plan
 
@@ -37,7 +38,7 @@ def flown(scene: wf.Scene, name: str) -> tuple[Any, float]:
     plan = make_plan(scene, rung="none")
     still = scene.without_air()
     feed = feedstock(still, plan, name, None)
-    return timed(lambda: Flight(still, plan, None, scene.numerics.tolerance).fly(name, feed.granules))
+    return timed(lambda: Flight(still, plan, Realisations(None), scene.numerics.tolerance).fly(name, feed.granules))
 
 
 def without_air(scene: wf.Scene) -> None:

@@ -26,17 +26,18 @@ import wakeflow as wf
 from wakeflow.core.store import Store, cache_root
 from wakeflow.field import FlowField
 from wakeflow.field.cross_fade import cross_faded
+from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec, axis_points
 from wakeflow.foam.case_fields import CaseFields
 from wakeflow.foam.cost import core_seconds
 from wakeflow.foam.history import Interval
-from wakeflow.foam.measure import AirflowResult
 from wakeflow.foam.span_measure import measure_span
 from wakeflow.foam.span_read import lead_of, read_layers
 from wakeflow.foam.span_record import SpanRecord
 from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.airflow_kinds import TimeResolvedAir
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.solved_air import TimeResolvedAir
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
@@ -148,7 +149,7 @@ def shares(scene: wf.Scene, fields: Sequence[FlowField]) -> Shares:
                     continue
                 flown = field.reflected() if mirrored else field
                 feed = feedstock(scene, plan, name, flown.period, mine)
-                flight = Flight(scene, plan, flown, scene.numerics.tolerance)
+                flight = Flight(scene, plan, Realisations(flown), scene.numerics.tolerance)
                 columns = landing_columns(feed, flight.fly(name, feed.granules, stream=number), len(scene.bin))
                 place = np.where(columns["bin"] < 0, len(scene.bin), columns["bin"])
                 for replicate in mine:
@@ -246,9 +247,9 @@ def print_proof(column: Column, spec: FlowSpec) -> None:
     for note in column.table["notes"]:
         print(f"Note: {note}.")
     axis = span["axis"]
-    print("\n| behind / D | speed | u' | v' | w' | modelled |\n|---|---|---|---|---|---|")
+    print("\n| behind / D | speed | u' | v' | v' along the whole span | w' | modelled |\n|---|---|---|---|---|---|---|")
     for i, place in enumerate(axis["behind"]):
-        parts = (axis[name][i] for name in ("speed", "along", "across", "spanwise", "modelled"))
+        parts = (axis[name][i] for name in ("speed", "along", "across", "coherent", "spanwise", "modelled"))
         print(f"| {place:g} | {' | '.join(f'{part:.2f}' for part in parts)} |")
 
 

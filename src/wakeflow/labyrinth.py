@@ -8,6 +8,7 @@ from typing import Any
 from .core.record import to_json
 from .injection.feed import feedstock
 from .pipeline.landings import Landings
+from .pipeline.realisations import Realisations
 from .pipeline.tracks import Flight, landing_columns
 from .planning.make import make_plan
 from .planning.plan import Plan
@@ -49,7 +50,7 @@ def chain(scene: Scene, *, count: int | None = None) -> Chained:
         scene = scene.replace({"feed.count": count})
     plan = make_plan(scene, rung="none")
     flown = scene.without_air()
-    flight = Flight(flown, plan, None, scene.numerics.tolerance)
+    flight = Flight(flown, plan, Realisations(None), scene.numerics.tolerance)
     landings = {}
     for name in flown.fraction:
         feed = feedstock(flown, plan, name, None)

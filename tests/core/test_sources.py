@@ -18,6 +18,7 @@ from wakeflow.core import sources
 from wakeflow.funnel import CODE as FUNNEL
 from wakeflow.pipeline.analytic import duct_field
 from wakeflow.pipeline.cache import CODE
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 
@@ -84,7 +85,7 @@ def _ran(work: Callable[[], object]) -> set[str]:
 
 def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, tmp_path: Path) -> None:
     scene = Scene.load(cases / "vacuum.toml").replace({"feed.count": 16})
-    flight = Flight(scene, make_plan(scene), None, 1e-4)
+    flight = Flight(scene, make_plan(scene), Realisations(None), 1e-4)
     own = _ran(lambda: flight.fly_all(tmp_path, drawn=True))
     assert {"wakeflow.pipeline.tracks", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
     assert own <= sources.closure(*CODE["tracks"])

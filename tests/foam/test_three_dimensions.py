@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ import wakeflow as wf
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.extrude import layer_map, make_periodic
+from wakeflow.foam.span_means import span_means
 from wakeflow.foam.span_measure import PLANE_BELOW
 from wakeflow.foam.span_read import apart
 from wakeflow.foam.span_record import des_dissipation
@@ -177,6 +179,8 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     os.killpg(child.pid, signal.SIGKILL)
     child.wait()
     told: list[str] = []
+    # The tracker is compiled in the session's own cache; beside OpenFOAM it would be compiled once more, in this one.
+    monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_: None)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "killed"))
     result = wf.run(
         scene, tmp_path / "out", rung="3d", force=OFF, target_error=0.5, listener=lambda _, text: told.append(text)
@@ -189,6 +193,7 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     assert found.span.w_rms > PLANE_BELOW
     assert len(found.span.quarters) == 4
     assert max(found.span.axis.across) > 0.1
+    assert 0.0 < max(found.span.axis.coherent) < max(found.span.axis.across)
     assert found.turbulence == "kOmegaSSTDDES"
     assert found.cd is not None
     assert found.cd.value is not None
@@ -208,6 +213,28 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     said = capsys.readouterr().out
     assert "residence time" in said
     assert f"{found.span.w_rms:.3f} U" in said
+
+
+def test_what_moves_alike_along_the_whole_span_is_told_from_what_does_not() -> None:
+    """v = A cos(2 pi t) + B cos(2 pi z + 2 pi t) + 1: variance (A^2 + B^2)/2 at a point, A^2/2 of the span's mean."""
+    spec, layers, times = spec_with(SPAN), 8, np.arange(16) / 16
+    alike, waving = 0.6, 0.3
+    snapshots = np.zeros((len(times), layers, 3, 6))
+    z = np.arange(layers)[:, None] / layers
+    for snapshot, t in zip(snapshots, times, strict=True):
+        snapshot[..., 0] = 1 + alike * np.cos(2 * np.pi * t) + waving * np.cos(2 * np.pi * (z + t))
+    centres = np.array([[0.0, -0.1], [0.01, -0.12], [0.0, 0.1]])  # two in the near wake, one before the body
+    record = SimpleNamespace(
+        order=np.zeros((layers, 3), dtype=int),
+        depth=0.1,
+        edge=np.ones(3),
+        plane=SimpleNamespace(mesh=SimpleNamespace(plane=SimpleNamespace(centres=centres))),
+        since=lambda begin, end: zip(times, snapshots, strict=True),
+    )
+    found = span_means(spec, record, 0.0)  # type: ignore[arg-type]
+    np.testing.assert_allclose(found.stresses[:, 0], 0.5 * (alike**2 + waving**2))
+    np.testing.assert_allclose(found.coherent, 0.5 * alike**2)
+    np.testing.assert_allclose(found.three_dimensional[1], waving / 2)  # rms of u and v, of which v alone waves
 
 
 def test_layers_that_are_flown_in_lie_apart() -> None:

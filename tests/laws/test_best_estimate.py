@@ -104,6 +104,20 @@ def test_without_two_measurements_or_below_their_reynolds_numbers_the_range_is_t
     assert best_estimate("square", 0.1, 2e4, known).theta.value == pytest.approx(0.85)  # its own one, all the same
 
 
+def test_a_strength_that_nobody_measured_goes_with_theta() -> None:
+    """The others have 0.6 of strength at theta 0.5; a shape of half their theta has half their strength."""
+    known = read_wakes({
+        "a": PLAIN, "b": PLAIN, "lift": LIFT, "c": {**PLAIN, "family": "plate", "value": [1.7, 1.8]},
+        "d": {**PLAIN, "family": "plate", "value": [1.7, 1.8]},
+    })  # fmt: skip
+    found = best_estimate("plate", 0.1, 2e4, known)
+    assert found.theta.value == pytest.approx(0.25)
+    assert found.strength.value == pytest.approx(0.6 / 0.5 * 0.25)
+    assert found.strength.low == pytest.approx(1.2 * found.theta.low)
+    assert "theta times 1.20" in found.why
+    assert "theta times" not in best_estimate(None, 0.1, 2e4, known).why
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

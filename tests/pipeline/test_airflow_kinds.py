@@ -20,7 +20,8 @@ from wakeflow.pipeline.airflow_kinds import AirflowKind, airflow_kinds
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.planning import make
-from wakeflow.planning.airflow import choose_airflow, typical_cells
+from wakeflow.planning.airflow import choose_airflow
+from wakeflow.planning.airflow_cost import typical_cells
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene

@@ -16,6 +16,7 @@ from wakeflow.injection.feed import feedstock
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.pipeline.analytic import decaying, duct_field
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 from wakeflow.results.separation import separate
@@ -36,7 +37,7 @@ def flown(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Terminal velocity in the scene's air (n,), bin (n,) and fate (n,) of a fraction's granules in calm air."""
     plan = make_plan(scene, force=CALM)
     feed, pipeline = feedstock(scene, plan, name, None), Pipeline(scene, plan)
-    tracks = Flight(scene, plan, pipeline.field[1], 1e-4).fly(name, feed.granules)
+    tracks = Flight(scene, plan, pipeline.kind.realisations, 1e-4).fly(name, feed.granules)
     air, grains = scene.air, feed.granules
     assert air is not None
     settling = terminal_velocity(
@@ -210,7 +211,7 @@ def test_granules_slid_in_fly_as_projectiles(aspirator: Scene) -> None:
     tables["feed"] |= {"speed": 0.5, "direction": 0.0, "width": 0.02, "position": -0.05}
     scene = Scene.parse(tables)
     feed = feedstock(scene, make_plan(scene), "wheat", None)
-    tracks = Flight(scene, make_plan(scene), None, 1e-6).fly("wheat", feed.granules[:64])
+    tracks = Flight(scene, make_plan(scene), Realisations(None), 1e-6).fly("wheat", feed.granules[:64])
     fall = np.sqrt(2 * 0.4 / 9.81)
     free = tracks.impacts == 0
     assert free.any()

@@ -37,7 +37,7 @@ def leaning(scene: Scene, speed: float = 1.0) -> FlowField:
 
 def test_each_replicate_flies_half_in_the_mirror_image_of_a_time_resolved_airflow(scene: Scene, tmp_path: Path) -> None:
     plan = make_plan(scene, rung="standard", force={"dispersion": False})
-    Flight(scene, plan, leaning(scene), 1e-4).fly_all(tmp_path, drawn=False)
+    Flight(scene, plan, Realisations(leaning(scene)), 1e-4).fly_all(tmp_path, drawn=False)
     size = replicate_size(256)
     for name, landing in load_tracked(tmp_path, scene).landings.items():
         np.testing.assert_array_equal(landing.replicate, np.repeat(np.arange(REPLICATES), size))
@@ -72,7 +72,7 @@ def test_replicates_fly_in_the_realisations_of_the_airflow_in_turn(scene: Scene,
         return leaning(scene, speed)
 
     others = (partial(wind, 2.0), partial(wind, 3.0))
-    flight = Flight(scene, plan, leaning(scene), 1e-4, others=others, cycles=2)
+    flight = Flight(scene, plan, Realisations(leaning(scene), others, cycles=2), 1e-4)
     flight.fly_all(tmp_path, drawn=True)
     assert made == [2.0, 3.0] * len(scene.fraction)
     replace(flight, replicates=COMPARED).fly_all(tmp_path / "few", drawn=False)
@@ -91,7 +91,7 @@ def test_realisations_have_one_period(scene: Scene, tmp_path: Path) -> None:
     plan = make_plan(scene, rung="standard", force={"dispersion": False})
     other = replace(leaning(scene), period=0.2)
     with pytest.raises(SceneError, match=r"realisation 1: its period is 0\.2 s"):
-        Flight(scene, plan, leaning(scene), 1e-4, others=(lambda: other,)).fly_all(tmp_path, drawn=False)
+        Flight(scene, plan, Realisations(leaning(scene), (lambda: other,)), 1e-4).fly_all(tmp_path, drawn=False)
 
 
 def test_a_landing_keeps_the_cycle_of_its_release(scene: Scene) -> None:
@@ -105,16 +105,15 @@ def test_a_landing_keeps_the_cycle_of_its_release(scene: Scene) -> None:
 def test_an_unsymmetric_geometry_has_no_mirror_image(scene: Scene, tmp_path: Path) -> None:
     plan = make_plan(scene, rung="standard", force={"dispersion": False})
     plan = replace(plan, airflow=replace(plan.airflow, symmetric=False))
-    Flight(scene, plan, leaning(scene), 1e-4).fly_all(tmp_path, drawn=False)
+    Flight(scene, plan, Realisations(leaning(scene)), 1e-4).fly_all(tmp_path, drawn=False)
     for landing in load_tracked(tmp_path, scene).landings.values():
         assert landing.position[landing.replicate % 2 == 1, 0].mean() > 5e-3
 
 
 def test_a_fraction_that_is_there_is_not_flown_again(scene: Scene, tmp_path: Path) -> None:
     told: list[str] = []
-    flight = Flight(
-        scene, make_plan(scene, rung="standard", force={"dispersion": False}), leaning(scene), 1e-4, tell=told.append
-    )
+    plan = make_plan(scene, rung="standard", force={"dispersion": False})
+    flight = Flight(scene, plan, Realisations(leaning(scene)), 1e-4, tell=told.append)
     flight.fly_all(tmp_path, drawn=False)
     (tmp_path / "chaff.npz").unlink()
     told.clear()

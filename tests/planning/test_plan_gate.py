@@ -26,6 +26,7 @@ from wakeflow.pipeline import landings
 from wakeflow.pipeline import tracks as flying
 from wakeflow.pipeline.landings import Landings, load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import bounds
 from wakeflow.planning.flight_scales import flights
@@ -271,7 +272,7 @@ class Trial:
 
     def fly(self, name: str, terms: tuple[str, ...], tolerance: float = FINE, **options: Any) -> Tracks:
         plan = self.plan.with_forces(terms)
-        return Flight(self.scene, plan, self.field, tolerance).fly(name, self.granules(name), **options)
+        return Flight(self.scene, plan, Realisations(self.field), tolerance).fly(name, self.granules(name), **options)
 
 
 @cache
@@ -371,7 +372,7 @@ def test_the_bound_on_the_history_force_holds_along_recorded_tracks(name: str) -
     tried = trial()
     grains = tried.granules(name)[:: COUNT // 64]
     plan = tried.plan.with_forces(BASE)
-    tracks = Flight(tried.scene, plan, tried.field, 1e-4).fly(name, grains, record=True)
+    tracks = Flight(tried.scene, plan, Realisations(tried.field), 1e-4).fly(name, grains, record=True)
     found = [history_shift(tried, name, grains, tracks, i) for i in range(len(grains))]
     bound, measured = tried.plan.fractions[name].bounds["basset-history"], float(np.percentile(found, 95))
     assert measured <= bound <= IDLE * measured
@@ -409,7 +410,7 @@ def meetings_counted(tried: Trial) -> dict[str, float]:
     for k, name in enumerate(FRACTIONS):
         grains = tried.granules(name)[:: COUNT // 64]
         plan = tried.plan.with_forces(BASE)
-        tracks = Flight(tried.scene, plan, tried.field, 1e-3).fly(name, grains, record=True)
+        tracks = Flight(tried.scene, plan, Realisations(tried.field), 1e-3).fly(name, grains, record=True)
         for i in range(len(grains)):
             t, x, v = tracks.path(i)
             time = np.arange(t[0] + step / 2, t[-1], step)
@@ -520,7 +521,7 @@ def test_random_streams_of_fractions_and_parts_are_apart() -> None:
 
 def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = shipped("vacuum", {"feed.count": 256})
-    whole = Flight(scene, make_plan(scene), None, 1e-6)
+    whole = Flight(scene, make_plan(scene), Realisations(None), 1e-6)
     whole.fly_all(tmp_path, drawn=True)
     at_once = load_tracked(tmp_path, scene)
     held = dict(at_once.landings)

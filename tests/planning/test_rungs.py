@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from wakeflow.core.errors import SceneError
-from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow, typical_seconds
+from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow
+from wakeflow.planning.airflow_cost import typical_seconds
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.scene import Scene

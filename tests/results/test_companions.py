@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from wakeflow.core.store import Store
+from wakeflow.foam.statistics import student
+from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.stages import StageKey
 from wakeflow.pipeline.track_stage import Companion
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.wake import Wake
-from wakeflow.results.companions import Comparison, Grid, compared, differences, mesh_error
+from wakeflow.results.companions import Comparison, Grid, compared, differences, mesh_error, shedding_noise
 from wakeflow.scene import Scene
 
 
@@ -61,5 +63,28 @@ def test_a_share_that_converges_at_second_order_has_its_mesh_error() -> None:
     assert found.kind == "richardson"
     assert found.order == pytest.approx(2.0, abs=0.05)
     assert found.low <= 0.3 <= found.high
+    shedding = {grid: {"chaff": np.array([0.01])} for grid in shares}  # each wake in time is a sample of its own
+    assert mesh_error(Comparison(shares, 1.0, shedding), "chaff", 0).kind == "range-statistics"
     loud = {n: {"chaff": s["chaff"] + 1000 * noise[:, None]} for n, s in shares.items()}
     assert mesh_error(Comparison(loud, 1.0), "chaff", 0).kind == "range-statistics"
+
+
+def test_grids_are_compared_beside_what_their_finite_sheddings_leave() -> None:
+    """Half of the granules of a strong shedding and none of a weak one land in the bin: that is no error of a mesh."""
+
+    def landed(shares: tuple[float, ...]) -> Landings:
+        count, cycles = 400, len(shares)
+        replicate, cycle = (part.ravel() for part in np.indices((COMPARED, cycles * count))[:2])
+        cycle, within = cycle // count, cycle % count
+        inside = within < np.array(shares)[cycle] * count
+        zero = np.zeros(len(cycle))
+        return Landings(
+            position=np.zeros((len(cycle), 2)), bin=np.where(inside, 0, -1), replicate=replicate, diameter=zero,
+            fate=zero.astype(np.int8), time=zero, impacts=zero.astype(int), realisation=zero.astype(np.uint8),
+            cycle=cycle.astype(np.uint16),
+        )  # fmt: skip
+
+    np.testing.assert_allclose(shedding_noise(landed((0.3, 0.3, 0.3, 0.3)), 1), 0.0, atol=1e-12)
+    wide = shedding_noise(landed((0.5, 0.0, 0.5, 0.0)), 1)
+    expected = student(3) * np.std([0.5, 0.0, 0.5, 0.0], ddof=1) / 2
+    np.testing.assert_allclose(wide, expected)

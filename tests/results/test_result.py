@@ -13,8 +13,8 @@ from result_page import records, rows
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.record import columns, to_json
-from wakeflow.foam.measure import AirflowResult
-from wakeflow.foam.measure import Suction as MeasuredSuction
+from wakeflow.foam.airflow_result import AirflowResult
+from wakeflow.foam.suction import Suction as MeasuredSuction
 from wakeflow.meshing.quality import MeshReport
 from wakeflow.planning.make import make_plan
 from wakeflow.report.csv import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS

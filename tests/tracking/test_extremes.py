@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from support import FLOOR, G, distance
 from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
@@ -271,7 +272,7 @@ def test_a_scene_at_any_strength(cases: Path, mode: str, gamma: float) -> None:
     plan = make_plan(scene)
     for name in scene.fraction:
         feed = feedstock(scene, plan, name, None)
-        tracks = Flight(scene, plan, None, 1e-4).fly(name, feed.granules)
+        tracks = Flight(scene, plan, Realisations(None), 1e-4).fly(name, feed.granules)
         assert np.all(tracks.fate == Fate.BINNED), tracks.counts()
         assert tracks.impacts.max() < 1000
 

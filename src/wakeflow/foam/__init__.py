@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .airflow import solve_airflow
+    from .airflow_result import AirflowResult
     from .case import FlowSpec, Stream
-    from .measure import AirflowResult
     from .read import read_flow
     from .watch import Progress
 
 _HOMES = {
-    "AirflowResult": "measure",
+    "AirflowResult": "airflow_result",
     "FlowSpec": "case",
     "Progress": "watch",
     "Stream": "case",

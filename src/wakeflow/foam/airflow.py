@@ -8,10 +8,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from ..core.files import write_json
+from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start
-from .measure import AirflowResult, measure
+from .measure import measure
 from .prepare import MeshCheck, prepare_case
 from .sanity import check_airflow, check_finite
 from .steady import run_steady
@@ -78,11 +79,7 @@ def _solve(
         verdict,
         seconds=0.0,
         residuals=_last_residuals(log),
-        mesh={
-            "non_orthogonality": mesh.non_orthogonality,
-            "mean_non_orthogonality": mesh.mean_non_orthogonality,
-            "skewness": mesh.skewness,
-        },
+        mesh=mesh.quality,
     )
     checks = check_airflow(spec, folder, result)
     return replace(result, checks={check.name: check.used for check in checks})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,78 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..laws.turbulence_models import NUT
+from .airflow_result import AirflowResult
 from .case import FlowSpec, axis_points
 from .case_fields import CaseFields, Snapshot
-from .failure import Attempt
-from .history import CD, Interval, Tail, read_table, spread
+from .coefficients import coefficients_of, drag_of_each
+from .history import Interval, Tail
 from .read import STATES, late_states, loop_of, read_flow
 from .reconstruction import PlaneMesh
-from .statistics import evaluate, is_still
-from .steady import WINDOW
-from .suction import Suction, suction_zone
+from .suction import suction_zone
 
-__all__ = ["AirflowResult", "mean_pressure", "measure", "on_edges", "y_plus"]
+__all__ = ["mean_pressure", "measure", "on_edges", "y_plus"]
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class AirflowResult:
-    """Measured airflow. Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width;
-    with several bodies Cd and Cl are of all of them together, and ``cd_of`` holds each one's share of Cd by name.
-
-    Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static: OpenFOAM's without 2k/3, k being 0 at no-slip walls.
-    ``cp_base`` and ``cp_front`` are taken where the vertical line through the middle of the first body meets its rear
-    and its front. ``p_inlet`` (Pa): mean static p on the inlet; ``pressure_drop`` (Pa): that less the mean on the
-    outlet. ``flow_rate`` (m2/s, per metre of depth, whole channel); ``mass_error``: inflow less outflow over inflow.
-    ``strouhal`` = f D / U, None when steady. ``field_time`` is the ``time`` to give to ``read_flow`` for tracking
-    ("states": one of ``late_states`` after the other). ``loop_mismatch``: rms velocity difference between the snapshots
-    at the join of the loop over the rms fluctuation. ``motion``: of the mesh, where the body vibrates in the air:
-    amplitude (x, y) m, omega (rad/s), phase (rad) at the loop's start; the stored field belongs to positions less
-    amplitude sin(omega t + phase). ``seconds`` of wall time. ``settings`` that served and the ``attempts`` that failed
-    before, see :mod:`wakeflow.foam.ladder`; ``checks``: share of each limit of :mod:`wakeflow.foam.sanity` that is
-    taken up; ``span``: of an airflow in three dimensions, see :mod:`wakeflow.foam.span_measure`.
-
-    Intervals: of a steady run the range over its last iterations, of one that did not settle over those of its late
-    states; of a time-resolved one 95 % intervals of the long-time mean (:mod:`wakeflow.foam.statistics`).
-    ``statistics`` of a time-resolved run: whole ``periods`` averaged, ``start_up`` (s) dropped, ``accuracy`` asked,
-    ``excess`` (largest half-width over the one asked). ``notes``: what a reader must know.
-
-    Cd is OpenFOAM's forceCoeffs. Its pressure part uses OpenFOAM's p, which is right: at a wall k = 0, and p there is
-    the static pressure (p, static pressure plus normal stress 2k/3, does not change across the layer beside it).
-    """
-
-    stepping: str
-    verdict: str
-    turbulence: str
-    cells: int
-    reynolds: float
-    cd: Interval
-    cl_rms: Interval
-    strouhal: Interval | None
-    cp_base: Interval
-    cp_front: float
-    p_inlet: float
-    pressure_drop: float
-    flow_rate: float
-    mass_error: float
-    suction: Suction
-    y_plus: tuple[float, float]
-    steps: int
-    seconds: float
-    field_time: str
-    period: float | None = None
-    motion: dict[str, Any] | None = None
-    loop_mismatch: float | None = None
-    residuals: dict[str, float] = field(default_factory=dict)
-    mesh: dict[str, float] = field(default_factory=dict)
-    statistics: dict[str, float] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    cd_of: dict[str, float] = field(default_factory=dict)
-    settings: str = "normal"
-    attempts: tuple[Attempt, ...] = ()
-    checks: dict[str, float] = field(default_factory=dict)
-    span: dict[str, Any] | None = None
 
 
 def measure(
@@ -103,7 +42,7 @@ def measure(
     loop, states = loop_of(folder), late_states(folder)
     rows = Tail(folder).update()
     since = json.loads((folder / STATES).read_text())["begin"] if states else None
-    history = _coefficients(spec, rows, loop, since)
+    history = coefficients_of(spec, rows, loop, since)
     return AirflowResult(
         stepping=spec.stepping,
         verdict=verdict,
@@ -112,7 +51,7 @@ def measure(
         cd=history.cd,
         cl_rms=history.cl_rms,
         strouhal=history.strouhal,
-        steps=history.steps,
+        steps=len(rows),
         seconds=seconds,
         field_time="all" if loop else "states" if states else "latest",
         period=loop["period"] if loop else None,
@@ -122,7 +61,7 @@ def measure(
         mesh=mesh or {},
         statistics=history.statistics,
         notes=history.notes,
-        cd_of=_drag_of_each(spec, folder, loop["begin"] if loop else since),
+        cd_of=drag_of_each(spec, folder, loop["begin"] if loop else since),
         **_from_fields(spec, folder, loop, rows, history.cp_base),
     )
 
@@ -173,91 +112,6 @@ def on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array
     nearest = int(np.linalg.norm(start + share[:, None] * along - where, axis=1).argmin())
     a, b = values[edges[nearest]]
     return float(a + share[nearest] * (b - a))
-
-
-@dataclass(frozen=True)
-class _Coefficients:
-    """What the history says; ``cp_base`` is the probe's, ``begin`` (s) where its averages start."""
-
-    cd: Interval
-    cl_rms: Interval
-    cp_base: Interval
-    strouhal: Interval | None
-    steps: int
-    statistics: dict[str, float]
-    notes: list[str]
-
-
-def _drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
-    """Cd of each of several bodies, averaged as Cd of a steady run is; else the mean from ``begin`` (s) on."""
-    found = {}
-    for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
-        rows = read_table(folder, f"drag_{name}", (CD,))
-        if begin is None:
-            found[name] = float(_window(rows)[:, 1].mean())
-            continue
-        late = rows[rows[:, 0] >= begin]
-        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
-    return found
-
-
-def _coefficients(
-    spec: FlowSpec, rows: Array, loop: dict[str, Any] | None, since: float | None = None
-) -> _Coefficients:
-    """Steady: means over the last iterations with the range they moved through; those ``since`` an iteration where the
-    airflow did not settle. Time-resolved: means since the end of the start-up; the last values of a wake that came to
-    rest.
-    """
-    if loop is None:
-        recent = _window(rows) if since is None else rows[rows[:, 0] > since]
-        ended = _range if spec.stepping == "steady" else _last
-        rms = float(recent[:, 2].std())
-        lift = Interval(rms, 0.0, float(np.ptp(recent[:, 2])))
-        said = [] if since is None else [_unsettled(recent[:, 1])]
-        return _Coefficients(ended(recent[:, 1]), lift, ended(recent[:, 3]), None, len(rows), {}, said)
-    swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
-    found = None if swings else evaluate(rows, spec.accuracy)
-    if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
-        late = rows[rows[:, 0] >= loop["begin"]]
-        rms = float(late[:, 2].std())
-        wide = Interval(rms, 0.0, float(np.ptp(late[:, 2])))
-        note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
-        said = [] if swings else [note]
-        return _Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, len(rows), {}, said)
-    scale = spec.convective_time
-    notes: list[str] = []
-    if not found.stands:
-        notes = [
-            f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked after "
-            f"{rows[-1, 0] / scale:.0f} widths of travel, where the run was ended"
-        ]
-    table = {"periods": found.periods, "start_up": found.begin, "accuracy": spec.accuracy, "excess": found.excess}
-    number = None if found.frequency is None else _times(found.frequency, scale)
-    return _Coefficients(found.cd, found.cl_rms, found.cp_base, number, len(rows), table, notes)
-
-
-def _unsettled(drag: Array) -> str:
-    part = 50 * spread(drag)
-    return (
-        f"the iterations do not settle: over the last {len(drag)} Cd swings by {part:.2g} % to either side of its mean"
-    )
-
-
-def _window(rows: Array) -> Array:
-    """The last iterations or steps that a steady airflow is measured on."""
-    return rows[-max(min(WINDOW, len(rows) // 4), 1) :]
-
-
-def _last(values: Array) -> Interval:
-    return Interval(float(values[-1]), float(values.min()), float(values.max()))
-
-
-def _range(values: Array) -> Interval:
-    return Interval(float(values.mean()), float(values.min()), float(values.max()))
-
-
-def _times(part: Interval, factor: float) -> Interval:
-    return Interval(part.value * factor, part.low * factor, part.high * factor)
 
 
 def _base(probed: Interval, rows: Array, names: Sequence[str], field: float) -> Interval:

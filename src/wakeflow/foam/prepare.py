@@ -27,6 +27,11 @@ class MeshCheck:
     mean_non_orthogonality: float
     skewness: float
 
+    @property
+    def quality(self) -> dict[str, float]:
+        """How good the cells are, as :class:`~wakeflow.foam.airflow_result.AirflowResult` holds it."""
+        return {name: value for name, value in asdict(self).items() if name != "cells"}
+
 
 def prepare_case(spec: FlowSpec, msh: Path, folder: Path) -> MeshCheck:
     """Write the case, convert ``msh`` and check it. Does nothing but read the result when it was done before.

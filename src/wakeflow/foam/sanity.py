@@ -31,10 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .case_fields import CaseFields, time_folders
 from .failure import AirflowFailure, Cause
-from .measure import AirflowResult
 
 __all__ = ["Check", "blockage", "check_airflow", "check_finite", "friction", "gap_speed", "is_sane"]
 

@@ -7,10 +7,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from ..core.files import write_json
+from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .case_fields import CaseFields
 from .failure import disk_trouble_named
-from .measure import AirflowResult
 from .sanity import check_airflow
 from .span_measure import measure_span
 from .span_record import SpanRecord
@@ -37,15 +37,10 @@ def solve_span(
     begun = time.monotonic()
     with disk_trouble_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        check = run_span(spec, msh, folder, start=start, listener=listener, timeout=timeout)
+        mesh = run_span(spec, msh, folder, start, listener, timeout)
         record = SpanRecord(folder, CaseFields(folder))
         result = measure_span(spec, record, folder / SPAN, seconds=time.monotonic() - begun)
-        quality = {
-            "non_orthogonality": check.non_orthogonality,
-            "mean_non_orthogonality": check.mean_non_orthogonality,
-            "skewness": check.skewness,
-        }
-        checks = check_airflow(spec, folder, result)
-        result = replace(result, mesh=quality, checks={check.name: check.used for check in checks})
+        checks = {check.name: check.used for check in check_airflow(spec, folder, result)}
+        result = replace(result, mesh=mesh.quality, checks=checks)
         write_json(folder / "airflow.json", asdict(result))
     return result

@@ -7,21 +7,18 @@ that mean, the shedding and what broke it up.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from .body_axis import AxisCrossings
 from .case import FlowSpec, axis_points
 from .read import nodes_of
 from .reconstruction import Reconstruction, triangulate
 from .span_record import K_AT, OMEGA_AT, SpanRecord, des_dissipation
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
-__all__ = ["AxisProfile", "SpanMeans", "along_axis", "axis_profile", "span_means"]
+__all__ = ["AxisProfile", "SpanMeans", "axis_profile", "span_means"]
 
 Array = NDArray[np.float64]
 NEAR = (0.5, 4.0)  # widths behind the body, and
@@ -34,10 +31,11 @@ class SpanMeans:
     """Means over ``begin`` to ``end`` (s) and the span, at the m cells of the plane.
 
     ``mean`` (m, 6) as the record's columns; ``stresses`` (m, 3): variances of the three components of velocity (m2/s2);
-    ``dissipation`` (m,) of the modelled k. ``correlation`` (l // 2 + 1, 3): of each component of velocity in the near
-    wake with itself, 0, 1, 2 ... layers apart, its fluctuation about the mean over time. ``spread`` (t, 2): rms over
-    the near wake of the spanwise velocity, and of the others about their mean over the span (m/s), at ``times`` (t,) s;
-    ``spacing`` (m) of the layers.
+    ``coherent`` (m,): variance over time of the span's mean of the velocity across the air (m2/s2), the part of its
+    stress that moves alike along the whole span; ``dissipation`` (m,) of the modelled k. ``correlation``
+    (l // 2 + 1, 3): of each component of velocity in the near wake with itself, 0, 1, 2 ... layers apart, its
+    fluctuation about the mean over time. ``spread`` (t, 2): rms over the near wake of the spanwise velocity, and of the
+    others about their mean over the span (m/s), at ``times`` (t,) s; ``spacing`` (m) of the layers.
     """
 
     begin: float
@@ -45,6 +43,7 @@ class SpanMeans:
     times: Array
     mean: Array
     stresses: Array
+    coherent: Array
     dissipation: Array
     correlation: Array
     spread: Array
@@ -77,13 +76,15 @@ def span_means(spec: FlowSpec, record: SpanRecord, begin: float, end: float = np
     near = _near(spec, record)
     layers, cells = record.order.shape
     total, square = np.zeros((cells, 6)), np.zeros((cells, 3))
-    dissipation = np.zeros(cells)
+    together, dissipation = np.zeros(cells), np.zeros(cells)
     products = np.zeros((layers // 2 + 1, len(near), 3))
     local = np.zeros((len(near), 3))
     times, spread = [], []
     for time, values in record.since(begin, end):
         wide = values.astype(float)
-        total += wide.mean(axis=0)
+        alike = wide.mean(axis=0)
+        total += alike
+        together += alike[:, 0] ** 2
         square += (wide[..., :3] ** 2).mean(axis=0)
         dissipation += des_dissipation(wide[..., K_AT], wide[..., OMEGA_AT], record.edge).mean(axis=0)
         chosen = wide[:, near, :3]
@@ -105,6 +106,7 @@ def span_means(spec: FlowSpec, record: SpanRecord, begin: float, end: float = np
         times=np.array(times),
         mean=mean,
         stresses=np.maximum(square / count - mean[:, :3] ** 2, 0.0),
+        coherent=np.maximum(together / count - mean[:, 0] ** 2, 0.0),
         dissipation=dissipation / count,
         correlation=correlation / np.where(correlation[0] > 0, correlation[0], 1.0),
         spread=np.array(spread),
@@ -125,7 +127,8 @@ def _near(spec: FlowSpec, record: SpanRecord) -> NDArray[np.intp]:
 class AxisProfile:
     """The mean wake on the body's axis at ``behind`` (p,) widths from its rear; speeds over the inlet's.
 
-    ``speed``: mean along the air; ``along``, ``across``, ``spanwise``: rms of the resolved fluctuation; ``modelled``:
+    ``speed``: mean along the air; ``along``, ``across``, ``spanwise``: rms of the resolved fluctuation; ``coherent``:
+    of ``across`` what moves alike along the whole span, the rms over time of its mean over the span; ``modelled``:
     sqrt(2k/3), the rms of each component that the model adds.
     """
 
@@ -133,56 +136,29 @@ class AxisProfile:
     speed: Array
     along: Array
     across: Array
+    coherent: Array
     spanwise: Array
     modelled: Array
-
-
-def along_axis(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], behind: Array) -> csr_array:
-    """Matrix (p, n) from node values to values on the body's axis at ``behind`` (p,) widths from its rear.
-
-    Linear inside triangles, between the places where mesh edges cross the axis.
-    """
-    from scipy.sparse import csr_array
-
-    middle, _, rear = axis_points(spec)
-    size = spec.mesh.projected_width
-    x, s = points[:, 0] - middle - 1e-7 * size, (spec.along * points[:, 1] - rear) / size
-    sides = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    pairs = np.unique(np.sort(sides, axis=1), axis=0)
-    pairs = pairs[(x[pairs[:, 0]] * x[pairs[:, 1]] < 0) & (s[pairs].max(axis=1) > -1e-9)]
-    share = x[pairs[:, 0]] / (x[pairs[:, 0]] - x[pairs[:, 1]])
-    place = s[pairs[:, 0]] + share * (s[pairs[:, 1]] - s[pairs[:, 0]])
-    order = np.argsort(place)
-    pairs, share, place = pairs[order], share[order], place[order]
-    after = np.clip(np.searchsorted(place, behind), 1, len(place) - 1)
-    weight = np.clip((behind - place[after - 1]) / (place[after] - place[after - 1]), 0.0, 1.0)
-    rows, columns, values = [], [], []
-    for crossing, part in ((after - 1, 1 - weight), (after, weight)):
-        for corner, inner in ((0, 1 - share[crossing]), (1, share[crossing])):
-            rows.append(np.arange(len(behind)))
-            columns.append(pairs[crossing, corner])
-            values.append(part * inner)
-    where = (np.concatenate(rows), np.concatenate(columns))
-    return csr_array((np.concatenate(values), where), shape=(len(behind), len(points)))
 
 
 def axis_profile(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> AxisProfile:
     """The profiles on the body's axis at PLACES."""
     plane, behind = record.plane.mesh.plane, np.array(PLACES)
-    axis = along_axis(spec, plane.points, triangulate(plane.points, plane.cells), behind)
+    axis = AxisCrossings.of(spec, plane.points, triangulate(plane.points, plane.cells))
     nodes = nodes_of(record.plane, record.plane.folder("latest"), [record.snapshot(means.mean)]).mean()
     free = np.zeros(len(plane.faces), dtype=bool)
     spread = Reconstruction(plane, free, free).scalar(
-        np.concatenate([means.stresses, means.mean[:, [K_AT]]], axis=1).T,
-        np.zeros((4, len(plane.faces))), free, bounded=True,
+        np.vstack([means.stresses.T, means.coherent, means.mean[:, K_AT]]),
+        np.zeros((5, len(plane.faces))), free, bounded=True,
     )  # fmt: skip
-    across, along, spanwise, k = (axis @ row for row in spread)
-    speed = spec.speed
+    places, speed = behind * spec.mesh.projected_width, spec.speed
+    across, along, spanwise, coherent, k = (axis.at(places, row) for row in spread)
     return AxisProfile(
         behind=behind,
-        speed=spec.along * (axis @ nodes.velocity[:, 1]) / speed,
+        speed=spec.along * axis.at(places, nodes.velocity[:, 1]) / speed,
         along=np.sqrt(along) / speed,
         across=np.sqrt(across) / speed,
+        coherent=np.sqrt(coherent) / speed,
         spanwise=np.sqrt(spanwise) / speed,
         modelled=np.sqrt(2 / 3 * k) / speed,
     )

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .airflow_result import AirflowResult
 from .case import FlowSpec, axis_points
 from .case_fields import Snapshot, time_folders
+from .coefficients import Coefficients, averaged
 from .history import CD, CL, Interval, read_table
-from .measure import AirflowResult, mean_pressure, on_edges, y_plus
+from .measure import mean_pressure, on_edges, y_plus
 from .read import nodes_of
-from .reconstruction import triangulate
+from .reconstruction import PlaneMesh, triangulate
 from .span_means import AxisProfile, SpanMeans, axis_profile, span_means
 from .span_read import apart, lead_of
 from .span_record import SpanRecord
@@ -74,23 +76,21 @@ def measure_span(
     late = rows[rows[:, 0] >= begin]
     means = span_means(spec, record, begin)
     wake, plane = _plane_wake(spec, record, means), record.plane.mesh.plane
-    at_inlet, at_outlet = (mean_pressure(plane, [wake.shot], plane.on(patch)) for patch in ("inlet", "outlet"))
     body = record.plane.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
-    middle, front, _ = axis_points(spec)
     edges = plane.faces[body]
     flow_rate, lost = _balance(record, deep)
-    told = _statistics(spec, late)
+    history = _coefficients(spec, late)
     step, lead = float(np.diff(means.times).mean()), lead_of(spec, means.times)
-    notes = [*told.pop("notes"), *_proof_notes(spec, means)]
     return AirflowResult(
         stepping="time-resolved",
         verdict="broadband",
         turbulence=spec.turbulence,
         cells=record.order.size,
         reynolds=spec.reynolds,
-        cp_front=on_edges(wake.points, edges, wake.cp, np.array([middle, front * spec.along])),
-        p_inlet=spec.density * at_inlet,
-        pressure_drop=spec.density * (at_inlet - at_outlet),
+        cd=history.cd,
+        cl_rms=history.cl_rms,
+        strouhal=history.strouhal,
+        cp_base=history.cp_base,
         flow_rate=flow_rate,
         mass_error=lost,
         suction=suction_zone(spec, wake.points, wake.triangles, wake.cp, wake.velocity, np.unique(edges)),
@@ -99,9 +99,10 @@ def measure_span(
         seconds=seconds,
         field_time="all",
         period=(len(means.times) - lead) * step,
-        notes=notes,
+        statistics=history.statistics,
+        notes=[*history.notes, *_proof_notes(spec, means)],
         span=_table(spec, record, means),
-        **told,
+        **_pressures(spec, plane, wake, edges),
     )
 
 
@@ -112,26 +113,26 @@ def _plane_wake(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> _Wake:
     return _Wake(shot, plane.points, triangulate(plane.points, plane.cells), cp, nodes.velocity)
 
 
-def _statistics(spec: FlowSpec, late: Array) -> dict[str, Any]:
-    """Coefficients with their intervals from the history after the start-up, by the names of AirflowResult."""
-    found, scale = evaluate(late, spec.accuracy), spec.convective_time
-    if found is None:
-        drag, lift, base = (_range(late, column) for column in (1, 2, 3))
-        rms = float(np.sqrt(_mean(late[:, 0], (late[:, 2] - lift.value) ** 2)))
-        note = f"the airflow shed too few vortices in {np.ptp(late[:, 0]):.3g} s for intervals: they are ranges"
-        wide = Interval(rms, 0.0, float(np.ptp(late[:, 2])))
-        return {"cd": drag, "cl_rms": wide, "cp_base": base, "strouhal": None, "notes": [note]}
-    number = found.frequency
+def _pressures(spec: FlowSpec, plane: PlaneMesh, wake: _Wake, body: NDArray[np.intp]) -> dict[str, Any]:
+    """By their names in AirflowResult; ``body``: its edges (e, 2)."""
+    at_inlet, at_outlet = (mean_pressure(plane, [wake.shot], plane.on(patch)) for patch in ("inlet", "outlet"))
+    middle, front, _ = axis_points(spec)
     return {
-        "cd": found.cd,
-        "cl_rms": found.cl_rms,
-        "cp_base": found.cp_base,
-        "strouhal": None if number is None else Interval(*(scale * x for x in (number.value, number.low, number.high))),
-        "statistics": {
-            "periods": found.periods, "start_up": found.begin, "accuracy": spec.accuracy, "excess": found.excess,
-        },
-        "notes": [],
-    }  # fmt: skip
+        "cp_front": on_edges(wake.points, body, wake.cp, np.array([middle, front * spec.along])),
+        "p_inlet": spec.density * at_inlet,
+        "pressure_drop": spec.density * (at_inlet - at_outlet),
+    }
+
+
+def _coefficients(spec: FlowSpec, late: Array) -> Coefficients:
+    """Coefficients with their intervals from the history after the start-up."""
+    found = evaluate(late, spec.accuracy)
+    if found is not None:
+        return averaged(spec, found)
+    drag, lift, base = (_range(late, column) for column in (1, 2, 3))
+    rms = float(np.sqrt(_mean(late[:, 0], (late[:, 2] - lift.value) ** 2)))
+    note = f"the airflow shed too few vortices in {np.ptp(late[:, 0]):.3g} s for intervals: they are ranges"
+    return Coefficients(drag, Interval(rms, 0.0, float(np.ptp(late[:, 2]))), base, None, notes=[note])
 
 
 def _mean(time: Array, values: Array) -> float:

@@ -41,13 +41,7 @@ SAME = 1e-6  # cadences
 
 
 def run_span(
-    spec: FlowSpec,
-    msh: Path,
-    folder: Path,
-    *,
-    start: Path | None = None,
-    listener: ProgressListener = lambda _: None,
-    timeout: float | None = None,
+    spec: FlowSpec, msh: Path, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
 ) -> MeshCheck:
     """Run the airflow of ``spec`` with its span to the end of its record; goes on from what is there.
 
@@ -77,9 +71,7 @@ def _plane_wake(
     drop_after(folder, 0.0)
     start_from(spec, folder, start)
     perturb(spec, folder)
-    watch = Watch(
-        folder, "plane wake", listener, expected=end, least_step=COLLAPSED * spec.convective_time
-    )  # fmt: skip
+    watch = Watch(folder, "plane wake", listener, expected=end, least_step=COLLAPSED * spec.convective_time)
     run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch, timeout)
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .case import FlowSpec, axis_points
+from .body_axis import AxisCrossings
+from .case import FlowSpec
 
 __all__ = ["Suction", "suction_zone"]
 
@@ -49,7 +50,7 @@ def suction_zone(
     chosen = triangles[inside[triangles].any(axis=1)]
     pieces = [_cut(np.column_stack([x[t], s[t], cp[t]]), widest) for t in chosen]
     pieces = [piece for piece in pieces if len(piece) >= 3]
-    reversal = _reversal(spec, points, triangles, spec.along * velocity[:, 1], rear)
+    reversal = _reversal(spec, points, triangles, spec.along * velocity[:, 1])
     if not pieces:
         return Suction(THRESHOLD, float(cp[s >= widest].min()), 0.0, 0.0, 0.0, reversal)
     corners = np.vstack(pieces)
@@ -99,23 +100,12 @@ def _area(corners: Array) -> float:
     return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
 
 
-def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forward: Array, rear: float) -> float:
+def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forward: Array) -> float:
     """Distance (m) from the rear to where the velocity along the air on the body's axis turns forward; 0 when it
     never turns back.
     """
-    middle, _, _ = axis_points(spec)
-    x, s = points[:, 0] - middle - 1e-7 * spec.mesh.projected_width, spec.along * points[:, 1]
-    if spec.mesh.half:
-        x = points[:, 0] - 1e-7 * spec.mesh.projected_width
-    pairs = np.unique(
-        np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1), axis=0
-    )
-    pairs = pairs[(x[pairs[:, 0]] * x[pairs[:, 1]] < 0) & (s[pairs].max(axis=1) > rear)]
-    share = x[pairs[:, 0]] / (x[pairs[:, 0]] - x[pairs[:, 1]])
-    place = s[pairs[:, 0]] + share * (s[pairs[:, 1]] - s[pairs[:, 0]])
-    speed = forward[pairs[:, 0]] + share * (forward[pairs[:, 1]] - forward[pairs[:, 0]])
-    order = np.argsort(place)
-    place, speed = place[order] - rear, speed[order]
+    axis = AxisCrossings.of(spec, points, triangles)
+    place, speed = axis.behind, axis.values(forward)
     backwards = np.flatnonzero(speed < -1e-6 * spec.speed)
     if not len(backwards) or place[backwards[0]] > spec.mesh.projected_width:
         return 0.0

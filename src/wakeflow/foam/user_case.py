@@ -40,9 +40,9 @@ def measure_given(spec: FlowSpec, case: Path, time: str) -> dict[str, Any]:
     """The ``airflow`` table of a given case, with None for what it does not tell; verdict "given".
 
     ``spec`` holds the scene's bodies, channel and air; ``time``: "latest", "mean" or "all", as for ``read_flow``.
-    Coefficients as in :class:`wakeflow.foam.measure.AirflowResult`; Cd from pressure and friction on the bodies' walls.
-    ``half``: the case is the right half of a symmetric channel. Raises SceneError where the case is not of the scene:
-    bodies, channel, speed, direction or viscosity differ.
+    Coefficients as in :class:`wakeflow.foam.airflow_result.AirflowResult`; Cd from pressure and friction on the bodies'
+    walls. ``half``: the case is the right half of a symmetric channel. Raises SceneError where the case is not of the
+    scene: bodies, channel, speed, direction or viscosity differ.
     """
     fields = CaseFields(case)
     plane = fields.mesh.plane

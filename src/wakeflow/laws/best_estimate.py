@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -180,13 +180,15 @@ def best_estimate(
     which another blockage adds; those within a factor :data:`NEAR` in blockage alone where two or more are. Its range
     is their common error, and never narrower than what they differ by. Where fewer than two measurements of the shape
     are known, or below the Reynolds numbers of all of them, the range is the widest: it holds every entry of every
-    shape.
+    shape. But a shape whose theta is known and whose strength is not has theta times what other shapes' strengths are
+    of their thetas: a wake that sheds less coherently has less of the mean suction and less of the fluctuation.
     """
     known = wakes() if entries is None else entries
-    own = [entry for entry in known if entry.family == family and _alike(slope, entry.slope)]
-    theta, of_theta = _number(family, blockage, reynolds, known, own, of_theta=True)
-    strength, of_strength = _number(family, blockage, reynolds, known, own, of_theta=False)
-    return WakeEstimate(theta, strength, f"theta: {of_theta}; strength: {of_strength}")
+    theta = _number(family, blockage, reynolds, known, slope, of_theta=True)
+    strength = _number(family, blockage, reynolds, known, slope, of_theta=False)
+    if strength.widest and not theta.widest:
+        strength = _by_theta(theta.value, known)
+    return WakeEstimate(theta.value, strength.value, f"theta: {theta.why}; strength: {strength.why}")
 
 
 def left_one_out() -> list[tuple[WakeEntry, Estimate, Estimate]]:
@@ -204,17 +206,26 @@ def _alike(one: float | None, other: float | None) -> bool:
     return one is None or other is None or abs(one - other) <= ALIKE
 
 
+class _Number(NamedTuple):
+    """One of the two numbers, what it rests on, and whether its range is that of every shape."""
+
+    value: Estimate
+    why: str
+    widest: bool = False
+
+
 def _number(
     family: str | None,
     blockage: float,
     reynolds: float,
     every: Sequence[WakeEntry],
-    shape: Sequence[WakeEntry],
+    slope: float | None,
     *,
     of_theta: bool,
-) -> tuple[Estimate, str]:
-    """One of the two numbers, and what it rests on: of ``every`` entry, and of those of the body's ``shape``."""
-    known, own = ([entry for entry in some if entry.of_theta == of_theta] for some in (every, shape))
+) -> _Number:
+    """Theta or the strength, of those of ``every`` entry that are of the body's shape."""
+    known = [entry for entry in every if entry.of_theta == of_theta]
+    own = [entry for entry in known if entry.family == family and _alike(slope, entry.slope)]
     near = [entry for entry in own if 1.0 / NEAR <= blockage / entry.blockage <= NEAR]
     chosen = near if len(near) >= FEWEST else own
     lowest = min((entry.reynolds[0] for entry in chosen), default=0.0)
@@ -227,9 +238,23 @@ def _number(
         )  # fmt: skip
         value, widest = _mean(chosen or known, blockage).value, [entry.given for entry in known]
         low, high = min(one.low for one in widest), max(one.high for one in widest)
-        return _within(value, low, high), f"{why}, so the range of all {len(known)}"
+        return _Number(_within(value, low, high), f"{why}, so the range of all {len(known)}", widest=True)
     where = "near this blockage" if chosen is near else "at other blockages"
-    return _mean(chosen, blockage), f"{len(chosen)} measurements of the shape ({family}) {where}"
+    return _Number(_mean(chosen, blockage), f"{len(chosen)} measurements of the shape ({family}) {where}")
+
+
+def _by_theta(theta: Estimate, every: Sequence[WakeEntry]) -> _Number:
+    """The strength of a shape of which ``theta`` alone is known; its range is that of the others' ratios of the two and
+    of theta.
+    """
+    ratios = []
+    for entry in every:
+        if not entry.of_theta:
+            own = _number(entry.family, entry.blockage, max(entry.reynolds), every, entry.slope, of_theta=True)
+            ratios.append(entry.given.value / own.value.value)
+    middle = float(np.mean(ratios))
+    value = _within(theta.value * middle, theta.low * min(ratios), theta.high * max(ratios))
+    return _Number(value, f"theta times {middle:.2f}, its mean ratio to theta in {len(ratios)} measurements of others")
 
 
 def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Estimate:

@@ -1,8 +1,9 @@
 """The kinds of airflow: how the air of a scene comes about, and what is known and not known of it.
 
-Each kind is one class here. It gives the field that granules fly through with its cache key, the ``airflow`` and the
+Each kind is one class. It gives the field that granules fly through with its cache key, the ``airflow`` and the
 ``mesh`` table of result.json, what was lost when the field was stored, and which parts of its error nobody measures.
-The plan names the kind (``planning.airflow.AirflowPlan.kind``); nothing else asks which one it is.
+The plan names the kind (``planning.airflow.AirflowPlan.kind``); nothing else asks which one it is. Here stands what all
+of them have, and those of an OpenFOAM case; the kinds themselves in the modules that :mod:`.pipeline` names for it.
 """
 
 from __future__ import annotations
@@ -10,17 +11,13 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..core.errors import SceneError
-from ..core.files import atomic_write, write_json
 from ..core.registry import Registry
-from ..core.resources import case_template
-from ..core.store import content_key, digest_files
-from ..planning.airflow import SHEDDING_ABOVE, ranks_for
+from ..core.store import content_key
 from ..planning.plan import Plan
 from ..scene import Scene
 from .cache import StageCache, code_of, version_of
@@ -32,7 +29,7 @@ if TYPE_CHECKING:
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
 
-__all__ = ["AirflowKind", "CaseAir", "SolvedAir", "TimeResolvedAir", "airflow_kinds"]
+__all__ = ["AirflowKind", "CaseAir", "airflow_kinds"]
 
 
 @dataclass
@@ -111,42 +108,6 @@ class AirflowKind(ABC):
 
 
 airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow")
-
-
-@airflow_kinds.register("none")
-class NoAir(AirflowKind):
-    """No air: granules fly in a vacuum."""
-
-    at_once = True
-
-    def make_field(self) -> None:
-        return None
-
-    def make_table(self) -> dict[str, Any]:
-        raise SceneError("the granules fly in a vacuum: there is no airflow to tell of")
-
-
-@airflow_kinds.register("analytic")
-class AnalyticAir(AirflowKind):
-    """The air of a channel in which nothing stands; made in no time, so not kept."""
-
-    at_once = True
-
-    def make_field(self) -> tuple[str, FlowField]:
-        from .analytic import duct_field
-
-        air, channel, turbulence = self.scene.air, self.scene.channel, self.plan.airflow.turbulence
-        asked = (repr(air), channel.width, channel.top, channel.bottom, turbulence)
-        key = content_key("duct", asked, code_of("duct"))
-        return key, duct_field(self.scene, turbulent=turbulence == "decaying")
-
-    def make_table(self) -> dict[str, Any]:
-        from .analytic import duct_airflow
-
-        return {"turbulence": self.plan.airflow.turbulence, **duct_airflow(self.scene)}
-
-    def unknown_parts(self) -> tuple[str, ...]:
-        return ("airflow-model",)  # nothing is solved; how far a real duct's air is from it nobody says
 
 
 class CaseAir(AirflowKind):
@@ -241,133 +202,3 @@ class CaseAir(AirflowKind):
     def model_is_unknown(self) -> bool:
         """Whether nobody says how far the airflow is from the real one."""
         return False
-
-
-@airflow_kinds.register("given")
-class GivenAir(CaseAir):
-    """A solved OpenFOAM case of the user's: it is measured, not solved."""
-
-    @property
-    def case(self) -> Path:
-        assert self.scene.air is not None
-        assert self.scene.air.case is not None
-        return Path(self.scene.air.case)
-
-    @property
-    def half(self) -> bool:
-        return bool(self.measured["half"])
-
-    def make_solution(self) -> tuple[str, Path]:
-        """Its files are in the key: a new solution counts."""
-        from ..foam.user_case import case_files, measure_given
-
-        assert self.scene.air is not None
-        time = self.scene.air.time or "latest"
-        files = digest_files(case_files(self.case, time))
-        key = content_key("given", repr(self.flow_spec), time, files, code_of("given"))
-
-        def work(part: Path) -> None:
-            self.cache.tell("airflow", f"measuring {self.case}")
-            (part / "case").mkdir(exist_ok=True)
-            write_json(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
-
-        return key, self.cache.make("airflow", key, work)
-
-    @property
-    def mesh_quality(self) -> dict[str, Any]:
-        return {"cells": self.measured["cells"]}
-
-    @property
-    def model_is_unknown(self) -> bool:
-        return True
-
-
-class SolvedAir(CaseAir):
-    """An airflow that Gmsh meshes and OpenFOAM solves."""
-
-    @cached_property
-    def mesh(self) -> tuple[str, Path]:
-        """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
-        from ..meshing import build_mesh
-
-        key = content_key("mesh", repr(self.mesh_spec), code_of("mesh"), version_of("gmsh"))
-        folder = self.cache.make("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
-        _publish(folder / "mesh.msh", Path("meshes"), key)
-        return key, folder
-
-    @property
-    def mesh_quality(self) -> dict[str, Any]:
-        table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
-        return table
-
-    def make_solution(self) -> tuple[str, Path]:
-        from ..foam import solve_airflow
-        from ..foam.version import openfoam_version
-
-        (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
-        code = content_key(code_of("airflow"), digest_files([case_template()]), openfoam_version())
-        if not spec.ranks:  # by the mesh alone, so that every machine computes the same
-            spec = replace(spec, ranks=1 if spec.vibration else ranks_for(self.mesh_quality["cells"])[0])
-        asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
-        start = self.start()  # by its key: the same airflow from another start would end at another moment
-        key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)
-
-        def work(part: Path) -> None:
-            solve_airflow(
-                spec,
-                mesh_folder / "mesh.msh",
-                part / "case",
-                start=start,
-                listener=lambda now: self.cache.tell("airflow", str(now)),
-            )
-
-        return key, self.cache.make("airflow", key, work)
-
-    def start(self) -> Path | None:
-        """The case folder of the solved airflow that this one starts from; None: from a uniform stream."""
-        return None
-
-
-@airflow_kinds.register("steady")
-class SteadyAir(SolvedAir):
-    """One steady solution: the flow itself where the wake does not shed."""
-
-    @property
-    def model_is_unknown(self) -> bool:
-        return (self.scene.reynolds or 0.0) >= SHEDDING_ABOVE
-
-
-@airflow_kinds.register("time-resolved")
-class TimeResolvedAir(SolvedAir):
-    """A solution in time: whole periods of the shedding wake, repeated."""
-
-    def start(self) -> Path | None:
-        """The steady wake."""
-        return self.steady().case
-
-    @cached_property
-    def resolved(self) -> tuple[str, FlowField]:
-        """Key and field as computed, in time."""
-        return super().make_field()
-
-    def make_field(self) -> tuple[str, FlowField]:
-        return self.resolved
-
-    def between(self, theta: float, strength: float) -> tuple[str, FlowField]:
-        from ..field import blended_wake
-
-        key, resolved = self.resolved
-        if resolved.times is None or theta == strength == 1.0:  # it came to rest, or is asked for as it is
-            return self.resolved
-        steady = self.steady().field
-        assert steady is not None
-        made = content_key("blend", key, steady[0], theta, strength, code_of("blend"))
-        return made, blended_wake(resolved, steady[1], theta, strength)
-
-
-def _publish(file: Path, folder: Path, key: str) -> None:
-    """Show a cached mesh under its key in the project's own ``meshes`` folder, where there is one."""
-    target = folder / f"{key}.msh"
-    if folder.is_dir() and not target.exists():
-        with atomic_write(target, "wb") as stream:
-            stream.write(file.read_bytes())

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.files import write_json
-from ..core.store import content_key
-from .airflow_kinds import TimeResolvedAir, airflow_kinds
-from .cache import code_of
+from .airflow_kinds import airflow_kinds
+from .realisations import Realisations
+from .residence import residence_table
+from .solved_air import TimeResolvedAir
 
 if TYPE_CHECKING:
     from ..field import FlowField
     from ..laws.best_estimate import WakeEstimate
 
-__all__ = ["BestEstimateAir", "residence_row"]
+__all__ = ["BestEstimateAir"]
 
 
 @airflow_kinds.register("best-estimate")
@@ -47,29 +43,6 @@ class BestEstimateAir(TimeResolvedAir):
     def residence(self) -> dict[str, Any] | None:
         if self.resolved[1].times is None:
             return None
-        airs = {"answer": self.make_field(), "steady": self.between(0.0, 0.0), "time_resolved": self.resolved}
-        body, air = next(iter(self.scene.body.values())), self.scene.air
-        assert air is not None
-        asked = body.outline().tolist(), air.direction, air.speed, self.cycles
-        key = content_key("residence", [name for name, _ in airs.values()], asked, code_of("residence"))
-
-        def work(part: Path) -> None:
-            found = {}
-            for which, (_, field) in airs.items():
-                self.cache.tell("residence", f"fine dust in the near wake: {which}")
-                found[which] = residence_row(field, *asked)
-            write_json(part / "residence.json", found)
-
-        table: dict[str, Any] = json.loads((self.cache.make("residence", key, work) / "residence.json").read_text())
-        return table
-
-
-def residence_row(
-    field: FlowField | Sequence[FlowField], outline: Any, direction: Any, speed: float, cycles: int
-) -> dict[str, float | None]:
-    """Value and interval; null for what is longer than tracers are followed."""
-    from ..tracking.residence import residence_time
-
-    found = residence_time(field, outline, direction, speed, sheddings=cycles)
-    ends = {"value": found.value, "low": found.low, "high": found.high}
-    return {name: number if math.isfinite(number) else None for name, number in ends.items()}
+        ends = {"answer": self.make_field(), "steady": self.between(0.0, 0.0), "time_resolved": self.resolved}
+        airs = {which: (key, Realisations(field, cycles=self.cycles)) for which, (key, field) in ends.items()}
+        return residence_table(self.scene, self.cache, airs)

@@ -17,7 +17,7 @@ from ..funnel import compute as compute_funnel
 from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..scene import Scene
-from . import blended_air, span_air  # noqa: F401 - their imports register kinds of airflow
+from . import blended_air, given_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
 from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound

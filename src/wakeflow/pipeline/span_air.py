@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, replace
+from collections.abc import Callable
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.files import write_json
-from ..core.resources import case_template
-from ..core.store import content_key, digest_files
-from ..planning.airflow import ranks_for
+from ..core.store import content_key
 from ..planning.span import CONVECTIVE_PERIOD
-from .airflow_kinds import SolvedAir, airflow_kinds
+from .airflow_kinds import airflow_kinds
 from .cache import code_of, version_of
 from .realisations import Realisations
+from .residence import residence_table
+from .solved_air import SolvedAir
 
 if TYPE_CHECKING:
     from ..field import FlowField
+    from ..foam import AirflowResult
 
 __all__ = ["SpanAir"]
 
@@ -30,28 +29,20 @@ class SpanAir(SolvedAir):
     def start(self) -> Path:
         return self.steady().case
 
-    def make_solution(self) -> tuple[str, Path]:
+    @property
+    def solve(self) -> Callable[..., AirflowResult]:
         from ..foam.span_airflow import solve_span
-        from ..foam.version import openfoam_version
 
-        (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
-        assert spec.span is not None
-        code = content_key(code_of("span"), digest_files([case_template()]), openfoam_version())
-        if not spec.ranks:  # by the mesh alone, as those of every airflow
-            spec = replace(spec, ranks=ranks_for(self.mesh_quality["cells"] * spec.span.layers)[0])
-        asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
-        key = content_key("span", mesh_key, asked, code)
+        return solve_span
 
-        def work(part: Path) -> None:
-            solve_span(
-                spec,
-                mesh_folder / "mesh.msh",
-                part / "case",
-                start=self.start(),
-                listener=lambda now: self.cache.tell("airflow", str(now)),
-            )
+    @property
+    def solver_code(self) -> str:
+        return code_of("span")
 
-        return key, self.cache.make("airflow", key, work)
+    @property
+    def cells(self) -> int:
+        assert self.flow_spec.span is not None
+        return super().cells * self.flow_spec.span.layers
 
     @cached_property
     def layers(self) -> tuple[str, Path]:
@@ -94,20 +85,7 @@ class SpanAir(SolvedAir):
 
     @cached_property
     def residence(self) -> dict[str, Any]:
-        from .blended_air import residence_row
-
-        body, air, airs = next(iter(self.scene.body.values())), self.scene.air, self.realisations
-        assert air is not None
-        asked = body.outline().tolist(), air.direction, air.speed, self.cycles
-        key = content_key("residence", self.layers[0], asked, code_of("residence"))
-
-        def work(part: Path) -> None:
-            self.cache.tell("residence", "fine dust in the near wake")
-            fields = [field for i in range(len(airs)) if (field := airs.make(i)) is not None]
-            write_json(part / "residence.json", {"answer": residence_row(fields, *asked)})
-
-        table: dict[str, Any] = json.loads((self.cache.make("residence", key, work) / "residence.json").read_text())
-        return table
+        return residence_table(self.scene, self.cache, {"answer": (self.layers[0], self.realisations)})
 
     @property
     def model_is_unknown(self) -> bool:

@@ -109,9 +109,9 @@ class TrackStage:
         tolerance = change.tolerance or self.scene.numerics.tolerance
         replicates = REPLICATES if companion is None else COMPARED
         key = content_key(self.key, tolerance, change.wake, replicates)
-        airs, tell = self._blended(change.wake), partial(self.cache.tell, change.name)
-        how = tolerance, self.workers, tell, replicates
-        flight = Flight(self.scene, self.plan, airs.field, *how, airs.others, airs.cycles)
+        tell = partial(self.cache.tell, change.name)
+        airs = self._blended(change.wake)
+        flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
         if self._must_compile(change.name, key):
             self.compilation.finish(self.cache)
         folder = self.cache.make(change.name, key, lambda part: flight.fly_all(part, drawn=companion is None))
@@ -128,7 +128,7 @@ class TrackStage:
             return {}
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")
-        flight = Flight(self.scene, self.plan, self._blended(None).field, tolerance, self.workers, tell)
+        flight = Flight(self.scene, self.plan, self._blended(None), tolerance, self.workers, tell)
         folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
         return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
 

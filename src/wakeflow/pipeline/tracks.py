@@ -37,25 +37,17 @@ HOVERING = 1e4  # the same where no body stands: granules of almost the air spee
 
 @dataclass(frozen=True)
 class Flight:
-    """How granules of a scene are flown; ``field`` None in a vacuum, ``tell`` hears of progress.
-
-    ``others`` and ``cycles``: the airflow's further realisations, and the cycles in each (:class:`Realisations`).
+    """How granules of a scene are flown: the replicates in turn in the airflow's realisations ``airs``; ``tell`` hears
+    of progress.
     """
 
     scene: Scene
     plan: Plan
-    field: FlowField | None
+    airs: Realisations
     tolerance: float
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
-    others: tuple[Callable[[], FlowField], ...] = ()
-    cycles: int = 1
-
-    @property
-    def realisations(self) -> Realisations:
-        """The fields in which the replicates fly in turn."""
-        return Realisations(self.field, self.others, self.cycles)
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
@@ -67,13 +59,13 @@ class Flight:
         """One realisation of the airflow after the other, and whole replicates at a time, so that memory grows neither
         with the number of fields nor with that of granules.
         """
-        airs, size = self.realisations, replicate_size(self.scene.feed.count)
+        airs, size = self.airs, replicate_size(self.scene.feed.count)
         count, step = self.replicates * size, max(1, AT_ONCE // size)
         chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         parts, shown, done = [], [], 0
         for number in range(min(len(airs), self.replicates)):
             own = range(number, self.replicates, len(airs))
-            flight = replace(self, field=airs.make(number), others=())
+            flight = replace(self, airs=Realisations(airs.make(number)))
             images = flight._images()
             for replicates in (own[i : i + step] for i in range(0, len(own), step)):
                 self.tell(f"{name}: injecting {done} of {count}")
@@ -107,7 +99,7 @@ class Flight:
         for name in names:
             parts = range(min(REPLICATES, -(-count // size))) if body_speed is None else range(REPLICATES)
             self.tell(f"{name}: {count} tracks for a picture")
-            feed = feedstock(self.scene, self.plan, name, self.realisations.period, parts)
+            feed = feedstock(self.scene, self.plan, name, self.airs.period, parts)
             chosen = np.linspace(0, len(feed.replicate) - 1, min(count, len(feed.replicate))).astype(int)
             if body_speed is not None:
                 chosen = np.concatenate([[self._meeting(name, feed, body_speed)], chosen])
@@ -135,9 +127,10 @@ class Flight:
         A few periods of shedding are a small sample, and their mean wake may lean to one side; so may a steady one of
         several bodies. The mean over both images does not lean.
         """
-        if self.field is None or not self.plan.airflow.mirrored:
-            return (self.field,)
-        return self.field, self.field.reflected()
+        field = self.airs.field
+        if field is None or not self.plan.airflow.mirrored:
+            return (field,)
+        return field, field.reflected()
 
     def _fly_ensemble(
         self, name: str, feed: Feedstock, images: Sequence[FlowField | None], replicates: range
@@ -150,14 +143,14 @@ class Flight:
             return self.fly(name, feed.granules, stream=replicates[0])
         other = _second_half(feed, len(feed.replicate) // len(replicates), replicates)
         found = [
-            replace(self, field=image).fly(name, feed.granules[part], stream=stream + replicates[0])
+            replace(self, airs=Realisations(image)).fly(name, feed.granules[part], stream=stream + replicates[0])
             for image, part, stream in zip(images, (~other, other), (0, 2 * REPLICATES), strict=True)
         ]
         return _interleaved(other, *found)
 
     def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
-        """Track granules of one fraction through the scene, keeping ``record`` points of each; ``stream`` tells the
-        random forces of calls apart.
+        """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
+        tells the random forces of calls apart.
         """
         scene = self.scene
         height = scene.channel.top - scene.channel.bottom
@@ -170,7 +163,7 @@ class Flight:
                 lines=end_lines(scene), gravity=(0.0, -GRAVITY), record=record > 0,
             )  # fmt: skip
         return tracking.track(
-            self.field,
+            self.airs.field,
             grains,
             until=until,
             tolerance=self.tolerance,

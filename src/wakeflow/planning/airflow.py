@@ -1,4 +1,4 @@
-"""Which airflow a scene needs, and what it will cost: the plan of its rung (``scene.rungs``).
+"""Which airflow a scene needs: the plan of its rung (``scene.rungs``). What it will cost is in :mod:`.airflow_cost`.
 
 Above the onset of three-dimensional motion the steady and the time-resolved solution in two dimensions bracket the
 truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Where the wake is turbulent
@@ -21,7 +21,7 @@ from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import rungs
 from ..scene.user_case import is_laminar
-from .span import Span, SpanCost, cost_of, span_of
+from .span import Span, span_of
 from .wake import Wake, wake_of, wakes_beside
 
 __all__ = [
@@ -30,10 +30,6 @@ __all__ = [
     "SHEDDING_ABOVE",
     "AirflowPlan",
     "choose_airflow",
-    "ranks_for",
-    "span_cost",
-    "typical_cells",
-    "typical_seconds",
 ]
 
 Stepping = Literal["steady", "time-resolved"]
@@ -54,10 +50,6 @@ ACCURACY = {
 }  # of the airflow's statistics: usual; where model errors are tens of per cent
 # Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
 LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
-SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
-WORTH_IT = 60_000  # cells from which a second MPI rank pays
-RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding
-CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
 
 
 @dataclass(frozen=True)
@@ -304,34 +296,3 @@ def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
     if reynolds < FLAT_BELOW:
         return "standard", f"{where} sheds vortices in two dimensions: the time-resolved solution is the flow itself"
     return "standard", f"{where} sheds vortices: a best estimate between the steady and the time-resolved wake"
-
-
-def ranks_for(cells: int) -> tuple[int, str]:
-    """MPI ranks for a case of so many cells, whatever machine it runs on, and the reason."""
-    if cells < WORTH_IT:
-        return 1, f"one process: {cells} cells are too few to share (two MPI ranks from {WORTH_IT} cells)"
-    return RANKS, f"{RANKS} MPI ranks of about {cells // RANKS} cells"
-
-
-def typical_cells(airflow: AirflowPlan, bodies: int) -> float:
-    """Cells to expect on the answer's grid, before it is meshed; good to a factor of two."""
-    layers = 1 if airflow.span is None else airflow.span.layers
-    return 0.0 if airflow.stepping is None else layers * CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
-
-
-def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
-    """What the third dimension costs, before the mesh is made; nothing where it is not resolved."""
-    if airflow.span is None:
-        return SpanCost(0.0, 0.0, 0.0, 0.0, 0.0)
-    scale = airflow.scales[0] * scene.numerics.mesh_scale
-    return cost_of(airflow.span, CELLS["time-resolved"] * len(scene.body) / scale**2, scale)
-
-
-def typical_seconds(airflow: AirflowPlan) -> float:
-    """Seconds of OpenFOAM to expect on one core, its starting solution included; good to a factor of three."""
-    if airflow.stepping is None:
-        return 0.0
-    whole = 1.0 if airflow.half or airflow.stepping == "time-resolved" else 2.5
-    one = SECONDS[airflow.stepping] * whole
-    first = 0.0 if airflow.stepping == "steady" else SECONDS["steady"] * (1.0 if airflow.symmetric else 2.5)
-    return sum(first / scale**2 + one / scale**3 for scale in airflow.scales)

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
-from .airflow import AirflowPlan, span_cost, typical_cells, typical_seconds
+from .airflow import AirflowPlan
+from .airflow_cost import span_cost, typical_cells, typical_seconds
 from .crowd import CrowdPlan
 from .flights_again import times_again
 from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..funnel import summary
 from ..scene import Scene
-from .airflow import AirflowPlan, ranks_for, span_cost, typical_cells
+from .airflow import AirflowPlan
+from .airflow_cost import ranks_for, span_cost, typical_cells
 from .coupling import Limit, strained
 from .crowd import CrowdPlan, crowd_lines
 from .lock_in import AirMotion

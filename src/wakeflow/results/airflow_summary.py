@@ -176,6 +176,9 @@ class AxisProfiles:
     speed: tuple[float, ...] = column("air speeds", "mean velocity along the air")
     along: tuple[float, ...] = column("air speeds", "rms of the velocity along the air")
     across: tuple[float, ...] = column("air speeds", "rms of the velocity across it, in the picture")
+    coherent: tuple[float, ...] = column(
+        "air speeds", "rms over time of its mean over the span: what of it moves alike along the whole span"
+    )
     spanwise: tuple[float, ...] = column("air speeds", "rms of the velocity along the span")
     modelled: tuple[float, ...] = column("air speeds", "what the model adds to each: sqrt(2k/3)")
 

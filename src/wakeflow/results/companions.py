@@ -7,7 +7,7 @@ shows the change and not another sample. A share's part of the error is that dif
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.record import from_json, to_json
+from ..foam.statistics import student
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
@@ -24,6 +25,7 @@ from ..scene import RESERVED_BIN
 from .airflow_summary import Airflow, GridStudy, airflow_of
 from .grid_convergence import GridEstimate, estimate
 from .measured import Measured
+from .spread import Tally, cycles_of
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -40,6 +42,7 @@ __all__ = [
     "grids",
     "mesh_error",
     "on_other_grids",
+    "shedding_noise",
     "steady_wake",
 ]
 
@@ -47,7 +50,6 @@ Array = NDArray[np.float64]
 Shares = dict[str, Array]  # a fraction's share in every bin and elsewhere, (replicates, bins + 1)
 FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
 IN_STEADY_WAKE, ON_ANOTHER_GRID = Companion(f"{Wake.STEADY} wake"), Companion("tracks")
-LEVEL = 0.975  # quantile of Student's t that bounds a 95 % interval
 
 
 class Grid(NamedTuple):
@@ -62,10 +64,15 @@ Key = TypeVar("Key", bound=Wake | Grid)
 
 @dataclass(frozen=True)
 class Comparison(Generic[Key]):
-    """Shares by wake or by grid, the answer's own last, and the run time (s) of the others."""
+    """Shares by wake or by grid, the answer's own last, and the run time (s) of the others.
+
+    ``shedding``: half of the 95 % interval (bins + 1,) that a finite number of sheddings leaves of a fraction's shares,
+    where the airflows are samples apart: their difference is then no smaller thing than that.
+    """
 
     shares: dict[Key, Shares]
     seconds: float
+    shedding: dict[Key, dict[str, Array]] = field(default_factory=dict)
 
     def means(self, bins: list[str]) -> dict[str, dict[str, dict[str, float]]]:
         """Mean shares {fraction: {bin: {wake or grid: share}}}."""
@@ -88,6 +95,16 @@ def compared(landing: Landings) -> Landings:
 def _shares(pipeline: Pipeline, tracked: Tracked) -> Shares:
     landings: Mapping[str, Landings] = tracked.landings
     return {name: compared(landings[name]).counts(len(pipeline.scene.bin)) for name in landings}
+
+
+def _shedding(pipeline: Pipeline, tracked: Tracked) -> dict[str, Array]:
+    landings, bins = {name: compared(tracked.landings[name]) for name in tracked.landings}, len(pipeline.scene.bin)
+    return {name: shedding_noise(landing, bins) for name, landing in landings.items()}
+
+
+def shedding_noise(landing: Landings, bins: int) -> Array:
+    """Half of the 95 % interval (bins + 1,) of each share that the airflow's finite number of sheddings leaves."""
+    return np.array([tally.spread.airflow for tally in Tally.every(landing, bins, cycles_of([landing]))])
 
 
 def finer_steps(pipeline: Pipeline) -> tuple[Tracked, float]:
@@ -132,11 +149,11 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
     own, *others = (pipeline.on_grid(i) for i in range(len(pipeline.plan.airflow.scales)))
     if not others:
         return None
-    shares, seconds = {}, 0.0
-    for other in others:
-        shares[_grid(other)] = _shares(pipeline, other.tracks(ON_ANOTHER_GRID))
-        seconds += sum(other.spent(stage) for stage in ("airflow", "tracks"))
-    return Comparison({**shares, _grid(own): _shares(pipeline, tracked)}, seconds)
+    flown = {_grid(other): other.tracks(ON_ANOTHER_GRID) for other in others}
+    seconds = sum(other.spent(stage) for other in others for stage in ("airflow", "tracks"))
+    flown[_grid(own)] = tracked
+    shares = {grid: _shares(pipeline, found) for grid, found in flown.items()}
+    return Comparison(shares, seconds, {grid: _shedding(pipeline, found) for grid, found in flown.items()})
 
 
 def _grid(pipeline: Pipeline) -> Grid:
@@ -146,11 +163,14 @@ def _grid(pipeline: Pipeline) -> Grid:
 
 
 def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> GridEstimate:
-    """A share with its mesh error, from :func:`grids`; 95 % half widths over the replicates are its noise."""
-    from scipy.stats import t
-
+    """A share with its mesh error, from :func:`grids`. Its noise on each grid are the 95 % half widths over the
+    replicates and over the sheddings: each grid's wake in time is a finite sample of its own.
+    """
     values = [shares[name][:, place] for shares in comparison.shares.values()]
-    noise = [float(t.ppf(LEVEL, len(v) - 1) * v.std(ddof=1) / np.sqrt(len(v))) for v in values]
+    noise = [float(student(len(v) - 1) * v.std(ddof=1) / np.sqrt(len(v))) for v in values]
+    if comparison.shedding:
+        sheddings = (found[name][place] for found in comparison.shedding.values())
+        noise = [float(np.hypot(one, other)) for one, other in zip(noise, sheddings, strict=True)]
     sizes = [grid.cells**-0.5 for grid in comparison.shares]
     return estimate(sizes, [float(v.mean()) for v in values], noise)
 

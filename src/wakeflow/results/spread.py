@@ -12,15 +12,15 @@ freedom less than there are clusters holds its level.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..foam.statistics import student
 from ..pipeline.landings import Landings
 
-__all__ = ["LEVEL", "Spread", "Tally", "cycles_of", "spread_of"]
+__all__ = ["LEVEL", "Spread", "Tally", "cycles_of", "spread_of", "student"]
 
 Array = NDArray[np.float64]
 LEVEL = 0.95  # of every interval
@@ -114,14 +114,6 @@ def spread_of(deviations: Array, realisation: NDArray[np.int64], chance: float) 
     noise = ((fields - 1) * by_row + fields * (cycles - 1) * by_cell) / ((clusters - 1) * replicates / fields)
     beyond = max(0.0, float(means.var(ddof=1)) - noise) / clusters
     return Spread(sampling, _half(beyond, student(clusters - 1)))
-
-
-@lru_cache(maxsize=64)
-def student(free: int) -> float:
-    """The quantile of Student's t with ``free`` degrees of freedom that bounds a 95 % interval."""
-    from scipy.stats import t
-
-    return float(t.ppf(0.5 + LEVEL / 2, free))
 
 
 def _half(variance: float, quantile: float) -> float:

@@ -19,6 +19,7 @@ from ...core.errors import ProgramError
 from ...core.process import run_program
 from ...injection.feed import feedstock
 from ...pipeline.pipeline import Pipeline
+from ...pipeline.realisations import Realisations
 from ...pipeline.tracks import Flight
 from ...scene import Scene
 from ...tracking import Granules
@@ -43,7 +44,7 @@ scene, _, pipeline = shipped(lambda stage, text: None)
 wheat = {**scene.tables()["fraction"]["wheat"], "mass_share": 1.0}
 scene = scene.replace({"feed.count": int(sys.argv[1]), "fraction": {"wheat": wheat}})
 plan = make_plan(scene, rung="draft").with_forces(("drag", "gravity", "buoyancy"))
-flight = Flight(scene, plan, pipeline.field[1], scene.numerics.tolerance)
+flight = Flight(scene, plan, pipeline.kind.realisations, scene.numerics.tolerance)
 compile_tracker()
 begun = time.perf_counter()
 with tempfile.TemporaryDirectory() as folder:
@@ -124,7 +125,7 @@ def _shipped_flights(scene: Scene, pipeline: Pipeline) -> list[Goal]:
     found, total, waving = [], np.zeros(2), np.zeros(2)
     for name in scene.fraction:
         grains = feedstock(scene, pipeline.plan, name, None).granules[::2]
-        flight = Flight(scene, pipeline.plan, field, scene.numerics.tolerance)
+        flight = Flight(scene, pipeline.plan, Realisations(field), scene.numerics.tolerance)
 
         def cost(how: Flight, name: str = name, grains: Granules = grains) -> NDArray[np.float64]:
             return np.array(timed(lambda: how.fly(name, grains))) / len(grains)
@@ -135,7 +136,7 @@ def _shipped_flights(scene: Scene, pipeline: Pipeline) -> list[Goal]:
             what = f"{name} of the shipped case: a granule's flight"
             note = f"{1e6 * cpu:.3g} us of processor time; {', '.join(forces)}"
             found.append(_goal(what, "< 20", 1e6 * float(wall), "us", bool(wall < 20e-6), note))
-        total, waving = total + steady, waving + cost(replace(still, field=wave))
+        total, waving = total + steady, waving + cost(replace(still, airs=Realisations(wave)))
     what = "all fractions, time-resolved (synthetic wave, 32 snapshots a period) over steady"
     wall, cpu = waving / total
     return [*found, _goal(what, "<= 2", float(wall), "", bool(wall <= 2.0), f"in processor time {cpu:.2f}")]

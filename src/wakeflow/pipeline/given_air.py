@@ -1,0 +1,52 @@
+"""The kind of airflow that the user brings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..core.files import write_json
+from ..core.store import content_key, digest_files
+from .airflow_kinds import CaseAir, airflow_kinds
+from .cache import code_of
+
+__all__ = ["GivenAir"]
+
+
+@airflow_kinds.register("given")
+class GivenAir(CaseAir):
+    """A solved OpenFOAM case of the user's: it is measured, not solved."""
+
+    @property
+    def case(self) -> Path:
+        assert self.scene.air is not None
+        assert self.scene.air.case is not None
+        return Path(self.scene.air.case)
+
+    @property
+    def half(self) -> bool:
+        return bool(self.measured["half"])
+
+    def make_solution(self) -> tuple[str, Path]:
+        """Its files are in the key: a new solution counts."""
+        from ..foam.user_case import case_files, measure_given
+
+        assert self.scene.air is not None
+        time = self.scene.air.time or "latest"
+        files = digest_files(case_files(self.case, time))
+        key = content_key("given", repr(self.flow_spec), time, files, code_of("given"))
+
+        def work(part: Path) -> None:
+            self.cache.tell("airflow", f"measuring {self.case}")
+            (part / "case").mkdir(exist_ok=True)
+            write_json(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
+
+        return key, self.cache.make("airflow", key, work)
+
+    @property
+    def mesh_quality(self) -> dict[str, Any]:
+        return {"cells": self.measured["cells"]}
+
+    @property
+    def model_is_unknown(self) -> bool:
+        return True

@@ -1,0 +1,131 @@
+"""The kinds of airflow that are meshed and solved in the plane: steady, and resolved in time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.files import atomic_write
+from ..core.resources import case_template
+from ..core.store import content_key, digest_files
+from ..planning.airflow import SHEDDING_ABOVE
+from ..planning.airflow_cost import ranks_for
+from .airflow_kinds import CaseAir, airflow_kinds
+from .cache import code_of, version_of
+
+if TYPE_CHECKING:
+    from ..field import FlowField
+    from ..foam import AirflowResult
+
+__all__ = ["SolvedAir", "SteadyAir", "TimeResolvedAir"]
+
+
+class SolvedAir(CaseAir):
+    """An airflow that Gmsh meshes and OpenFOAM solves."""
+
+    @cached_property
+    def mesh(self) -> tuple[str, Path]:
+        """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
+        from ..meshing import build_mesh
+
+        key = content_key("mesh", repr(self.mesh_spec), code_of("mesh"), version_of("gmsh"))
+        folder = self.cache.make("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
+        _publish(folder / "mesh.msh", Path("meshes"), key)
+        return key, folder
+
+    @property
+    def mesh_quality(self) -> dict[str, Any]:
+        table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
+        return table
+
+    @property
+    def solve(self) -> Callable[..., AirflowResult]:
+        """:func:`wakeflow.foam.solve_airflow`, or what takes its place with the same arguments."""
+        from ..foam import solve_airflow
+
+        return solve_airflow
+
+    @property
+    def solver_code(self) -> str:
+        """sha256 of the sources of ``solve``."""
+        return code_of("airflow")
+
+    @property
+    def cells(self) -> int:
+        """Cells that are solved in."""
+        return int(self.mesh_quality["cells"])
+
+    def make_solution(self) -> tuple[str, Path]:
+        from ..foam.version import openfoam_version
+
+        (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
+        code = content_key(self.solver_code, digest_files([case_template()]), openfoam_version())
+        if not spec.ranks:  # by the mesh alone, so that every machine computes the same
+            spec = replace(spec, ranks=1 if spec.vibration else ranks_for(self.cells)[0])
+        asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
+        start = self.start()  # by its key: the same airflow from another start would end at another moment
+        key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)
+
+        def work(part: Path) -> None:
+            self.solve(
+                spec,
+                mesh_folder / "mesh.msh",
+                part / "case",
+                start=start,
+                listener=lambda now: self.cache.tell("airflow", str(now)),
+            )
+
+        return key, self.cache.make("airflow", key, work)
+
+    def start(self) -> Path | None:
+        """The case folder of the solved airflow that this one starts from; None: from a uniform stream."""
+        return None
+
+
+@airflow_kinds.register("steady")
+class SteadyAir(SolvedAir):
+    """One steady solution: the flow itself where the wake does not shed."""
+
+    @property
+    def model_is_unknown(self) -> bool:
+        return (self.scene.reynolds or 0.0) >= SHEDDING_ABOVE
+
+
+@airflow_kinds.register("time-resolved")
+class TimeResolvedAir(SolvedAir):
+    """A solution in time: whole periods of the shedding wake, repeated."""
+
+    def start(self) -> Path | None:
+        """The steady wake."""
+        return self.steady().case
+
+    @cached_property
+    def resolved(self) -> tuple[str, FlowField]:
+        """Key and field as computed, in time."""
+        return super().make_field()
+
+    def make_field(self) -> tuple[str, FlowField]:
+        return self.resolved
+
+    def between(self, theta: float, strength: float) -> tuple[str, FlowField]:
+        from ..field import blended_wake
+
+        key, resolved = self.resolved
+        if resolved.times is None or theta == strength == 1.0:  # it came to rest, or is asked for as it is
+            return self.resolved
+        steady = self.steady().field
+        assert steady is not None
+        made = content_key("blend", key, steady[0], theta, strength, code_of("blend"))
+        return made, blended_wake(resolved, steady[1], theta, strength)
+
+
+def _publish(file: Path, folder: Path, key: str) -> None:
+    """Show a cached mesh under its key in the project's own ``meshes`` folder, where there is one."""
+    target = folder / f"{key}.msh"
+    if folder.is_dir() and not target.exists():
+        with atomic_write(target, "wb") as stream:
+            stream.write(file.read_bytes())
