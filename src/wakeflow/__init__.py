@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .results.result import Result
     from .runs import run
     from .scene import Scene
-    from .tracking import Body, Fate, Granules, Motion, Tracks, track
+    from .tracking import Body, Collisions, Fate, Granules, Motion, Tracks, track
 
 # The listing is the pipeline: a layer imports only from those before it (held by tests/test_architecture.py).
 LAYERS = (
@@ -48,6 +48,7 @@ LAYERS = (
 
 _HOME = {
     "Body": "tracking",
+    "Collisions": "tracking",
     "Fate": "tracking",
     "FlowField": "field",
     "FoamError": "core.errors",
@@ -72,9 +73,9 @@ _HOME = {
 }
 
 __all__ = [
-    "Body", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan", "ProgramError",
-    "Restitution", "Result", "Scene", "SceneError", "Tracks", "WakeflowError", "chain", "impact", "layer", "layers",
-    "plan", "run", "track",
+    "Body", "Collisions", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan",
+    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Tracks", "WakeflowError", "chain", "impact",
+    "layer", "layers", "plan", "run", "track",
 ]  # fmt: skip
 
 

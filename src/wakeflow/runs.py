@@ -31,6 +31,7 @@ from .results.airflow_summary import (
 )
 from .results.budget import flights_ahead, fly_again, make_budget, together
 from .results.companions import airflow_on_grids
+from .results.crowd_summary import crowd_of
 from .results.funnel_summary import FunnelSummary, funnel_of
 from .results.impact_summary import impact_of
 from .results.landing_results import LandingResults
@@ -135,7 +136,7 @@ class _Run:
             mesh, airflow = self._air()
             tracked = None if until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
             if tracked is not None and until is None:
-                flown = Flights(self.pipeline, tracked)
+                flown = Flights(self.pipeline, tracked, self.pipeline.crowd())
                 fly_again(flown)
         if tracked is not None and airflow is not None:
             airflow = airflow.extended(divergence=_divergence(self.pipeline), truncation=_truncation(self.pipeline))
@@ -143,7 +144,8 @@ class _Run:
         flights = None if tracked is None else self._flights(tracked)
         landings = None if flown is None else self._landings(flown)
         scene, plan = self.pipeline.scene, self.pipeline.plan
-        warnings = [*plan.warnings, *notices(scene, self.pipeline, airflow, self.poured, tracked)]
+        slab = None if landings is None else landings.slab
+        warnings = [*plan.warnings, *notices(scene, self.pipeline, airflow, self.poured, tracked, slab)]
         warnings += together(() if landings is None else landings.budget, plan.target_error)
         result = Result(
             schema=SCHEMA,
@@ -162,7 +164,7 @@ class _Run:
             pictures=None,
             folder=self.folder,
         )
-        result = self._drawn(result, tracked)
+        result = self._drawn(result, tracked, None if flown is None else flown.landings)
         result.save()
         return result
 
@@ -200,10 +202,13 @@ class _Run:
 
     def _landings(self, flights: Flights) -> LandingResults:
         scene = self.pipeline.scene
-        separation = separate(scene, flights.tracked.landings)
+        separation = separate(scene, flights.landings)
+        crowd = flights.crowd
+        alone = None if crowd is None else separate(scene, flights.tracked.landings)
+        slab = None if crowd is None else crowd_of(self.pipeline.plan, crowd)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
-        return LandingResults(separation, bracket, make_budget(flights, separation))
+        return LandingResults(separation, bracket, make_budget(flights, separation), alone, slab)
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""
@@ -211,10 +216,13 @@ class _Run:
         order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
         code = digest_files([Path(__file__).parent])
         made_for = (self.asked.tables(), order, self.pipeline.plan.summary(), to_json(self.request))
-        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, _versions(), code)
+        crowd = self.pipeline.crowd_key if tracked and self.request.until is None else None
+        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, crowd, _versions(), code)
 
-    def _drawn(self, result: Result, tracked: Tracked | None) -> Result:
-        """The result with the pictures of its report, which is drawn where it does not stand in the folder already."""
+    def _drawn(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
+        """The result with the pictures of its report, which is drawn where it does not stand in the folder already; the
+        ``answer``'s landings, where there is one, stand in them.
+        """
         from . import report
 
         folder, scene = self.folder, self.pipeline.scene
@@ -224,21 +232,22 @@ class _Run:
             report.clear_report(folder)
             (folder / "granules.npz").unlink(missing_ok=True)
         if tracked is not None:
-            _save_granules(folder / "granules.npz", scene, tracked)
+            landings = tracked.landings if answer is None else answer
+            _save_granules(folder / "granules.npz", scene, landings)
             if self.request.until is None and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
-                _report(self.pipeline, tracked, result)
+                _report(self.pipeline, tracked, landings, result)
             return replace(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
         return result
 
 
-def _report(pipeline: Pipeline, tracked: Tracked, result: Result) -> None:
+def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings], result: Result) -> None:
     from .report import Outcome, write_report
 
     pipeline.listener("report", "drawing")
     scene = pipeline.scene
-    landings = {name: _landed(landing) for name, landing in tracked.landings.items()}
+    landings = {name: _landed(landing) for name, landing in answer.items()}
     flow = None if scene.air is None else pipeline.field[1]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
     write_report(result.folder, Outcome(scene, flow, tracked.drawn, landings, result, shown))
@@ -248,8 +257,7 @@ def _report(pipeline: Pipeline, tracked: Tracked, result: Result) -> None:
 def _landed(landing: Landings) -> Landed:
     from .report import Landed
 
-    weight = np.broadcast_to(1.0 / len(landing.bin), landing.bin.shape)
-    return Landed(landing.position[:, 0], landing.position[:, 1], weight, landing.bin)
+    return Landed(landing.position[:, 0], landing.position[:, 1], landing.mass_shares, landing.bin)
 
 
 def report_again(folder: Path | str) -> Path:
@@ -294,16 +302,16 @@ def _truncation(pipeline: Pipeline) -> FieldTruncation | None:
     return None if lost is None else from_json(FieldTruncation, lost, "truncation")
 
 
-def _save_granules(path: Path, scene: Scene, tracked: Tracked) -> None:
+def _save_granules(path: Path, scene: Scene, landings: Mapping[str, Landings]) -> None:
     """A fixed subsample of at most numerics.keep granules a fraction; shares use all of them."""
     rows: dict[str, list[np.ndarray]] = {}
     mass = scene.mass_shares()
-    for index, (name, landing) in enumerate(tracked.landings.items()):
+    for index, (name, landing) in enumerate(landings.items()):
         count = len(landing.bin)
         kept = np.unique(np.linspace(0, count - 1, min(count, scene.numerics.keep)).astype(int))
         columns = {
             "fraction": np.full(len(kept), index),
-            "weight": np.full(len(kept), mass[name] / max(len(kept), 1)),
+            "weight": mass[name] * landing.mass_shares[kept] / landing.mass_shares[kept].sum(),
             **{
                 field: getattr(landing, field)[kept]
                 for field in ("position", "bin", "diameter", "fate", "time", "impacts")
@@ -313,4 +321,4 @@ def _save_granules(path: Path, scene: Scene, tracked: Tracked) -> None:
             rows.setdefault(field, []).append(values)
     with atomic_write(path, "wb") as stream:
         columns = {name: np.concatenate(parts) for name, parts in rows.items()}
-        np.savez(stream, names=np.array(list(tracked.landings)), **columns)
+        np.savez(stream, names=np.array(list(landings)), **columns)

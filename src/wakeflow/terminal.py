@@ -8,10 +8,12 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from .planning.bounds import COLLISIONS
 from .report.words import (
     NO_VALUE,
     TERMS,
     budget_columns,
+    changed,
     condensed,
     error_text,
     expected,
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from .results.funnel_summary import FunnelSummary
     from .results.result import Result
 
-__all__ = ["budget_table", "live", "separation_table", "show_plan", "show_result"]
+__all__ = ["alone_table", "budget_table", "live", "separation_table", "show_plan", "show_result"]
 
 PLAIN_EVERY = 10.0  # s between lines when the output is not a terminal
 
@@ -112,7 +114,9 @@ def _bounds_table(plan: Plan) -> Table:
     terms = list(next(iter(plan.fractions.values())).bounds)
     for term in terms:
         cells = [
-            f"[bold]{how.bounds[term]:.2g}[/]" if term in how.forces else f"{how.bounds[term]:.2g}"
+            f"[bold]{how.bounds[term]:.2g}[/]"
+            if term in how.forces or (term == COLLISIONS and plan.crowd is not None)
+            else f"{how.bounds[term]:.2g}"
             for how in plan.fractions.values()
         ]
         table.add_row(term, *cells)
@@ -128,6 +132,8 @@ def show_result(result: Result) -> None:
     console = Console()
     if result.landings is not None:
         console.print(separation_table(result, result.landings.separation))
+        if result.landings.without_collisions is not None:
+            console.print(alone_table(result.landings.separation, result.landings.without_collisions))
         console.print(budget_table(result.landings.budget))
     if result.funnel is not None:
         console.print(_poured(result.funnel), highlight=False)
@@ -145,7 +151,8 @@ def separation_table(result: Result, separation: Separation) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    title = "share of each fraction's mass, %, with 95 % interval"
+    met = result.landings is not None and result.landings.slab is not None
+    title = f"share of each fraction's mass, %{', granules colliding' if met else ''}, with 95 % interval"
     table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     table.add_column("bin")
     for name in separation.fractions:
@@ -161,6 +168,25 @@ def separation_table(result: Result, separation: Separation) -> Table:
         table.add_row(place, *cells, f"{separation.throughput[place]:.3g}", purest)
     table.add_section()
     table.add_row("recovery", *(percent(separation.recovery.get(name)) for name in separation.fractions), "", "")
+    return table
+
+
+def alone_table(separation: Separation, alone: Separation) -> Table:
+    """Bins by fractions: the shares of granules that meet no others, and what crowding changes of them, in points."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    title = "without collisions, %, and what they change, points"
+    table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
+    table.add_column("bin")
+    for name in separation.fractions:
+        table.add_column(name, justify="right")
+    for place in separation.bins:
+        pairs = ((alone.fractions[name][place], found[place]) for name, found in separation.fractions.items())
+        table.add_row(place, *(f"{percent(one)}  ({changed(one, met)})" for one, met in pairs))
+    table.add_section()
+    recoveries = ((alone.recovery.get(name), separation.recovery.get(name)) for name in separation.fractions)
+    table.add_row("recovery", *(f"{percent(one)}  ({changed(one, met)})" for one, met in recoveries))
     return table
 
 

@@ -33,7 +33,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.planning.span import Span, cost_of
 from wakeflow.scene import Scene
 
-OFF = {"collisions-between-granules": False, "basset-history": False}
+OFF = {"collisions": False, "basset-history": False}
 SPAN = Span(depth=2.0, layers=8, sheddings=2.0)
 BOUNDARY = """FoamFile { version 2.0; }
 2

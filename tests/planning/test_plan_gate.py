@@ -69,7 +69,9 @@ def test_the_shipped_scenes_are_not_refused(name: str) -> None:
     plan = make_plan(shipped(name))
     for fraction, how in plan.fractions.items():
         named = {row.name for row in plan.left_out if row.fraction == fraction}
-        assert set(how.bounds) == named | (set(how.forces) - {"drag", "gravity"})  # used or left out, never neither
+        whole = set() if plan.crowd is None else {"collisions"}
+        used = set(how.forces) - {"drag", "gravity"} | whole
+        assert set(how.bounds) == named | used  # used or left out, never neither
 
 
 @pytest.mark.parametrize("target", [0.003, 0.01, 0.1])
@@ -113,7 +115,7 @@ def test_a_force_that_cannot_be_computed_refuses_the_scene_by_name(draft: Scene)
         ({"drag": False}, "always acts"),
         ({"wheat.gravity": False}, "always acts"),
         ({"basset-history": True}, "cannot compute it"),
-        ({"collisions-between-granules": True}, "cannot compute it"),
+        ({"wheat.collisions": False}, "those of all fractions"),
     ],
 )
 def test_switches_that_make_no_sense_are_one_line(draft: Scene, force: dict[str, bool], message: str) -> None:
@@ -199,7 +201,7 @@ def scales(**changes: Any) -> FlightScales:
         "diameter": 1e-3, "density": 1000.0, "tau": 0.1, "arrival": 1.4, "thrown": 0.8, "slip": 5.0, "settling": 1.0,
         "landing": 5.0, "whole": 0.2, "time": 0.1, "near": 0.05, "beside": True, "sideways_bins": False,
         "air_density": 1.2, "viscosity": 1.8e-5, "air_speed": 5.0, "width": 0.05, "intensity": 0.05,
-        "turbulent": True, "shaking": 0.1, "omega": 200.0, "meetings": 0.5,
+        "turbulent": True, "shaking": 0.1, "omega": 200.0, "meetings": 0.5, "knock": 1.5,
     }  # fmt: skip
     return FlightScales(**(values | changes))
 
@@ -235,7 +237,7 @@ def test_bounds_are_finite_and_not_negative_for_any_granule(term: str, diameter:
 
 def test_terms_that_are_absent_are_bounded_by_zero() -> None:
     still = scales(shaking=0.0, omega=0.0, meetings=0.0, intensity=0.0, turbulent=False)
-    for term in ("vibration-of-the-air", "collisions-between-granules", "dispersion"):
+    for term in ("vibration-of-the-air", "collisions", "dispersion"):
         assert bounds[term].shift(still) == 0.0
 
 
@@ -512,7 +514,7 @@ def test_ends_at_the_channels_walls_let_nothing_out(draft: Scene) -> None:
 
 
 def test_random_streams_of_fractions_and_parts_are_apart() -> None:
-    seeds = [flying._seed(seed, name, stream) for seed in (0, 1) for name in FRACTIONS for stream in range(48)]
+    seeds = [flying.seed_of(seed, name, stream) for seed in (0, 1) for name in FRACTIONS for stream in range(48)]
     assert len(set(seeds)) == len(seeds)
     assert all(0 <= seed < 2**63 for seed in seeds)
 

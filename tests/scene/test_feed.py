@@ -143,7 +143,7 @@ def test_below_its_feed_rate_meetings_are_within_the_accuracy_and_above_not(draf
     """The row is the gate's bound on collisions turned round: at that rate the worst fraction is at its limit."""
     row = rows(make_plan(draft))["meetings"]
     plan = make_plan(draft.replace({"feed.rate": row.feed_rate / 3600.0}))
-    bounds = {name: how.bounds["collisions-between-granules"] for name, how in plan.fractions.items()}
+    bounds = {name: how.bounds["collisions"] for name, how in plan.fractions.items()}
     assert max(bounds.values()) == pytest.approx(plan.fractions["chaff"].limit, rel=1e-6)
     assert max(bounds, key=lambda name: bounds[name]) in row.why
     least = min(r.feed_rate for r in plan.validity if r.about == INDEPENDENT and r.feed_rate)
@@ -201,7 +201,7 @@ def test_the_layer_on_the_slope_is_by_hand(vacuum: Scene) -> None:
 
 
 def test_warnings_name_what_is_strained_and_the_rate_that_is_not(draft: Scene) -> None:
-    plan = make_plan(draft)
+    plan = make_plan(draft, force={"collisions": False})
     lines = [line for line in plan.warnings if "strained by the feed rate" in line]
     assert [line.partition(" strained")[0] for line in lines] == [COUPLING, INDEPENDENT]
     small = make_plan(draft.replace({"feed.rate": "1 g/hour"}))

@@ -35,7 +35,7 @@ from ..scene import Fraction, Scene
 from ..tracking import Granules
 from .first_contact import first_contact, motion_of
 
-__all__ = ["Feedstock", "arrival", "contact_points", "feedstock", "granules_of"]
+__all__ = ["Feedstock", "arrival", "contact_points", "entering", "fall_start", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
@@ -112,7 +112,7 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     outline = scene.first_outline
     reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
-        0.0, np.ceil(np.log2((float(drop.max()) + 0.5) / reach))
+        0.0, np.ceil(np.log2((float(drop.max(initial=0.0)) + 0.5) / reach))
     )  # the same for any part of the granules
     flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
@@ -137,12 +137,16 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
 
 
-def _start(scene: Scene, top: float, radius: Array) -> tuple[Array, Array]:
-    """Heights (n,) m of the centres where the fall begins, clear of the body, and the fall speeds (n,) m/s there."""
+def fall_start(scene: Scene, radius: Array) -> tuple[Array, Array]:
+    """Heights (n,) m of the centres where the fall of granules of ``radius`` (n,) m to the first body begins, clear of
+    it, and the fall speeds (n,) m/s there.
+    """
     above, _ = scene.release
     level = np.maximum(above, (1.0 + CLEARANCE) * radius)
     fall = scene.feed.speed or 0.0
-    return top + level, np.sqrt(np.maximum(0.0, fall**2 - 2 * GRAVITY * level) if fall else np.zeros(radius.shape))
+    return scene.level + level, np.sqrt(
+        np.maximum(0.0, fall**2 - 2 * GRAVITY * level) if fall else np.zeros(radius.shape)
+    )
 
 
 def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
@@ -216,9 +220,9 @@ def feedstock(
     diameter = fraction.diameters(points[:, 1])
     grains = granules_of(fraction, fraction_plan, diameter, fraction.settling(points[:, 4]) if spreads else None)
     if not scene.body:
-        return Feedstock(_entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+        return Feedstock(entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
     assert scene.first_outline is not None
-    level, speed = _start(scene, scene.level, 0.5 * diameter)
+    level, speed = fall_start(scene, 0.5 * diameter)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
     if scene.feed.start == "resting":
@@ -253,7 +257,7 @@ def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed
     return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 
 
-def _entering(scene: Scene, grains: Granules, x: Array) -> Granules:
+def entering(scene: Scene, grains: Granules, x: Array) -> Granules:
     """The curtain where no body stands: at the feed's level, with the velocity it has there."""
     y = min(scene.level, scene.channel.top - 1e-6 * scene.width)
     velocity = np.broadcast_to(scene.entry, (len(x), 2))

@@ -35,6 +35,7 @@ CODE = {
     "duct": ("wakeflow.pipeline.analytic",),
     "residence": ("wakeflow.tracking.residence",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
+    "crowd": ("wakeflow.pipeline.crowd_flight", "wakeflow.pipeline.landings"),
 }
 
 

@@ -25,7 +25,9 @@ class Landings:
 
     ``position`` (n, 2) m, ``bin`` (n,) index into the scene's bins or -1 for elsewhere, ``replicate`` (n,),
     ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies,
-    ``realisation`` (n,) of the airflow and ``cycle`` (n,) of the shedding in it at which the granule was released.
+    ``realisation`` (n,) of the airflow and ``cycle`` (n,) of the shedding in it at which the granule was released. Of
+    granules that meet others: ``weight`` (n,), what each stands for, its mean such that the sum is the number of equal
+    granules that would be as large a sample, and ``meetings`` (n,) with others; None where each flies alone.
     """
 
     position: Array
@@ -37,13 +39,26 @@ class Landings:
     impacts: NDArray[Any]
     realisation: NDArray[Any]
     cycle: NDArray[Any]
+    weight: NDArray[Any] | None = None
+    meetings: NDArray[Any] | None = None
+
+    @property
+    def size(self) -> float:
+        """How many granules of equal mass the landings are worth."""
+        return float(len(self.bin)) if self.weight is None else float(self.weight.sum())
+
+    @property
+    def mass_shares(self) -> Array:
+        """Share (n,) of the fraction's mass that each granule stands for."""
+        weight = np.ones(len(self.bin)) if self.weight is None else self.weight
+        return np.asarray(weight / weight.sum())
 
     def counts(self, bins: int) -> Array:
         """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""
         replicates = int(self.replicate.max()) + 1
         place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
         place += self.replicate.astype(np.int64) * (bins + 1)
-        table = np.bincount(place, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
+        table = np.bincount(place, self.weight, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
         return np.asarray(table / table.sum(axis=1, keepdims=True))
 
 

@@ -1,7 +1,7 @@
-"""mesh -> airflow -> field -> tracks: every stage cached, each reading only what stands before it.
+"""mesh -> airflow -> field -> tracks -> slab: every stage cached, each reading only what stands before it.
 
 The airflow and its field belong to the kind of airflow that the plan chose (``airflow_kinds``), the tracks to
-``track_stage``; how a stage is kept and timed is in ``cache``.
+``track_stage``, granules that meet each other to ``crowd_stage``; how a stage is kept and timed is in ``cache``.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from ..scene import Scene
 from . import blended_air, given_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
+from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound
 from .stages import StageKey, StageTime
 from .track_stage import Companion, Compilation, TrackStage
 
@@ -160,6 +161,22 @@ class Pipeline:
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         return self._track_stage.fly(companion)
+
+    @cached_property
+    def _crowd_stage(self) -> CrowdStage:
+        known = self.tracks_key, self.tracks(), self.workers
+        return CrowdStage(self.scene, self.plan, self.cache, self.kind, *known)
+
+    @property
+    def crowd_key(self) -> str | None:
+        """Everything the slab depends on; None where the plan has none."""
+        return None if self.plan.crowd is None else self._crowd_stage.key
+
+    def crowd(self, companion: CrowdCompanion | None = None) -> SlabFound | None:
+        """The landings of granules that meet each other, of some replicates under a ``companion``'s change; None where
+        the plan has no slab.
+        """
+        return None if self.plan.crowd is None else self._crowd_stage.fly(companion)
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""

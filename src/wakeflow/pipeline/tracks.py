@@ -26,7 +26,7 @@ from ..scene.pictures import DRAWN
 from ..tracking import Body, Fate, Granules, Tracks
 from .realisations import Realisations
 
-__all__ = ["Flight", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns"]
+__all__ = ["Flight", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
@@ -171,7 +171,7 @@ class Flight:
             length=scene.width,
             forces=self.plan.fractions[name].forces,
             drag=self.plan.fractions[name].drag,
-            seed=_seed(scene.feed.seed, name, stream),
+            seed=seed_of(scene.feed.seed, name, stream),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
             gravity=(0.0, -GRAVITY),
@@ -187,7 +187,7 @@ def compile_tracker(_: None = None) -> None:
     tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",))
 
 
-def _seed(seed: int, name: str, stream: int) -> int:
+def seed_of(seed: int, name: str, stream: int) -> int:
     """A number of the tracker's random streams, of the scene's ``seed``, the fraction and a part of its granules."""
     state = np.random.SeedSequence([seed, zlib.crc32(name.encode()), stream]).generate_state(1, np.uint64)
     return int(state[0] >> np.uint64(1))

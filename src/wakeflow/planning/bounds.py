@@ -16,7 +16,7 @@ from ..laws.forces.scales import SIDEWAYS
 
 __all__ = ["COLLISIONS", "VIBRATION", "bounds", "moved_by_air", "other_terms"]
 
-VIBRATION, COLLISIONS = "vibration-of-the-air", "collisions-between-granules"
+VIBRATION, COLLISIONS = "vibration-of-the-air", "collisions"
 SLOWEST_LANDING = 1e-9  # m/s: keeps the slope of a track finite where a granule hangs in the air
 
 
@@ -28,7 +28,7 @@ def _shift_by_vibration(flight: FlightScales) -> float:
 
 
 def _shift_by_collisions(flight: FlightScales) -> float:
-    return min(1.0, flight.meetings) * flight.arrival * flight.reach(flight.time) / flight.width
+    return min(1.0, flight.meetings) * flight.knock * flight.reach(flight.time) / flight.width
 
 
 # Terms that are no force on a single granule in air at rest with its body
@@ -39,7 +39,10 @@ other_terms.add(
 )
 other_terms.add(
     COLLISIONS,
-    Bound(_shift_by_collisions, "kinetic theory: meetings in the curtain, each taking up to the arrival speed"),
+    Bound(
+        _shift_by_collisions,
+        "kinetic theory: meetings with granules as heavy or heavier, each a kick at most as strong as a head-on one",
+    ),
 )
 
 

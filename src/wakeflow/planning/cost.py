@@ -12,6 +12,7 @@ from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
 from .airflow_cost import span_cost, typical_cells, typical_seconds
+from .crowd import CrowdPlan
 from .flights_again import times_again
 from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size
 
@@ -26,11 +27,14 @@ FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
+CROWD_AGAIN = 0.7  # of the slab's time: part of it once more with half the step, and in a slab of half the depth
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 
-def estimate_cost(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> dict[str, float]:
-    """``seconds``, ``memory`` and ``disk`` (bytes) of a run, its funnel included."""
+def estimate_cost(
+    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CrowdPlan | None
+) -> dict[str, float]:
+    """``seconds``, ``memory`` and ``disk`` (bytes) of a run, its funnel and its slab included."""
     count = REPLICATES * replicate_size(scene.feed.count)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
@@ -40,8 +44,9 @@ def estimate_cost(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, Fr
     poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
     kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
     deep = span_cost(scene, airflow)
+    slab = 0.0 if crowd is None else crowd.seconds * (1.0 + CROWD_AGAIN)
     return {
-        "seconds": STARTED + typical_seconds(airflow) + deep.core_seconds + tracks + poured,
+        "seconds": STARTED + typical_seconds(airflow) + deep.core_seconds + tracks + slab + poured,
         "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
         "disk": FILES + cells * (BYTES_A_CELL + kept) + deep.disk + BYTES_STORED * count * len(fractions),
     }

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.geometry import edges, normals
 from ..laws.collision import impact
 from ..laws.constants import GRAVITY
 from ..laws.forces import FlightScales
 from ..scene import Scene
-from .bounds import COLLISIONS, bounds
-from .flight_scales import CROSSED, meetings, packing
+from .meetings import Encounters, shifted, slope_of
 
 Array = NDArray[np.float64]
 __all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained"]
@@ -32,7 +30,6 @@ LOADED = 0.1  # of the air's own flow of mass or momentum, and of the slope cove
 SLOWEST = 0.1  # m/s: taken for the speed of granules that the air holds in the curtain; chosen
 SHADE = 1.5  # area that a sphere covers, times its diameter, over its volume: (pi d^2 / 4) d / (pi d^3 / 6)
 PLACES = 500  # of the curtain, to tell which share of it falls on a body
-LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
 ELGHOBASHI = "Elghobashi 1994, Appl. Sci. Res. 52, 309"
 
 
@@ -56,10 +53,14 @@ class Limit:
 
 
 def limits(
-    scene: Scene, arrivals: Mapping[str, float], scales: Mapping[str, Sequence[FlightScales]], shift: float
+    scene: Scene,
+    arrivals: Mapping[str, float],
+    scales: Mapping[str, Sequence[FlightScales]],
+    met: Mapping[str, Encounters],
+    shift: float,
 ) -> Iterator[Limit]:
-    """Every row, from the speeds of ``arrivals`` (m/s) at the body and the ``scales`` of each fraction's flight
-    (nothing in a vacuum); ``shift``: the landing shift (body widths) that the accuracy asked for allows.
+    """Every row, from the speeds of ``arrivals`` (m/s) at the body, the ``scales`` of each fraction's flight (nothing
+    in a vacuum) and what it has ``met``; ``shift``: the landing shift (body widths) that the accuracy asked for allows.
     """
     rate = 3600.0 * scene.feed.mass_flow
 
@@ -68,10 +69,12 @@ def limits(
         return Limit(name, about, value, limit, reached, why)
 
     speeds = {name: max(abs(speed), SLOWEST) for name, speed in arrivals.items()}
-    dense = scene.feed.crowding * sum(share for share, _ in packing(scene, speeds))
+    dense = scene.feed.crowding * _packing(scene, speeds)
     why = "solid volume in the curtain at the body, at each fraction's own speed"
     yield row("curtain", INDEPENDENT, dense, COLLIDING, f"{why} ({ELGHOBASHI})")
-    yield row("meetings", INDEPENDENT, *_meetings(scene, speeds, scales, shift))
+    number, bearable, why = _meetings(scene, scales, met, shift)
+    if number > 0.0:
+        yield row("meetings", INDEPENDENT, number, bearable, why)
     layer = _layer(scene, speeds)
     if layer is not None:
         why = "share of the slope under granules that have bounced and not left it yet"
@@ -98,24 +101,26 @@ class _Meetings(NamedTuple):
 
 
 def _meetings(
-    scene: Scene, speeds: Mapping[str, float], scales: Mapping[str, Sequence[FlightScales]], shift: float
+    scene: Scene, scales: Mapping[str, Sequence[FlightScales]], met: Mapping[str, Encounters], shift: float
 ) -> _Meetings:
     """Of the fraction whose granules bear the fewest."""
     every = []
-    for name, fraction in scene.fraction.items():
-        granule, shift_of = fraction.properties, bounds[COLLISIONS].shift
-        each = [(flight.meetings, shift_of(replace(flight, meetings=1.0))) for flight in scales.get(name, [])]
-        free = meetings(scene, granule.diameter, granule.density), _free_shift(scene, speeds[name])
-        for number, shift_by_one in each or [free]:
-            path = CROSSED * scene.feed.width / number * 1e3
-            why = f"of {name} with others in the curtain, by the momentum they take: one every {path:.3g} mm of way"
-            every.append(_Meetings(number, shift / shift_by_one, why))
+    for name, found in met.items():
+        moved = shifted(scene, found, scales.get(name, ()))
+        by_one = moved / min(1.0, found.heavier) if found.heavier > 0.0 else 0.0
+        bearable = shift / by_one if by_one > 0.0 else math.inf
+        why = f"of a granule of {name} with others as heavy or heavier, each a kick of up to {found.knock:.2g} m/s"
+        every.append(_Meetings(found.heavier, bearable, why))
     return max(every, key=lambda one: one.number / one.bearable)
 
 
-def _free_shift(scene: Scene, speed: float) -> float:
-    """Widths that a granule of ``speed`` (m/s) goes while it falls from the body to the floor, without air."""
-    return speed * math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY) / scene.width
+def _packing(scene: Scene, speeds: Mapping[str, float]) -> float:
+    """Solid volume fraction of the curtain at the body, mean over its width, each fraction at its own speed (m/s)."""
+    feed, found = scene.feed, 0.0
+    for name, share in scene.mass_shares().items():
+        density = scene.fraction[name].properties.density
+        found += feed.mass_flow * share / density / (feed.width * feed.depth * speeds[name])
+    return found
 
 
 class _TakenFromTheAir(NamedTuple):
@@ -154,7 +159,7 @@ def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer | None:
     """
     if scene.first_outline is None:
         return None
-    beta, length = _slope(scene.first_outline)
+    beta, length = slope_of(scene)
     if beta <= 0.0:
         return None
     on_slope = scene.feed.mass_flow * _share_on(scene, scene.first_outline) / scene.feed.depth
@@ -180,15 +185,6 @@ def _stay(along: float, pull: float, length: float) -> float:
     return length / (math.sqrt(along**2 + pull * length) + along)
 
 
-def _slope(outline: Array) -> tuple[float, float]:
-    """Angle (rad) of the faces that granules fall on, mean over their projected width; their length (m) together."""
-    start, end = edges(outline)
-    up = normals(outline)[:, 1] > LEVEL
-    across, length = np.abs(end - start)[up, 0], np.linalg.norm(end - start, axis=1)[up]
-    beta = np.arccos(np.clip(across / length, 0.0, 1.0))
-    return float(np.average(beta, weights=across)), float(length.sum())
-
-
 def _share_on(scene: Scene, outline: Array) -> float:
     """Share of the curtain that falls within the width of ``outline``."""
     x = outline[:, 0]
@@ -196,9 +192,12 @@ def _share_on(scene: Scene, outline: Array) -> float:
     return float(np.mean((places > x.min()) & (places < x.max())))
 
 
-def strained(rows: Sequence[Limit]) -> Iterator[str]:
-    """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds."""
-    for about in (COUPLING, INDEPENDENT):
+def strained(rows: Sequence[Limit], *, crowded: bool) -> Iterator[str]:
+    """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds.
+
+    ``crowded``: granules are not taken to be independent, their meetings are computed.
+    """
+    for about in (COUPLING,) if crowded else (COUPLING, INDEPENDENT):
         beyond = [row for row in rows if row.about == about and not row.holds]
         if beyond:
             numbers = ", ".join(f"{row.name} {row.value:.2g} (limit {row.limit:.2g})" for row in beyond)

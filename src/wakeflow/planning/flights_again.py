@@ -16,6 +16,8 @@ flights_again: Registry[Callable[[AirflowPlan], int]] = Registry("source that fl
 flights_again.add("integration", lambda _: 0)  # finer steps: within the estimate's factor of three
 flights_again.add("airflow-model", lambda airflow: len(airflow.wakes_beside))
 flights_again.add("mesh", lambda airflow: len(airflow.scales) - 1)
+flights_again.add("slab-time-step", lambda _: 0)  # of the slab, whose cost counts them
+flights_again.add("slab-depth", lambda _: 0)
 
 
 def times_again(airflow: AirflowPlan) -> int:

@@ -25,15 +25,17 @@ from ..laws.drag import (
 from ..laws.forces import FlightScales, forces
 from ..scene import Scene
 from .airflow import AirflowPlan, choose_airflow
-from .bounds import VIBRATION, moved_by_air
+from .bounds import COLLISIONS, VIBRATION, bounds, moved_by_air
 from .cost import estimate_cost
 from .coupling import Limit, limits
+from .crowd import CrowdPlan, plan_crowd, why_no_crowd
 from .flight_scales import flights
-from .impaction import deflection
+from .impaction import Deflection, deflection
 from .lock_in import AirMotion, vibration_of_scene
+from .meetings import Encounters, encounters, shifted
 from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan
-from .terms import Gate, LeftOut, check_switches, limit_of, open_gate
+from .terms import SWITCHED_OFF, Gate, LeftOut, LeftOutTerm, check_switches, limit_of, open_gate, too_small
 from .uniform_fall import arrival_speed
 
 __all__ = ["AIR", "TURNING", "Planner", "make_plan"]
@@ -43,6 +45,7 @@ TURNING = "turning-before-the-impact"  # what injection leaves out: how the air 
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
 RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
 CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
+NONE_MET = Encounters({}, 0.0, 0.0)  # for scales of which no one asks what a granule meets
 LARGEST_ERROR = 0.5  # of a share: an accuracy beyond would say nothing
 
 
@@ -67,24 +70,28 @@ def make_plan(
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
-    decided = {name: _decide(flown, name, airflow, switches, target) for name in flown.fraction}
+    approaches = _approaches(flown, airflow)
+    crowd = _crowd(flown, approaches, switches, target)
+    whole = [term for term, used in ((VIBRATION, airflow.moving), (COLLISIONS, crowd is not None)) if used]
+    decided = {name: _decide(flown, name, one, airflow, switches, target, whole) for name, one in approaches.items()}
     fractions = {name: one.plan for name, one in decided.items()}
     gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
-    validity = _validity(flown, decided, target)
+    validity = _validity(flown, decided, approaches, target)
     without_air = _without_air(given, fractions) if chain else _WithoutAir()
-    strained = warning_lines(flown, airflow, fractions, validity, target)
+    strained = warning_lines(flown, airflow, fractions, validity, target, crowded=crowd is not None)
     return Plan(
         airflow=airflow,
         target_error=target,
         force=switches,
         fractions=fractions,
-        used=tuple(used_lines(flown, airflow, fractions, validity, motion, chain=chain)),
+        used=tuple(used_lines(flown, airflow, fractions, validity, motion, crowd, chain=chain)),
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
-        estimate=estimate_cost(flown, airflow, fractions),
+        estimate=estimate_cost(flown, airflow, fractions, crowd),
         warnings=(*missing_lines(gates, flown.unit), *without_air.warnings, *strained),
         flown_by="chain" if chain else "tracker",
         validity=validity,
         unit=flown.unit,
+        crowd=crowd,
     )
 
 
@@ -131,37 +138,74 @@ def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> _
     return _ChosenAirflow(replace(airflow, moving=motion is not None and motion.used), motion)
 
 
-class _Decided(NamedTuple):
-    """What was decided for a fraction; in a vacuum, where there is no choice of forces, without ``gate`` and
-    ``scales``.
-    """
+@dataclass(frozen=True)
+class _Approach:
+    """What is known of a fraction before its forces are chosen; without ``scales`` and ``turned`` in a vacuum."""
 
-    plan: FractionPlan
-    gate: Gate | None = None
+    law: str
+    scale: float
+    met: Encounters
+    turned: Deflection | None = None
     scales: Sequence[FlightScales] = ()
 
 
-def _decide(scene: Scene, name: str, airflow: AirflowPlan, switches: Mapping[str, bool], target: float) -> _Decided:
-    """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
-    law, scale = scene.fraction[name].drag_law, _drag_scale(scene, name)
+def _approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, _Approach]:
+    """Of every fraction: its drag, which others it meets, and the scales of its flight."""
+    laws = {name: (scene.fraction[name].drag_law, _drag_scale(scene, name)) for name in scene.fraction}
+    met = encounters(scene, laws)
     if scene.air is None:
-        weight = tuple(force for force in forces if forces[force].always and forces[force].needs == "nothing")
-        mode = _mode(scene, clear=bool(scene.body))
-        return _Decided(
-            FractionPlan(mode, law, scale, None, math.inf, math.inf, scene.feed.fall_speed, forces=weight)
-        )  # fmt: skip
-    turned = deflection(scene, name, law, scale)
-    scales = flights(
-        scene, name, law, scale, straight=turned is not None and turned.straight and not scene.obstacles,
-        turbulent=airflow.turbulent,
-    )  # fmt: skip
-    gate = open_gate(scene, name, scales, switches, target, airflow.turbulence, moving=airflow.moving)
+        return {name: _Approach(*laws[name], met[name]) for name in laws}
+    found = {}
+    for name, law in laws.items():
+        turned = deflection(scene, name, *law)
+        straight = turned is not None and turned.straight and not scene.obstacles
+        scales = flights(scene, name, *law, met[name], straight=straight, turbulent=airflow.turbulent)
+        found[name] = _Approach(*law, met[name], turned, scales)
+    return found
+
+
+def _crowd(
+    scene: Scene, approaches: Mapping[str, _Approach], switches: Mapping[str, bool], target: float
+) -> CrowdPlan | None:
+    """The slab in which granules meet; None where that could not move a fraction by more than the accuracy allows."""
+    asked = switches.get(COLLISIONS)
+    if asked is None:
+        limit = limit_of(scene, target)
+        asked = why_no_crowd(scene) is None and any(
+            shifted(scene, one.met, one.scales) > limit for one in approaches.values()
+        )
+    laws = {name: (one.law, one.scale) for name, one in approaches.items()}
+    return plan_crowd(scene, laws, target) if asked else None
+
+
+class _Decided(NamedTuple):
+    """What was decided for a fraction; in a vacuum, where there is no choice of forces, without ``gate``."""
+
+    plan: FractionPlan
+    left_out: tuple[LeftOut, ...] = ()
+    gate: Gate | None = None
+
+
+def _decide(
+    scene: Scene,
+    name: str,
+    known: _Approach,
+    airflow: AirflowPlan,
+    switches: Mapping[str, bool],
+    target: float,
+    whole: Sequence[str],
+) -> _Decided:
+    """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
+    if scene.air is None:
+        return _in_vacuum(scene, name, known, switches, target, whole)
+    gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole)
+    turned = known.turned
     small = turned is not None and turned.missed <= target and turned.shift <= gate.limit
-    arrival = _arrival(scene, name, law, scale)
+    arrival = _arrival(scene, name, known.law, known.scale)
     plan = FractionPlan(
         mode=_mode(scene, clear=small),
-        drag=law,
-        drag_scale=scale,
+        drag=known.law,
+        drag_scale=known.scale,
         terminal_velocity=arrival.settling,
         relaxation_time=arrival.tau,
         stokes=arrival.stokes,
@@ -171,25 +215,45 @@ def _decide(scene: Scene, name: str, airflow: AirflowPlan, switches: Mapping[str
         bounds=gate.bounds,
         limit=gate.limit,
     )
-    return _Decided(plan, gate, scales)
+    return _Decided(plan, gate.left_out, gate)
 
 
-def _validity(scene: Scene, decided: Mapping[str, _Decided], target: float) -> tuple[Limit, ...]:
+def _in_vacuum(
+    scene: Scene, name: str, known: _Approach, switches: Mapping[str, bool], target: float, whole: Sequence[str]
+) -> _Decided:
+    """Where no air is there is no choice of forces, but granules meet all the same."""
+    weight = tuple(force for force in forces if forces[force].always and forces[force].needs == "nothing")
+    mode, limit = _mode(scene, clear=bool(scene.body)), limit_of(scene, target)
+    shift = min(scene.channel.width / scene.width, shifted(scene, known.met, ()))
+    plan = FractionPlan(
+        mode, known.law, known.scale, None, math.inf, math.inf, scene.feed.fall_speed,
+        forces=weight, bounds={COLLISIONS: shift}, limit=limit,
+    )  # fmt: skip
+    if COLLISIONS in whole:
+        return _Decided(plan)
+    reason = why_no_crowd(scene) or too_small(limit, target)
+    if switches.get(COLLISIONS) is False:
+        reason = SWITCHED_OFF
+    return _Decided(plan, (LeftOutTerm(COLLISIONS, shift, f"{bounds[COLLISIONS].why}; {reason}", name),))
+
+
+def _validity(
+    scene: Scene, decided: Mapping[str, _Decided], approaches: Mapping[str, _Approach], target: float
+) -> tuple[Limit, ...]:
     """What the feed rate strains, by the speeds and scales of the fractions."""
     arrivals = {name: one.plan.arrival_speed for name, one in decided.items()}
-    scales = {name: one.scales for name, one in decided.items() if one.scales}
-    return tuple(limits(scene, arrivals, scales, limit_of(scene, target)))
+    scales = {name: one.scales for name, one in approaches.items() if one.scales}
+    met = {name: one.met for name, one in approaches.items()}
+    return tuple(limits(scene, arrivals, scales, met, limit_of(scene, target)))
 
 
 def _left_out(
     scene: Scene, decided: Mapping[str, _Decided], without_air: _WithoutAir, *, chain: bool
 ) -> Iterator[LeftOut]:
     """What is left out of each fraction's flight, and of the whole run."""
-    for name, (plan, gate, _) in decided.items():
-        if gate is None:
-            continue
-        yield from gate.left_out
-        if plan.mode == "injected" and plan.impaction is not None:
+    for name, (plan, left_out, gate) in decided.items():
+        yield from left_out
+        if gate is not None and plan.mode == "injected" and plan.impaction is not None:
             why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
             yield LeftOut(TURNING, plan.impaction.shift, why, name)
     yield from without_air.left_out
@@ -211,7 +275,8 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _Withou
     air, widest = scene.air, scene.channel.width / scene.width
     left_out, warnings = [], []
     for name, fraction in fractions.items():
-        scales = flights(scene, name, fraction.drag, fraction.drag_scale, straight=False, turbulent=True)
+        law = fraction.drag, fraction.drag_scale
+        scales = flights(scene, name, *law, NONE_MET, straight=False, turbulent=True)
         middle = scales[len(scales) // 2]
         shift = min(widest, max(moved_by_air(flight) for flight in scales))
         carried = air.direction == "up" and middle.settling < air.speed

@@ -12,6 +12,7 @@ from ..scene import Scene
 from .airflow import AirflowPlan
 from .airflow_cost import ranks_for, span_cost, typical_cells
 from .coupling import Limit, strained
+from .crowd import CrowdPlan, crowd_lines
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
 from .span import span_lines
@@ -31,12 +32,14 @@ def used_lines(
     fractions: Mapping[str, FractionPlan],
     validity: Sequence[Limit],
     motion: AirMotion | None,
+    crowd: CrowdPlan | None,
     *,
     chain: bool,
 ) -> Iterator[str]:
     """A line for each thing that is computed: airflow, streams, fractions, feed, vibration, funnel.
 
-    ``motion``: what the vibration asks of the airflow; ``chain``: a scene with air is flown without.
+    ``motion``: what the vibration asks of the airflow; ``crowd``: the slab in which granules meet; ``chain``: a scene
+    with air is flown without.
     """
     yield from _airflow_lines(airflow, len(scene.body), scene.numerics.ranks)
     if airflow.span is not None:
@@ -59,6 +62,8 @@ def used_lines(
             f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
             f"impacts; {sight}{why}"
         )
+    if crowd is not None:
+        yield from crowd_lines(crowd)
     if scene.funnel is not None:
         yield summary(scene.funnel)
 
@@ -137,8 +142,12 @@ def warning_lines(
     fractions: Mapping[str, FractionPlan],
     validity: Sequence[Limit],
     target: float,
+    *,
+    crowded: bool,
 ) -> Iterator[str]:
-    """Where the model's assumptions strain, with numbers; ``target``: the accuracy asked for (a share)."""
+    """Where the model's assumptions strain, with numbers; ``target``: the accuracy asked for (a share);
+    ``crowded``: the granules' meetings are computed.
+    """
     for name, fraction in scene.fraction.items():
         size = float(fraction.diameters(np.array([LARGE]))[0])
         if size > POINT * scene.width:
@@ -153,7 +162,8 @@ def warning_lines(
             yield f"{name}: falls faster than a sphere of its size and density; check its terminal velocity"
         yield from _injected_beyond(name, plan, target)
     yield from standing(scene)
-    yield from strained(validity)
+    if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
+        yield from strained(validity, crowded=crowded)
     yield from airflow.warnings(scene)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from .airflow import AirflowPlan
 from .coupling import Limit
+from .crowd import CrowdPlan
 from .impaction import Deflection
 from .terms import LeftOut
 
@@ -64,6 +65,7 @@ class Plan:
     flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
     validity: tuple[Limit, ...] = ()  # what the feed rate strains, and from which rate on
     unit: str = "body widths"  # of lengths; channel widths where nothing stands
+    crowd: CrowdPlan | None = None  # the slab in which granules meet; None: each flies alone
 
     def __post_init__(self) -> None:
         for name in ("force", "fractions", "estimate"):

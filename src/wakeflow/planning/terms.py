@@ -10,7 +10,7 @@ of that together; the budget turns the bounds into shares with the landing densi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -22,16 +22,18 @@ from ..core.registry import did_you_mean
 from ..laws.forces import FlightScales, forces
 from ..laws.turbulence_models import has_no_turbulence
 from ..scene import Fraction, Scene
-from .bounds import VIBRATION, bounds
+from .bounds import COLLISIONS, VIBRATION, bounds
+from .crowd import why_no_crowd
 
 __all__ = [
-    "TYPICAL", "Gate", "LeftOut", "LeftOutTerm", "check_switches", "limit_of", "open_gate",
+    "SWITCHED_OFF", "TYPICAL", "Gate", "LeftOut", "LeftOutTerm", "check_switches", "limit_of", "open_gate", "too_small",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, whatever else is; chosen
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
+SWITCHED_OFF = "switched off by --force"
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
@@ -82,18 +84,26 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
             raise SceneError(
                 f"--force {key}: unknown term{did_you_mean(term, list(bounds))} (known: {', '.join(bounds)})"
             )
-        if not on:
-            continue
-        if scene.air is None:
-            raise SceneError(f"--force {key}=on: a term of the air; add an [air] table")
-        if term == VIBRATION and not fraction:
-            continue  # a switch of the airflow, for all fractions
-        if term not in forces or not forces[term].computed:
-            raise SceneError(f"--force {key}=on: this version cannot compute it; its bound is in the plan")
-        if forces[term].needs == "turbulence" and has_no_turbulence(turbulence):
-            raise SceneError(
-                f"--force {key}=on: the airflow is laminar (Re {scene.reynolds:.3g}), it has no turbulence"
-            )
+        if term == COLLISIONS and fraction:
+            raise SceneError(f"--force {key}: collisions are those of all fractions; leave out {fraction!r}")
+        obstacle = _obstacle(scene, fraction, term, turbulence) if on else None
+        if obstacle is not None:
+            raise SceneError(f"--force {key}=on: {obstacle}")
+
+
+def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str | None) -> str | None:
+    """Why a term cannot be switched on for a ``fraction``, or ("") for all; None where it can."""
+    if term == COLLISIONS:
+        return why_no_crowd(scene, asked=True)
+    if scene.air is None:
+        return "a term of the air; add an [air] table"
+    if term == VIBRATION and not fraction:
+        return None  # a switch of the airflow, for all fractions
+    if term not in forces or not forces[term].computed:
+        return "this version cannot compute it; its bound is in the plan"
+    if forces[term].needs == "turbulence" and has_no_turbulence(turbulence):
+        return f"the airflow is laminar (Re {scene.reynolds:.3g}), it has no turbulence"
+    return None
 
 
 def _switch(force: Mapping[str, bool], fraction: str, term: str) -> bool | None:
@@ -112,28 +122,28 @@ def open_gate(
     target: float,
     turbulence: str | None,
     *,
-    moving: bool = False,
+    whole: Collection[str] = (),
 ) -> Gate:
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
-    share; ``moving``: the airflow is computed round bodies that vibrate.
+    share; ``whole``: terms that are computed for the run as a whole, of all fractions together.
 
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
-    blocked = {term: _blocked(scene.fraction[name], term, turbulence) for term in bounds}
+    blocked = {term: _blocked(scene, scene.fraction[name], term, turbulence) for term in bounds}
     small = _small(shifts, blocked, limit)
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
-        if moving and term == VIBRATION:
+        if term in whole:
             continue
         switched, obstacle = _switch(force, name, term), blocked[term]
         if switched or (switched is None and term not in small and obstacle is None):
             used.add(term)
             continue
-        reason = f"below the {limit:.2g} that an accuracy of {target:.2g} allows"
+        reason = too_small(limit, target)
         if switched is False:
-            reason = "switched off by --force"
+            reason = SWITCHED_OFF
         elif term not in small and obstacle is not None:
             reason = obstacle
             if term in forces and not forces[term].computed:
@@ -160,6 +170,11 @@ def _shifts(scene: Scene, scales: Sequence[FlightScales]) -> dict[str, float]:
     return {term: min(widest, max(bounds[term].shift(flight) for flight in scales)) for term in bounds}
 
 
+def too_small(limit: float, target: float) -> str:
+    """Why a term is left out whose bound lies below the ``limit`` (body widths) for an accuracy of ``target``."""
+    return f"below the {limit:.2g} that an accuracy of {target:.2g} allows"
+
+
 def limit_of(scene: Scene, target: float) -> float:
     """The landing shift (body widths) below which a term is left out for an accuracy of ``target`` (a share)."""
     return target * _sides(scene) / TYPICAL
@@ -179,8 +194,10 @@ def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit
     return small
 
 
-def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | None:
+def _blocked(scene: Scene, fraction: Fraction, term: str, turbulence: str | None) -> str | None:
     """Why a term cannot be computed for a fraction; None where it can."""
+    if term == COLLISIONS:
+        return why_no_crowd(scene)
     if term == VIBRATION:
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
     if term not in forces:

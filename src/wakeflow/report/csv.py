@@ -34,6 +34,9 @@ SEPARATION_COLUMNS = (  # low and high: the 95 % interval
     "purity high (%)",
     "target",
     "bin throughput (kg/h)",
+    "share without collisions (%)",
+    "share without collisions low (%)",
+    "share without collisions high (%)",
 )
 BUDGET_COLUMNS = ("quantity", "source", "error", "unit of error", "run time (s)", "how")
 IMPACT_COLUMNS = (  # normal: into the slope; tangential: down it; power: from the vibration to the stream
@@ -53,8 +56,11 @@ HOUR = 3600.0  # s
 
 
 def separation_cells(result: Result, separation: Separation) -> list[Row]:
-    """One row a fraction and bin, keys as SEPARATION_COLUMNS; None where a bin stays empty and has no purity."""
+    """One row a fraction and bin, keys as SEPARATION_COLUMNS; None where a bin stays empty and has no purity, and where
+    granules met no others anyway.
+    """
     rows: list[Row] = []
+    alone = None if result.landings is None else result.landings.without_collisions
     for name, places in separation.fractions.items():
         for place, share in places.items():
             pure = (separation.purity.get(place) or {}).get(name)
@@ -62,7 +68,9 @@ def separation_cells(result: Result, separation: Separation) -> list[Row]:
             values += [None] * 3 if pure is None else [pure.value, pure.low, pure.high]
             numbers = [None if value is None else 100.0 * value for value in values]
             wanted = place in result.targets(name)
-            cells: list[Cell] = [name, place, *numbers, wanted, separation.throughput[place]]
+            single = None if alone is None else alone.fractions[name][place]
+            beside = [None] * 3 if single is None else [100.0 * x for x in (single.value, single.low, single.high)]
+            cells: list[Cell] = [name, place, *numbers, wanted, separation.throughput[place], *beside]
             rows.append(dict(zip(SEPARATION_COLUMNS, cells, strict=True)))
     return rows
 

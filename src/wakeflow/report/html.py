@@ -16,6 +16,7 @@ from .words import (
     NO_VALUE,
     UNKNOWN_ERROR,
     budget_columns,
+    changed,
     condensed,
     error_text,
     expected,
@@ -136,6 +137,7 @@ def render(
         lstrip_blocks=True,
     )
     environment.filters.update(percent=percent, number=_number, seconds=_seconds)
+    environment.globals.update(changed=changed)
     shown = captions() if texts is None else texts
     return environment.get_template("report.html.j2").render(
         result=result,
@@ -160,6 +162,8 @@ def _shares(result: Result) -> dict[str, Any]:
     landings = result.landings
     return {
         "separation": None if landings is None else landings.separation,
+        "alone": None if landings is None else landings.without_collisions,
+        "slab": None if landings is None else landings.slab,
         "bracket": {} if landings is None else landings.bracket or {},
         "answers": list(_answers(result)),
         "targets": {name: result.targets(name) for name in result.scene["fraction"]},

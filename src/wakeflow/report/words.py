@@ -18,6 +18,7 @@ __all__ = [
     "TERMS",
     "UNKNOWN_ERROR",
     "budget_columns",
+    "changed",
     "condensed",
     "error_text",
     "expected",
@@ -44,6 +45,13 @@ def percent(number: Measured | Share | None) -> str:
     half = 50.0 * (number.high - number.low)
     digits = 1 if half <= 0 else min(MOST_DIGITS, max(1, -math.floor(math.log10(half))))
     return f"{100 * number.value:.{digits}f} ± {half:.{digits}f}"
+
+
+def changed(before: Measured | Share | None, after: Measured | Share | None) -> str:
+    """``"-17.2"``: what a share in 0..1 changes by, in percentage points; a dash where either is not known."""
+    if before is None or after is None or before.value is None or after.value is None:
+        return NO_VALUE
+    return f"{100.0 * (after.value - before.value):+.1f}"
 
 
 def expected(result: Result, place: str) -> list[tuple[str, Measured]]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
-from . import sources  # noqa: F401 - its import registers the program's own sources
+from . import crowd_sources, sources  # noqa: F401 - their imports register the program's own sources
 from .landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
 from .source import Flights, FractionResults, Source, budget_sources
 
@@ -41,7 +41,7 @@ def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ..
     rows: list[BudgetRow] = []
     places: list[BudgetRow] = []
     for name, shares in separation.fractions.items():
-        fraction = FractionResults(name, flights.tracked.landings[name], shares, flights)
+        fraction = FractionResults(name, flights.landings[name], shares, flights)
         rows += _share_rows(fraction, everything)
         parts = tuple(part for source in _in_row() for part in source.landing(fraction))
         cost = BudgetTotal(None, flights.tracking + sum(part.seconds for part in parts))

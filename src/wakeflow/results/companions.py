@@ -89,7 +89,7 @@ class Comparison(Generic[Key]):
 def compared(landing: Landings) -> Landings:
     """The landings of the replicates that fly in comparisons."""
     kept = landing.replicate < COMPARED
-    return replace(landing, **{name: values[kept] for name, values in vars(landing).items()})
+    return replace(landing, **{name: values[kept] for name, values in vars(landing).items() if values is not None})
 
 
 def _shares(pipeline: Pipeline, tracked: Tracked) -> Shares:

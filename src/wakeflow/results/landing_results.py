@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..core.record import Partial, column
+from .crowd_summary import CrowdSummary
 from .measured import Measured, Share
 
 __all__ = [
@@ -88,8 +89,16 @@ class BudgetRow:
 class LandingResults:
     """What the landings of all granules amount to."""
 
-    separation: Separation = column("", "the answer")
+    separation: Separation = column("", "the answer: with the granules' collisions where `slab` stands")
     bracket: dict[str, dict[str, dict[str, float]]] | None = column(
-        "1", "share by fraction, bin and wake, the answer's own last; null where the wakes are not compared"
+        "1",
+        "share by fraction, bin and wake, each granule alone, the answer's own wake last; null where the wakes are "
+        "not compared",
     )
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")
+    without_collisions: Separation | None = column(
+        "", "the same of granules that meet no others; left out where the answer is that", absent=True, default=None
+    )
+    slab: CrowdSummary | None = column(
+        "", "where collisions were computed; left out where granules fly alone", absent=True, default=None
+    )

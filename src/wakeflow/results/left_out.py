@@ -42,7 +42,7 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in _all(ends)}
     for row in rows:
         assert row.bound is not None
-        moved = {point: crossing_share(away, row.bound) for point, away in distance.items()}
+        moved = {point: crossing_share(away, row.bound, landing.weight) for point, away in distance.items()}
         for place, found in parts.items():
             error = min(1.0, sum(moved[point] for point in ends[place]))
             kind = LEFT_OUT if row.bound <= limit else NOT_COMPUTED
@@ -57,14 +57,16 @@ def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
     return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note)
 
 
-def crossing_share(distance: Array, shift: float) -> float:
+def crossing_share(distance: Array, shift: float, weight: Array | None = None) -> float:
     """Share of granules that a landing ``shift`` (body widths) can carry over a bin's end ``distance`` (n,) from them.
 
     The shift times the density of landings there: granules within WINDOW on both sides, or within the shift where that
-    is more (upper 95 % limit of their share), over that length.
+    is more (upper 95 % limit of their share), over that length. ``weight`` (n,) of each, by default 1.
     """
     window = max(WINDOW, shift)
-    return shift * upper_limit(int(np.count_nonzero(distance <= window)), len(distance)) / (2.0 * window)
+    each = np.ones(len(distance)) if weight is None else weight
+    near, total = round(float(each[distance <= window].sum())), round(float(each.sum()))
+    return shift * upper_limit(near, total) / (2.0 * window)
 
 
 def free_ends(scene: Scene) -> Ends:

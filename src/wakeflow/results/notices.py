@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from ..core.record import to_json
@@ -10,6 +10,7 @@ from ..funnel import notices as funnel_notices
 from ..pipeline.pipeline import Pipeline
 from ..scene import Scene
 from .airflow_summary import Airflow
+from .crowd_summary import CrowdSummary
 from .funnel_summary import FunnelSummary
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ __all__ = ["notices"]
 LOOSE_LOOP = 0.1  # of the rms fluctuation: a stored loop that joins with more kicks the granules once a period
 SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
 LONGER = 1e-9  # m: rounding of the mesh's ends, no longer channel
+JAM = "granules that lie still become more as long as it runs; widen the gap, or feed less"
 ENDINGS = {  # fates that are no landing: what they mean
     "airborne": "were still in the air when tracking ended",
     "stopped": "hit the tracker's hard stop",
@@ -28,14 +30,23 @@ ENDINGS = {  # fates that are no landing: what they mean
 
 
 def notices(
-    scene: Scene, pipeline: Pipeline, airflow: Airflow | None, funnel: FunnelSummary | None, tracked: Tracked | None
+    scene: Scene,
+    pipeline: Pipeline,
+    airflow: Airflow | None,
+    funnel: FunnelSummary | None,
+    tracked: Tracked | None,
+    slab: CrowdSummary | None = None,
 ) -> list[str]:
-    """What a user must know of the airflow, of the feed funnel and of how the tracks ended, a line each."""
+    """What a user must know of the airflow, of the feed funnel and of how the tracks ended, a line each; those in the
+    ``slab``, where granules meet in one.
+    """
     solved = airflow is not None and not pipeline.kind.at_once
     lines = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
     lines += [] if funnel is None else funnel_notices(to_json(funnel))
     if tracked is not None:
-        lines += [*_passing(pipeline, tracked), *_unlanded(tracked)]
+        if slab is not None and slab.jammed:
+            lines.append(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}")
+        lines += [*_passing(pipeline, tracked), *_unlanded(tracked.fates if slab is None else slab.fates)]
     return lines
 
 
@@ -50,8 +61,8 @@ def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[str]:
             )
 
 
-def _unlanded(tracked: Tracked) -> Iterator[str]:
-    for name, fates in tracked.fates.items():
+def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[str]:
+    for name, fates in ended.items():
         total = sum(fates.values())
         for fate, meaning in ENDINGS.items():
             if fates.get(fate):

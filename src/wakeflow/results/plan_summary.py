@@ -14,6 +14,7 @@ __all__ = [
     "ImpactionSummary",
     "LeftOutSummary",
     "PlanSummary",
+    "PlannedSlab",
     "ValidityLimit",
     "summary_of",
 ]
@@ -88,6 +89,21 @@ class PlannedSpan:
 
 
 @dataclass(frozen=True)
+class PlannedSlab:
+    """The slab in which granules meet."""
+
+    depth: float = column("m", "of the slab across the picture, periodic")
+    tracers: dict[str, float] = column("1", "share of each fraction's mass, its finest granules, that fly as tracers")
+    in_flight: dict[str, float] = column("1", "granules of each fraction that are simulated one by one, at a time")
+    replicates: int = column("1", "independent runs of the slab")
+    start_up: float = column("s", "of each, estimated; dropped")
+    operation: float = column("s", "of each, that counts; at least")
+    count: int = column("1", "tracers of a fraction that count, over all replicates")
+    seconds: float = column("s", "run time expected, on two cores")
+    memory: float = column("bytes", "memory expected")
+
+
+@dataclass(frozen=True)
 class PlanSummary(Partial):
     """What is computed and what is not."""
 
@@ -113,6 +129,7 @@ class PlanSummary(Partial):
     flown_by: str | None = column("", "tracker, or chain: impacts and parabolas in closed form", default=None)
     validity: tuple[ValidityLimit, ...] | None = column("", "what the feed rate strains", default=None)
     unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")
+    crowd: PlannedSlab | None = column("", "the slab in which granules meet; null where each flies alone", default=None)
 
 
 def summary_of(plan: Plan) -> PlanSummary:

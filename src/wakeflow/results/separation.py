@@ -48,7 +48,7 @@ def share_spreads(landing: Landings, bins: int) -> list[Spread]:
     """The two parts of the interval of a fraction's share in every bin, and elsewhere."""
     found = []
     for tally in Tally.every(landing, bins, cycles_of([landing])):
-        _, low, high = share_interval(tally.samples, len(landing.bin), tally.spread._replace(airflow=0.0))
+        _, low, high = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
         found.append(Spread(0.5 * (high - low), tally.spread.airflow))
     return found
 
@@ -69,7 +69,7 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
     for name in landings:
         landing = landings[name]
         tallies[name] = Tally.every(landing, len(scene.bin), cycles)
-        count[name] = len(landing.bin)
+        count[name] = round(landing.size)
     fractions = {
         name: {place: Share(*_interval(tally, count[name])) for place, tally in zip(bins, found, strict=True)}
         for name, found in tallies.items()

@@ -18,6 +18,7 @@ from .separation import share_spreads
 from .spread import Spread
 
 if TYPE_CHECKING:
+    from ..pipeline.crowd_stage import SlabFound
     from ..pipeline.landings import Tracked
 
 __all__ = ["Flights", "FractionResults", "Source", "budget_sources"]
@@ -70,10 +71,13 @@ class Source(Generic[Flown]):
 
 @dataclass(frozen=True)
 class Flights:
-    """What the sources of one run fly again; each flies at most once."""
+    """What the sources of one run fly again; each flies at most once. ``tracked``: every granule alone; ``crowd``: the
+    same among others, where the plan has them meet.
+    """
 
     pipeline: Pipeline
     tracked: Tracked
+    crowd: SlabFound | None = None
     _made: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def of(self, source: Source[Flown]) -> Flown | None:
@@ -83,6 +87,11 @@ class Flights:
         found: Flown | None = self._made[source.name]
         return found
 
+    @property
+    def landings(self) -> Mapping[str, Landings]:
+        """The answer's: of granules that meet where they do, else of each alone."""
+        return self.tracked.landings if self.crowd is None else self.crowd.landings
+
     @cached_property
     def airflow(self) -> Airflow:
         """What is known of the airflow."""
@@ -91,12 +100,12 @@ class Flights:
     @property
     def tracking(self) -> float:
         """Run time (s) of the answer's own tracks."""
-        return self.pipeline.spent("tracks")
+        return self.pipeline.spent("tracks" if self.crowd is None else "slab")
 
 
 @dataclass(frozen=True)
 class FractionResults:
-    """A fraction whose errors are asked for: its name, its landings, and its share in every bin."""
+    """A fraction whose errors are asked for: its name, its landings (the answer's), and its share in every bin."""
 
     name: str
     landings: Landings
@@ -109,8 +118,8 @@ class FractionResults:
 
     @cached_property
     def compared(self) -> Landings:
-        """The landings of the granules that fly again in comparisons."""
-        return compared(self.landings)
+        """The landings, each granule alone, of those that fly again in comparisons."""
+        return compared(self.flights.tracked.landings[self.name])
 
     @cached_property
     def spreads(self) -> dict[str, Spread]:

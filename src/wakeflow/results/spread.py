@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..foam.statistics import student
 from ..pipeline.landings import Landings
 
-__all__ = ["LEVEL", "Spread", "Tally", "cycles_of", "spread_of"]
+__all__ = ["LEVEL", "Spread", "Tally", "cycles_of", "spread_of", "student"]
 
 Array = NDArray[np.float64]
 LEVEL = 0.95  # of every interval
@@ -40,7 +40,7 @@ class Spread(NamedTuple):
 
 class Tally(NamedTuple):
     """Granules of one fraction by replicate and cycle: ``hits`` (R, C) in a bin, or several, ``released`` (R, C) in
-    all; ``realisation`` (R,) of the airflow in which each replicate flew.
+    all, each counted by its weight; ``realisation`` (R,) of the airflow in which each replicate flew.
     """
 
     hits: Array
@@ -56,7 +56,7 @@ class Tally(NamedTuple):
         place = np.where(landing.bin >= 0, landing.bin, bins).astype(np.int64)
         place = (place * replicates + landing.replicate) * cycles + landing.cycle
         shape = bins + 1, replicates, cycles
-        hits = np.bincount(place, minlength=int(np.prod(shape))).reshape(shape).astype(float)
+        hits = np.bincount(place, landing.weight, minlength=int(np.prod(shape))).reshape(shape).astype(float)
         return [cls(inside, hits.sum(axis=0), realisation) for inside in hits]
 
     @property

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .bins import Bin
     from .consistency import RESERVED_BIN
+    from .crowding import Crowding
     from .feed import Feed, Profile
     from .fraction import Fraction, Rebound, Size, Speeds
     from .funnel import Funnel
@@ -26,6 +27,7 @@ _HOMES = {
     "Bin": "bins",
     "Body": "surroundings",
     "Channel": "surroundings",
+    "Crowding": "crowding",
     "Feed": "feed",
     "Fraction": "fraction",
     "Funnel": "funnel",
@@ -49,6 +51,7 @@ __all__ = [
     "Bin",
     "Body",
     "Channel",
+    "Crowding",
     "Feed",
     "Fraction",
     "Funnel",

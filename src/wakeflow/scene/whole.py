@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
 from .bins import Bin
+from .crowding import Crowding
 from .feed import Feed
 from .fraction import Fraction
 from .funnel import Funnel
@@ -79,6 +80,7 @@ class SceneTables(Table):
     funnel: Funnel | None = None
     fraction: Annotated[dict[Name, Fraction], Field(min_length=1)]
     bin: Annotated[dict[Name, Bin], Field(min_length=1)]
+    collisions: Crowding = Crowding()
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     numerics: Numerics = Numerics()
 

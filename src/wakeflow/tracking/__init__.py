@@ -8,13 +8,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from .bodies import Body, Motion
+from .crowd.collisions import Collisions
 from .granules import Granules
 from .tracks import Fate, Tracks
 
 if TYPE_CHECKING:
     from .driver import track
 
-__all__ = ["Body", "Fate", "Granules", "Motion", "Tracks", "track"]
+__all__ = ["Body", "Collisions", "Fate", "Granules", "Motion", "Tracks", "track"]
 
 
 def __getattr__(name: str) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..core.process import cores
 from ..field import FlowField, Swing
 from ..laws.constants import GRAVITY
 from .bodies import Body, Motion
+from .crowd.collisions import Collisions
 from .frame import from_frame, swing_of, to_frame
 from .granules import Granules
 from .kernel import layout as at
@@ -48,7 +49,7 @@ def track(
     tolerance: float = 1e-6,
     length: float | None = None,
     forces: Sequence[str] = ("drag", "gravity"),
-    drag: str = "brown-lawler",
+    drag: str | Sequence[str] = "brown-lawler",
     bodies: Sequence[Body | Any] = (),
     lines: Sequence[Any] = (),
     motion: Motion | None = None,
@@ -58,12 +59,14 @@ def track(
     march: bool = True,
     workers: int | None = None,
     progress: Callable[[int, int], object] | None = None,
+    collisions: Collisions | None = None,
 ) -> Tracks:
     """Follow ``grains`` through ``field`` (None: a vacuum) until each meets its fate, or the clock shows ``until`` (s).
 
     ``tolerance`` is the landing error in units of ``length`` (m; default: width of the first body, 1 m without one).
     ``forces``: names of :mod:`wakeflow.laws.forces`: drag, gravity (g alone), buoyancy, pressure-gradient, added-mass,
-    lift, magnus, dispersion, brownian; those of the air do nothing in a vacuum.
+    lift, magnus, dispersion, brownian; those of the air do nothing in a vacuum. ``drag``: a law, or one for each
+    ``fraction`` of the granules.
     ``bodies`` are outlines (k, 2), which move by ``motion``, or Body; ``lines`` (k, 2) polylines that end a track
     when its centre crosses them. An edge of the mesh that no body covers ends it there: BINNED when it lies on a
     line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
@@ -72,8 +75,10 @@ def track(
     ``record`` keeps each path, thinned to at most 1024 points, or as many as it says. ``march`` False takes confined
     steps only, none over several triangles (docs/kernel.md): a switch for tests, which measure the order of these
     steps by it; flights become slower, and their landing error is bounded by the same ``tolerance``. ``workers``
-    threads (default: all cores); results do not depend on their number. ``progress(done, total)``. Raises SceneError
-    for an unknown force or drag law, a force that needs what the field has not, or arguments out of range.
+    threads (default: all cores); results do not depend on their number. ``progress(done, total)``.
+    ``collisions`` (:class:`Collisions`): granules meet. All fly on one clock in three dimensions, each from its time
+    and its place across the slab (``grains.depth``, or drawn by ``seed``); docs/crowd.md. Raises SceneError for an
+    unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)
     solids = [body if isinstance(body, Body) else Body(np.asarray(body, dtype=float), motion=motion) for body in bodies]
@@ -85,11 +90,13 @@ def track(
     air = pack_air(field, solids, reach, forces)
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
     points = ROOM if record is True else int(record)
-    tables, table_of = pack_tables(drag, grains.sphericity)
+    tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
     flight = _Flight(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
     found = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
+    if collisions is not None:
+        return _fly_crowd(flight, found, collisions, seed, progress)
     _fly_all(flight, found, workers, progress)
     return found
 
@@ -164,6 +171,24 @@ def _fly_all(
                 progress(done, count)
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
         pool.shutdown(cancel_futures=True)
+
+
+def _fly_crowd(
+    flight: _Flight, found: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object] | None
+) -> Tracks:
+    """The same granules as a crowd, in the lab; its step is judged by flights of a sample, each granule alone."""
+    from .crowd.driver import Slab
+    from .crowd.step import fly_crowd
+
+    def alone(rows: NDArray[np.int64], forces: Sequence[str]) -> Tracks:
+        some = replace(flight, grains=flight.grains[rows], forces=forces, points=0, table_of=flight.table_of[rows])
+        tracks = Tracks.empty(len(rows))
+        _fly_all(some, tracks, None, None)
+        return tracks
+
+    walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), None, flight.grains.restitution)
+    slab = Slab(**{f.name: getattr(flight, f.name) for f in fields(flight)} | {"walls": walls}, collisions=collisions)
+    return fly_crowd(slab, found, alone, seed, progress)
 
 
 def _longest_wait(field: FlowField | None, air: PackedAir, bodies: Sequence[Body], omega: float) -> float:

@@ -57,8 +57,9 @@ class Granules:
     velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
     approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.rebound``);
-    ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``). Raises
-    SceneError, naming the count and the first index, for values that are not finite or out of range.
+    ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``);
+    ``depth`` m, its place across the slab of a crowd, None: drawn evenly. Raises SceneError, naming the count and the
+    first index, for values that are not finite or out of range.
     """
 
     position: Array
@@ -76,6 +77,7 @@ class Granules:
     time: Any = 0.0
     scatter: Any = 0.0
     tangential_restitution: Any = 0.0
+    depth: Any = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.position)
@@ -96,6 +98,8 @@ class Granules:
         inertia = np.array(np.broadcast_to(np.asarray(inertia, dtype=float), shape[:1]))
         _refuse("inertia", inertia, ~(inertia > 0), "positive")
         object.__setattr__(self, "inertia", inertia)
+        if self.depth is not None:
+            object.__setattr__(self, "depth", _clean("depth", self.depth, shape[:1]))
 
     def __len__(self) -> int:
         return len(self.position)
@@ -103,7 +107,8 @@ class Granules:
     def __getitem__(self, chosen: Any) -> Granules:
         """The chosen granules: a slice, indices or a mask."""
         own: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        return self.replace(**{name: v[chosen] for name, v in own.items() if not isinstance(v, Restitution)})
+        whole = {name: v for name, v in own.items() if v is not None and not isinstance(v, Restitution)}
+        return self.replace(**{name: v[chosen] for name, v in whole.items()})
 
     def replace(self, **changes: Any) -> Granules:
         """The same granules with some properties replaced."""

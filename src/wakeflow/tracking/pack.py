@@ -91,8 +91,25 @@ def _any_of(rows: Array, slots: Iterable[str]) -> NDArray[np.bool_]:
     return np.asarray(np.any(rows[:, [getattr(at, slot) for slot in slots]] != 0.0, axis=1))
 
 
-def pack_tables(law: str, sphericity: Array) -> tuple[Array, Index]:
-    """Tables of the drag law (k, cells, 4), one for every sphericity that occurs, and which one each granule uses."""
+def pack_tables(law: str | Sequence[str], sphericity: Array, fraction: Index) -> tuple[Array, Index]:
+    """Tables of the drag law (k, cells, 4), one for every sphericity that occurs, and which one each granule uses; of
+    several laws each granule's is the one at the place of its ``fraction``. Raises SceneError where there are too few.
+    """
+    if isinstance(law, str):
+        return _tables_of(law, sphericity)
+    if len(fraction) and not 0 <= fraction.min() <= fraction.max() < len(law):
+        raise SceneError(f"drag: {len(law)} laws, granules of fraction {fraction.min()} to {fraction.max()}")
+    tables, which, count = [], np.zeros(len(sphericity), dtype=np.int64), 0
+    for name in dict.fromkeys(law):
+        own = np.isin(fraction, [i for i, one in enumerate(law) if one == name])
+        found, used = _tables_of(name, sphericity[own])
+        which[own] = count + used
+        tables.append(found)
+        count += len(found)
+    return np.concatenate(tables), which
+
+
+def _tables_of(law: str, sphericity: Array) -> tuple[Array, Index]:
     if not drag_laws[law].uses_sphericity:
         return drag_table(law)[None], np.zeros(len(sphericity), dtype=np.int64)
     values, which = np.unique(sphericity, return_inverse=True)

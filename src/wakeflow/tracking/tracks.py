@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from .kernel import layout as at
 
-__all__ = ["Fate", "Tracks"]
+__all__ = ["CrowdFlight", "Fate", "Tracks"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -42,13 +43,38 @@ ADVICE = {
 }
 
 
+@dataclass(frozen=True)
+class CrowdFlight:
+    """How a crowd was flown: the ``step`` of its clock (s), and its ``step_error``: by how much a sample of granules
+    that meets nobody lands elsewhere than the tracker says (lengths; nine of ten by less; NaN where the step was
+    given); ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3): time (s), how many lay still, how
+    many were born; ``jammed``: most of what was fed in the second half of the feed's time still lies at its end.
+    """
+
+    step: float
+    step_error: float
+    steps: int
+    flown: int
+    standing: Array
+    jammed: bool
+
+    @property
+    def advice(self) -> str:
+        """One line for the user; empty where nothing is wrong."""
+        return JAM if self.jammed else ""
+
+
+JAM = "the feed jams: granules that lie still become more as long as it runs; widen the gap, or feed less"
+
+
 @dataclass(frozen=True, eq=False)
 class Tracks:
     """How n granules ended: ``position`` (n, 2) m, ``velocity`` (n, 2) m/s, ``time`` (n,) s on the clock they were
     born by.
 
     ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track
-    or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion.
+    or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion. With ``collisions``: ``meetings`` (n,) with other
+    granules, and of the ``crowd`` how it was flown.
     """
 
     position: Array
@@ -61,6 +87,8 @@ class Tracks:
     spin: Array
     evaluations: Index
     recorded: list[Array] | None = None
+    meetings: Index | None = None
+    crowd: CrowdFlight | None = None
 
     def __len__(self) -> int:
         return len(self.fate)
@@ -68,7 +96,7 @@ class Tracks:
     @classmethod
     def empty(cls, count: int, *, recorded: bool = False) -> Tracks:
         """Room for the tracks of ``count`` granules."""
-        numbers = {
+        numbers: dict[str, Any] = {
             name: np.zeros(count, dtype=np.int64) for name in ("fate", "steps", "impacts", "line", "evaluations")
         }
         return cls(

@@ -52,7 +52,8 @@ class FlightScales:
     turbulent: bool
     shaking: float  # peak speed of the body, m/s
     omega: float  # of the vibration, rad/s
-    meetings: float  # with other granules, weighted by the share of its momentum that each takes away
+    meetings: float  # with granules as heavy or heavier, lighter ones by their share
+    knock: float  # m/s, the change of velocity that one of these brings at most
     calm: bool = False  # no body: the air neither turns nor changes its speed
 
     @property

@@ -18,7 +18,7 @@ from .forces import drag_rate
 from .jit import compiled, inlined
 from .locate import barycentric
 
-__all__ = ["mirror", "renew"]
+__all__ = ["drawn", "mirror", "renew"]
 
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
@@ -28,7 +28,7 @@ PASSAGE = 0.02  # of the time air or granule need for a body's length: an interv
 
 
 @compiled
-def _drawn(ints, rules):
+def drawn(ints, rules):
     """The next two random numbers of the granule's stream."""
     ints[at.DRAWS] += 1
     return _normals(rules.seed, ints[at.STREAM], ints[at.DRAWS])
@@ -81,7 +81,7 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
         dx, dy = (ex, ey) if side == 0 else (-ey, ex)
         time = along if side == 0 else across
         decay, end, mean, shared, own = _langevin(span / max(time, 1e-300))
-        xi, eta = _drawn(ints, rules)
+        xi, eta = drawn(ints, rules)
         start = dx * state[at.SEEN_X] + dy * state[at.SEEN_Y]
         lean = drift * time * (dx * sx + dy * sy)
         last = lean + decay * (start - lean) + end * xi
@@ -105,11 +105,11 @@ def renew(state, ints, affine, air, grain, table, rules):
         span = min(span, PASSAGE * rules.length / speed)
     if grain[at.DISPERSION] != 0.0:
         if ints[at.DRAWS] == 0:  # the process is stationary at birth
-            state[at.SEEN_X], state[at.SEEN_Y] = _drawn(ints, rules)
+            state[at.SEEN_X], state[at.SEEN_Y] = drawn(ints, rules)
         span = _eddies(state, ints, affine, air, grain, table, rules, 0.05 * span)
     if grain[at.DIFFUSIVITY] != 0.0:
         size = math.sqrt(2.0 * grain[at.DIFFUSIVITY] / span)
-        xi, eta = _drawn(ints, rules)
+        xi, eta = drawn(ints, rules)
         state[at.KICK_X], state[at.KICK_Y] = size * xi, size * eta
     state[at.T_NOISE] = state[at.T] + span
     ints[at.FRESH] = 0

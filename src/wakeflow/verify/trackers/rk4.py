@@ -278,7 +278,7 @@ def fly_explicit(
     count = len(grains)
     air = pack_air(field, bodies, 1e-6 * length, tuple(forces))
     walls = pack_walls(bodies, pack_lines(()), restitution=grains.restitution)
-    tables, table_of = pack_tables(drag, grains.sphericity)
+    tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
     constants = pack_granules(grains, field, forces, gravity)
     states = np.zeros((count, at.T + 1))
     states[:, [at.X, at.Y]], states[:, [at.VX, at.VY]] = grains.position, grains.velocity

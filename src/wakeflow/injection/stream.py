@@ -1,0 +1,204 @@
+"""The feed of a slab: every granule of a stretch of operation, in the order in which it comes.
+
+Granules come as a Poisson process, each fraction at its own rate and independently of the others: what a feeder does
+that mixes well and neither doses nor clogs. Sizes, given by mass, are drawn by number, for each of these granules is a
+real one. What is too fine for that comes as tracers, of which each stands for many granules and for the same mass.
+
+A curtain that starts at rest is infinitely dense where it starts. The slab begins where it has fallen FALLEN of its way
+down to the body, each granule with the speed that it has there when it falls alone; no two overlap where they are born.
+A fraction's law of restitution is taken at that speed.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..laws.constants import GRAVITY
+from ..laws.restitution import Restitution, restitution_at
+from ..planning.crowd import MASS_LEVELS, CrowdPlan, number_rates
+from ..planning.plan import Plan
+from ..scene import Scene
+from ..tracking import Granules
+from .feed import arrival, entering, fall_start, granules_of
+
+__all__ = ["SlabFeed", "slab_stream"]
+
+Array = NDArray[np.float64]
+FALLEN = 0.4  # of the way to the body; shares do not depend on it (docs/throughput.md)
+FALLS = 32  # granules of a fraction whose fall to the slab's beginning is computed; the others lie between
+ROUNDS = 200  # in which granules that overlap at birth are given other places, before the feed counts as too dense
+
+
+@dataclass(frozen=True)
+class SlabFeed:
+    """The granules that one replicate of a slab is fed with, by time of birth.
+
+    ``fraction`` (n,) is each one's place among the scene's; ``mass`` (n,) what it stands for, in any unit; ``counted``
+    (n,) whether it came in steady operation. ``granules.fraction``
+    is the same place, plus the number of fractions for ``tracers``.
+    """
+
+    granules: Granules
+    fraction: NDArray[np.int64]
+    mass: Array
+    counted: NDArray[np.bool_]
+    tracers: tuple[int, ...]
+
+
+def slab_stream(
+    scene: Scene, plan: Plan, replicate: int, *, begin: float, start_up: float, operation: float, depth: float
+) -> SlabFeed:
+    """The feed of one ``replicate`` of a slab of ``depth`` (m): from ``begin`` (s) on for the ``start_up`` (s), the
+    ``operation`` (s) that counts, and as long again as the start-up, until what counts has landed among others.
+    """
+    crowd = plan.crowd
+    assert crowd is not None
+    rng = np.random.default_rng([scene.feed.seed, zlib.crc32(b"slab"), replicate])
+    whole = operation + 2.0 * start_up
+    parts = []
+    for number, name in enumerate(scene.fraction):
+        parts += [_fed(scene, plan, name, number, rng, whole, depth, tracers=tracers) for tracers in (False, True)]
+    order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
+    granules = _joined([part.granules for part in parts])[order]
+    fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
+    tracers = tuple(len(scene.fraction) + i for i, name in enumerate(scene.fraction) if crowd.tracers[name] > 0.0)
+    solid = np.flatnonzero(granules.fraction < len(scene.fraction))
+    x, across = _apart(scene, rng, granules, solid, depth)
+    since = granules.time
+    position = np.stack([x, granules.position[:, 1]], axis=1)
+    granules = granules.replace(position=position, time=begin + since, depth=across)
+    counted = (since >= start_up) & (since < start_up + operation)
+    return SlabFeed(granules, fraction, mass, counted, tracers)
+
+
+def _fed(
+    scene: Scene, plan: Plan, name: str, number: int, rng: np.random.Generator, whole: float, depth: float, *,
+    tracers: bool,
+) -> SlabFeed:  # fmt: skip
+    """The real granules, or the tracers, of one fraction over ``whole`` (s); times from 0, unsorted."""
+    fraction, crowd = scene.fraction[name], plan.crowd
+    assert crowd is not None
+    time, p = (_tracers if tracers else _singles)(scene, crowd, name, rng, whole, depth)
+    diameter = fraction.diameters(p)
+    spreads = fraction.settling(np.zeros(0)) is not None
+    settling = fraction.settling(rng.random(len(p))) if spreads else None
+    grains = granules_of(fraction, plan.fractions[name], diameter, settling)
+    x = scene.feed.places(rng.random(len(p)))
+    grains = _born(scene, plan, name, grains, x).replace(
+        time=time, fraction=number + (len(scene.fraction) if tracers else 0)
+    )
+    if isinstance(grains.restitution, Restitution):
+        grains = grains.replace(restitution=restitution_at(grains.restitution, np.abs(grains.velocity[:, 1])))
+    mass = np.ones(len(p)) if tracers else grains.density * diameter**3
+    mass = mass * _share_of_mass(crowd, name, mass, tracers=tracers)
+    index = np.full(len(p), number)
+    return SlabFeed(grains, index, mass, np.zeros(len(p), dtype=bool), ())
+
+
+def _share_of_mass(crowd: CrowdPlan, name: str, mass: Array, *, tracers: bool) -> float:
+    """Factor that makes the real granules and the tracers of a fraction weigh together as their shares of its mass."""
+    fine = crowd.tracers[name]
+    return (fine if tracers else 1.0 - fine) / float(mass.sum()) if len(mass) else 0.0
+
+
+def _singles(
+    scene: Scene, crowd: CrowdPlan, name: str, rng: np.random.Generator, whole: float, depth: float
+) -> tuple[Array, Array]:
+    """Times (s) and mass quantiles of the granules that are simulated one by one: a Poisson process."""
+    rates = number_rates(scene, name) * depth / scene.feed.depth
+    rates[: round(crowd.tracers[name] * MASS_LEVELS)] = 0.0
+    total = float(rates.sum())
+    if total == 0.0:
+        return np.zeros(0), np.zeros(0)
+    time = whole * rng.random(rng.poisson(total * whole))
+    level = rng.choice(MASS_LEVELS, len(time), p=rates / total)
+    return time, (level + rng.random(len(time))) / MASS_LEVELS
+
+
+def _tracers(
+    scene: Scene, crowd: CrowdPlan, name: str, rng: np.random.Generator, whole: float, depth: float
+) -> tuple[Array, Array]:
+    """Times (s) and mass quantiles of tracers, so many that those that count are as many as the plan says."""
+    del scene, depth
+    fine = crowd.tracers[name]
+    if fine == 0.0:
+        return np.zeros(0), np.zeros(0)
+    count = round(crowd.count / crowd.replicates * whole / crowd.operation)
+    time = whole * (np.arange(count) + rng.random(count)) / count
+    return time, fine * rng.random(count)
+
+
+def _born(scene: Scene, plan: Plan, name: str, grains: Granules, x: Array) -> Granules:
+    """Granules where the slab begins, with the velocities that they have there."""
+    if not scene.body:
+        return entering(scene, grains, x)
+    top = scene.channel.top - 1e-6 * scene.width
+    level, speed = fall_start(scene, 0.5 * grains.diameter)
+    start = np.minimum(level - FALLEN * (level - scene.level), top)
+    fall = _speeds(scene, plan, name, grains, level - start, speed)
+    carried = np.isnan(fall)  # upward air does not let them come so far: they begin where the feed does
+    y = np.where(carried, np.minimum(level, top), start)
+    velocity = np.stack([np.zeros(len(x)), -np.where(carried, speed, fall)], axis=1)
+    return grains.replace(position=np.stack([x, y], axis=1), velocity=velocity)
+
+
+def _speeds(scene: Scene, plan: Plan, name: str, grains: Granules, drop: Array, speed: Array) -> Array:
+    """Fall speeds (n,) m/s after a ``drop`` (n,) m from ``speed`` (n,) m/s; NaN where the air carries them up."""
+    how = plan.fractions[name]
+    if len(grains) <= FALLS or scene.air is None:
+        return arrival(scene, how, grains, drop, speed)
+    response = np.log(grains.diameter**2 / grains.drag_scale)  # of a granule to the air: what its fall depends on
+    order = np.argsort(response)
+    some = order[np.linspace(0, len(order) - 1, FALLS).astype(int)]
+    found = arrival(scene, how, grains[some], drop[some], speed[some])
+    return np.asarray(np.interp(response, response[some], found))
+
+
+def _apart(
+    scene: Scene, rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64], depth: float
+) -> tuple[Array, Array]:
+    """Places x (n,) and across the slab (n,) m such that no two of the ``solid`` granules overlap when they are born.
+
+    The later one of a pair that would is given another place, as often as it takes.
+    """
+    x, z = grains.position[:, 0].copy(), depth * rng.random(len(grains))
+    if len(solid) < 2:
+        return x, z
+    width = grains.diameter[solid]
+    speed = np.maximum(np.abs(grains.velocity[solid, 1]), np.sqrt(GRAVITY * width))
+    ahead = float(speed.min()) * grains.time[solid]  # way that separates those born later, at least
+    for _ in range(ROUNDS):
+        later = _overlapping(np.stack([x[solid], ahead, z[solid]], axis=1), width, depth)
+        if not len(later):
+            break
+        x[solid[later]], z[solid[later]] = scene.feed.places(rng.random(len(later))), depth * rng.random(len(later))
+    return x, z
+
+
+def _overlapping(points: Array, width: Array, depth: float) -> NDArray[np.int64]:
+    """The later one of every pair of spheres at ``points`` (n, 3) m, of ``width`` (n,) m, that overlap; the third
+    coordinate is periodic.
+    """
+    from scipy.spatial import cKDTree
+
+    low = points.min(axis=0)
+    extent = points.max(axis=0) - low + 4.0 * float(width.max())  # only the third coordinate comes round
+    box = np.array([extent[0], extent[1], depth])
+    pairs = cKDTree(np.mod(points - low, box), boxsize=box).query_pairs(float(width.max()), output_type="ndarray")
+    if not len(pairs):
+        return np.zeros(0, dtype=np.int64)
+    apart = points[pairs[:, 0]] - points[pairs[:, 1]]
+    apart[:, 2] -= depth * np.round(apart[:, 2] / depth)
+    touch = np.linalg.norm(apart, axis=1) < 0.5 * (width[pairs[:, 0]] + width[pairs[:, 1]])
+    return np.unique(pairs[touch].max(axis=1))
+
+
+def _joined(parts: list[Granules]) -> Granules:
+    """The granules of several fractions as one."""
+    names = ("position", "velocity", "diameter", "density", "sphericity", "restitution", "friction", "spin", "fraction",
+             "weight", "drag_scale", "inertia", "time")  # fmt: skip
+    return Granules(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

@@ -1,0 +1,199 @@
+"""The slab flown: replicates of steady operation in which granules meet each other, one after the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import tracking
+from ..core.files import atomic_write
+from ..core.process import cores
+from ..field import FlowField
+from ..injection.stream import SlabFeed, slab_stream
+from ..laws.constants import GRAVITY
+from ..laws.forces import forces
+from ..planning.plan import Plan
+from ..scene import Scene
+from ..tracking import Fate
+from .landings import Landings
+from .realisations import Realisations
+from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
+
+__all__ = ["SlabFlight", "SlabFlown", "load_crowd", "steady_after", "step_of"]
+
+LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
+SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
+
+
+@dataclass(frozen=True)
+class SlabFlight:
+    """How a slab of ``depth`` (m) is flown: ``start_up`` (s) until it is steady, at least ``operation`` (s) that count,
+    in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step of its clock, or the ``step``
+    (s) itself; ``tell`` hears of progress. A replicate is one thread's work: ``workers`` fly at a time.
+    """
+
+    scene: Scene
+    plan: Plan
+    airs: Realisations
+    depth: float
+    start_up: float
+    operation: float
+    tolerance: float
+    step: float | None = None
+    workers: int | None = None
+    tell: Callable[[str], None] = lambda _: None
+
+    def fly_all(self, folder: Path, replicates: int) -> None:
+        """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
+        left alone. The first finds the step of the others.
+        """
+        self._keep(folder, 0)
+        others = replace(self, step=step_of(folder))
+        left = [number for number in range(1, replicates) if not _file(folder, number).exists()]
+        pool = ThreadPoolExecutor(self.workers or cores())
+        try:
+            jobs = [pool.submit(others._keep, folder, number) for number in left]
+            for done, job in enumerate(as_completed(jobs), replicates - len(left)):
+                job.result()
+                self.tell(f"{done + 1} of {replicates} replicates")
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def _keep(self, folder: Path, number: int) -> None:
+        path = _file(folder, number)
+        if path.exists():
+            return
+        self.tell(f"replicate {number + 1}")
+        columns: dict[str, Any] = self._fly(number)
+        with atomic_write(path, "wb") as stream:
+            np.savez(stream, **columns)
+
+    def _fly(self, number: int) -> dict[str, NDArray[Any]]:
+        """The landings of one replicate. Where an airflow's mirror image is as likely, every second one flies in it,
+        and the two of a pair count as one: between an airflow and its image there is no sampling error to find.
+        """
+        mirrored = self.plan.airflow.mirrored and self.airs.field is not None
+        pair, image = (number // 2, number % 2 == 1) if mirrored else (number, False)
+        realisation = pair % len(self.airs)
+        field = self.airs.make(realisation)
+        if image and field is not None:
+            field = field.reflected()
+        period = self.airs.period
+        operation = self.operation if period is None else period * math.ceil(self.operation / period)
+        timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
+        stream = slab_stream(self.scene, self.plan, number, **timing)
+        tracks = self._track(field, stream, number)
+        kept = stream.counted
+        binned = (tracks.line >= 0) & (tracks.line < len(self.scene.bin))
+        assert tracks.meetings is not None
+        assert tracks.crowd is not None
+        return {
+            "step": np.array([tracks.crowd.step, tracks.crowd.step_error]),
+            "jammed": np.array(tracks.crowd.jammed),
+            "flown": np.array(tracks.crowd.flown),
+            "fraction": stream.fraction[kept].astype(np.int16),
+            "position": tracks.position[kept],
+            "bin": np.where(binned, tracks.line, -1)[kept].astype(np.int16),
+            "replicate": np.full(int(kept.sum()), pair, dtype=np.uint8),
+            "diameter": stream.granules.diameter[kept].astype(np.float32),
+            "fate": np.where((tracks.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, tracks.fate)[kept].astype(np.int8),
+            "time": (tracks.time - stream.granules.time)[kept].astype(np.float32),
+            "impacts": tracks.impacts[kept].astype(np.int32),
+            "realisation": np.full(int(kept.sum()), realisation, dtype=np.uint8),
+            "cycle": self.airs.cycle_of(stream.granules.time)[kept],
+            "weight": stream.mass[kept],
+            "meetings": tracks.meetings[kept].astype(np.int32),
+        }
+
+    def _begin(self, number: int) -> float:
+        """When a replicate begins (s): at any moment of the airflow's period, or of the vibration's."""
+        vibration = self.scene.vibration
+        cycle = self.airs.period or (0.0 if vibration is None else vibration.period)
+        return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
+
+    def _track(self, field: FlowField | None, stream: SlabFeed, number: int) -> tracking.Tracks:
+        scene, rebound = self.scene, self.scene.collisions
+        height = scene.channel.top - scene.channel.bottom
+        speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
+        last = float(np.max(stream.granules.time, initial=0.0))
+        flown = {force for how in self.plan.fractions.values() for force in how.forces}
+        return tracking.track(
+            field,
+            stream.granules,
+            until=last + max(SEVERAL * self.start_up, PATIENCE * height / speed),
+            tolerance=self.tolerance,
+            length=scene.width,
+            forces=[name for name in forces if name in flown],
+            drag=2 * [how.drag for how in self.plan.fractions.values()],  # of the granules, then of the tracers
+            seed=seed_of(scene.feed.seed, "slab", number),
+            bodies=bodies_and_walls(scene),
+            lines=end_lines(scene),
+            gravity=(0.0, -GRAVITY),
+            workers=1,
+            collisions=tracking.Collisions(
+                depth=self.depth,
+                restitution=rebound.restitution,
+                friction=rebound.friction,
+                tracers=stream.tracers,
+                step=self.step,
+            ),
+        )
+
+
+def steady_after(plan: Plan, landings: Mapping[str, Landings]) -> float:
+    """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one."""
+    crowd = plan.crowd
+    assert crowd is not None
+    real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
+    return max(float(np.quantile(landings[name].time, LATE)) for name in real)
+
+
+def _file(folder: Path, number: int) -> Path:
+    return folder / f"replicate-{number}.npz"
+
+
+def step_of(folder: Path) -> float:
+    """The step (s) that the first replicate in a folder flew with."""
+    with np.load(_file(folder, 0)) as data:
+        return float(data["step"][0])
+
+
+@dataclass(frozen=True)
+class SlabFlown:
+    """What ``SlabFlight.fly_all`` kept: ``landings`` by fraction; the ``step`` (s) of the clock and the landing error
+    that it was seen to make (body widths), NaN where the step was given; in how many replicates the feed ``jammed``;
+    steps of granules in all.
+    """
+
+    landings: dict[str, Landings]
+    step: float
+    step_error: float
+    jammed: int
+    steps: int
+
+
+def load_crowd(folder: Path, scene: Scene, replicates: int) -> SlabFlown:
+    """The landings in a folder, and how they were flown."""
+    parts = []
+    for number in range(replicates):
+        with np.load(_file(folder, number)) as data:
+            parts.append({key: data[key] for key in data.files})
+    step, error = parts[0]["step"].tolist()
+    jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
+    parts = [{key: part[key] for key in part if key not in ("step", "jammed", "flown")} for part in parts]
+    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    fraction = columns.pop("fraction")
+    found = {}
+    for number, name in enumerate(scene.fraction):
+        own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
+        weight = own["weight"]
+        own["weight"] = weight * (weight.sum() / (weight @ weight)) if len(weight) else weight
+        found[name] = Landings(**own)
+    return SlabFlown(found, step, error, jammed, flown)

@@ -1,0 +1,145 @@
+"""The slab in which granules meet: a piece of the machine, periodic across the picture, fed at the true rate.
+
+The plan says how deep it is, which granules in it are real ones, and for how long it runs. What decides whether it is
+flown at all is the bound on ``collisions`` (``bounds``), a term like any other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..laws.constants import GRAVITY
+from ..laws.drag import slip_correction
+from ..scene import Fraction, Scene
+from .uniform_fall import UniformFall
+
+__all__ = ["NO_RATE", "CrowdPlan", "crowd_lines", "number_rates", "plan_crowd", "why_no_crowd"]
+
+Array = NDArray[np.float64]
+DIAMETERS = 15.0  # of the coarsest granules: default depth of the slab
+MASS_LEVELS = 512  # parts of equal mass that a size distribution is taken apart into
+MOST_IN_FLIGHT = 1e4  # granules of a fraction that are simulated one by one; chosen, for the run time
+WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not worth its granules
+REPLICATES = 4, 16  # fewest and most
+STEP = 1e-4  # s: that a granule of some mm is stepped by
+STEPS_A_SECOND = 4e6  # granule steps a second and core
+MOST_STEPS = 1.2e9  # granule steps of all replicates: two and a half minutes on two cores; chosen
+CORES = 2
+BYTES_A_GRANULE = 1000.0  # of memory
+NO_RATE = "the scene gives no feed.rate; give one, or --force collisions=on takes 1 kg/s per metre of depth"
+
+
+@dataclass(frozen=True)
+class CrowdPlan:
+    """The slab: ``depth`` (m); the share of each fraction's mass, its finest granules, that fly as ``tracers``; how
+    many of the others are ``in_flight`` at a time; ``replicates``, each of ``operation`` (s) that is counted after a
+    ``start_up`` (s), and fed for as long again until the last that counts has landed; ``count`` of tracers of a
+    fraction over all replicates; what it costs in ``seconds`` and ``memory`` (bytes).
+    """
+
+    depth: float
+    tracers: Mapping[str, float]
+    in_flight: Mapping[str, float]
+    replicates: int
+    start_up: float
+    operation: float
+    count: int
+    seconds: float
+    memory: float
+
+
+def why_no_crowd(scene: Scene, *, asked: bool = False) -> str | None:
+    """Why no slab can be flown for a scene; None where it can. ``asked``: for by hand."""
+    if scene.feed.start == "resting":
+        return "granules that start at rest on the body are no stream: they have no feed rate"
+    return NO_RATE if scene.feed.rate is None and not asked else None
+
+
+def plan_crowd(scene: Scene, laws: Mapping[str, tuple[str, float]], target: float) -> CrowdPlan:
+    """The slab for a scene, whose shares are asked for to within ``target``; ``laws``: of drag, and the factor on it.
+
+    Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
+    known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count.
+    """
+    feed = scene.feed
+    coarsest = max(float(fraction.diameters(np.array([0.5]))[0]) for fraction in scene.fraction.values())
+    depth = min(scene.collisions.depth or DIAMETERS * coarsest, feed.depth)
+    stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
+    tracers, in_flight = {}, {}
+    for name in scene.fraction:
+        tracers[name], rate = _simulated(scene, name, depth, stays[name])
+        in_flight[name] = rate * stays[name]
+    heaviest = max(in_flight, key=lambda name: scene.mass_shares()[name] * (1.0 - tracers[name]))
+    start_up = max(stays[name] for name in scene.fraction if tracers[name] < 1.0 or not any(in_flight.values()))
+    wanted = min(feed.count, math.ceil((0.98 / target) ** 2))
+    rate = in_flight[heaviest] / stays[heaviest]
+    at_once = max(sum(in_flight.values()), 1.0)
+    least, most = REPLICATES
+    whole = wanted / rate if rate > 0.0 else start_up * most
+    replicates = int(np.clip(whole / (4.0 * start_up), least, most)) // 2 * 2
+    affordable = MOST_STEPS * STEP / at_once - 2.0 * replicates * start_up
+    operation = max(min(whole, affordable), least * start_up) / replicates
+    flown = at_once * replicates * (operation + 2.0 * start_up) / STEP
+    memory = BYTES_A_GRANULE * at_once * (operation + 2.0 * start_up) / max(stays.values())
+    return CrowdPlan(
+        depth, tracers, in_flight, replicates, start_up, operation, wanted, flown / STEPS_A_SECOND / CORES, memory
+    )  # fmt: skip
+
+
+def number_rates(scene: Scene, name: str) -> Array:
+    """Granules of a fraction (1/s) that the feed brings, in each of MASS_LEVELS parts of equal mass, finest first."""
+    fraction = scene.fraction[name]
+    diameter = fraction.diameters((np.arange(MASS_LEVELS) + 0.5) / MASS_LEVELS)
+    mass = math.pi / 6.0 * fraction.properties.density * diameter**3
+    return np.asarray(scene.feed.mass_flow * scene.mass_shares()[name] / MASS_LEVELS / mass)
+
+
+def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[float, float]:
+    """Share of a fraction's mass that is too fine for a slab to simulate one by one; granules (1/s) of the rest."""
+    rates = number_rates(scene, name) * depth / scene.feed.depth
+    alike = np.searchsorted(
+        rates[::-1], rates, side="right"
+    )  # parts that are as coarse or coarser: rates fall with size
+    coarser = np.cumsum(rates[::-1])[alike - 1]
+    fits = coarser * stay <= MOST_IN_FLIGHT
+    fine = 1.0 - float(np.count_nonzero(fits)) / MASS_LEVELS
+    if fine > 1.0 - WORTHWHILE:
+        return 1.0, 0.0
+    return fine, float(coarser[fits][0])
+
+
+def _stay(scene: Scene, fraction: Fraction, law: str, scale: float) -> float:
+    """Seconds that a median granule is in the slab."""
+    granule = fraction.properties
+    if scene.air is None:
+        drop = scene.level + (scene.release[0] if scene.body else 0.0) - scene.channel.bottom
+        speed = scene.release[1]
+        free = (math.sqrt(speed**2 + 2.0 * GRAVITY * drop) - speed) / GRAVITY
+        return free + (math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY) if scene.body else 0.0)
+    factor = scale / float(slip_correction(granule.diameter))
+    phi = fraction.sphericity or 1.0
+    return UniformFall(scene, scene.air, granule.diameter, granule.density, law, phi, factor).times().whole
+
+
+def crowd_lines(crowd: CrowdPlan) -> Iterator[str]:
+    """The slab in words."""
+    real = ", ".join(f"{number:.3g} {name}" for name, number in crowd.in_flight.items() if number)
+    fine = ", ".join(
+        name if share == 1.0 else f"the finer {share:.0%} of {name}" for name, share in crowd.tracers.items() if share
+    )
+    beside = f"; {fine} as tracers that these can hit" if fine else ""
+    yield (
+        f"collisions: a slab {1e3 * crowd.depth:.3g} mm deep, periodic across the picture, fed at the true rate: "
+        f"{real or 'no granules'} in flight at a time{beside}"
+    )
+    yield (
+        f"of the slab {crowd.replicates} replicates, each {crowd.start_up:.2g} s to start up and "
+        f"{crowd.operation:.2g} s counted; about {crowd.seconds:.0f} s on two cores, "
+        f"{crowd.memory / 1e6:.0f} MB; the answer is the one with "
+        "collisions, the one without stands beside it"
+    )

@@ -1,0 +1,195 @@
+"""How often granules of a fed stream meet each other, and what that does to them: estimates before anything is flown.
+
+Kinetic theory of two streams: a granule i meets n_j sigma v_rel granules of fraction j in a second, where sigma =
+pi/4 (d_i + d_j)^2 and n_j is the number in a volume. Three ways of meeting count: granules of one fraction overtake
+those of another on their fall; one that leaves the body crosses the curtain that still falls; and one that falls passes
+through those that leave. Only partners as heavy or heavier turn a granule out of its way: each counts with the share
+2 m_j / (m_i + m_j), one at most. docs/throughput.md sets the numbers beside those counted in slabs of three scenes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import edges, normals
+from ..laws.constants import GRAVITY
+from ..laws.drag import slip_correction
+from ..laws.forces import FlightScales
+from ..laws.restitution import restitution_at
+from ..scene import Fraction, Scene
+from .bounds import COLLISIONS, bounds
+from .uniform_fall import UniformFall
+
+__all__ = ["Encounters", "encounters", "shifted", "slope_of", "thrown_by"]
+
+Array = NDArray[np.float64]
+SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls stand for a fraction's, a third of its mass each
+SLOWEST = 0.1  # m/s: the slowest fall that is believed of a curtain, which would be infinitely dense at rest; chosen
+LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
+STEPS = 400  # of a fall in a vacuum
+LONGEST = 1.0  # s: the longest that a granule is taken to lie in the curtain's way where nothing moves it out; chosen
+
+
+@dataclass(frozen=True)
+class Encounters:
+    """What a granule of one fraction meets on its flight: how many granules of each fraction (``by`` its name),
+    ``heavier`` those as heavy or heavier, lighter ones by their share, and ``knock`` (m/s), the change of velocity that
+    one of these brings at most, mean over them.
+    """
+
+    by: Mapping[str, float]
+    heavier: float
+    knock: float
+
+    @property
+    def number(self) -> float:
+        """Of granules in all."""
+        return sum(self.by.values())
+
+
+class _Fall(NamedTuple):
+    """A granule's fall from the feed to the body, or through a channel in which none stands."""
+
+    time: Array  # s
+    way: Array  # m, downward
+    speed: Array  # m/s, downward
+
+
+@dataclass(frozen=True)
+class _Stream:
+    """One fraction in the feed."""
+
+    mass: float  # kg, of the median granule
+    diameter: float  # m
+    flux: float  # 1/(m2 s), of granules in the curtain about one of them
+    falls: tuple[_Fall, ...]
+    arrival: float  # m/s at the body, of the median granule; 0 where it does not come there
+    thrown: float  # m/s, sideways speed with which it leaves the body
+    crossing: float  # s, for which it is in the curtain's way after that
+
+
+def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str, Encounters]:
+    """The meetings of every fraction at the scene's feed rate; ``laws``: its drag law and the factor on it.
+
+    They grow in proportion to the rate. Granules fall alone, one-dimensional, through the channel's uniform air.
+    """
+    streams = {name: _stream(scene, name, *laws[name]) for name in scene.fraction}
+    bounce = 1.0 + scene.collisions.restitution
+    found = {}
+    for name, own in streams.items():
+        by, heavier, knocks = dict.fromkeys(streams, 0.0), 0.0, 0.0
+        for partner, other in streams.items():
+            share = other.mass / (own.mass + other.mass)
+            for meetings, closing in _ways(own, other):
+                by[partner] += meetings
+                weighed = meetings * min(1.0, 2.0 * share)
+                heavier += weighed
+                knocks += weighed * bounce * share * closing
+        found[name] = Encounters(by, heavier, knocks / heavier if heavier > 0.0 else 0.0)
+    return found
+
+
+def shifted(scene: Scene, met: Encounters, scales: Sequence[FlightScales]) -> float:
+    """Landing shift (body widths) by meetings, at most: the largest over the ``scales`` of a fraction's flight, nothing
+    in a vacuum, where a kick lasts for a fall to the floor. The mean over the granules: most may meet none.
+    """
+    if scales:
+        return max(bounds[COLLISIONS].shift(flight) for flight in scales)
+    fall = math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY)
+    return min(1.0, met.heavier) * met.knock * fall / scene.width
+
+
+def _ways(own: _Stream, other: _Stream) -> Iterator[tuple[float, float]]:
+    """(number of meetings of a granule, closing speed in m/s) of every way in which two fractions meet."""
+    sigma = 0.25 * math.pi * (own.diameter + other.diameter) ** 2
+    pairs = [_overtaking(one, two) for one in own.falls for two in other.falls]
+    met, closing = np.mean(pairs, axis=0).tolist()
+    yield sigma * other.flux * met, closing / met if met > 0.0 else 0.0
+    if own.crossing > 0.0 and other.arrival > 0.0:
+        closing = math.hypot(own.thrown, other.arrival)
+        yield sigma * other.flux / max(other.arrival, SLOWEST) * closing * own.crossing, closing
+    if other.crossing > 0.0 and own.arrival > 0.0:
+        closing = math.hypot(other.thrown, own.arrival)
+        yield sigma * other.flux * other.crossing * closing / max(own.arrival, SLOWEST), closing
+
+
+def _overtaking(one: _Fall, two: _Fall) -> tuple[float, float]:
+    """int |v1 - v2| / |v2| dt (s) on the way of ``one`` where ``two`` falls too, and the same times |v1 - v2| (m)."""
+    steps = np.diff(one.time, prepend=one.time[0])
+    down = two.way[: int(two.way.argmax()) + 1], two.speed[: int(two.way.argmax()) + 1]
+    beside = np.interp(one.way, *down, left=np.nan, right=np.nan)
+    closing = np.nan_to_num(np.abs(one.speed - beside), nan=0.0)
+    slow = np.maximum(np.abs(np.nan_to_num(beside, nan=np.inf)), SLOWEST)
+    rate = closing / slow
+    return float(rate @ steps), float((rate * closing) @ steps)
+
+
+def _stream(scene: Scene, name: str, law: str, scale: float) -> _Stream:
+    fraction, feed = scene.fraction[name], scene.feed
+    granule, mass_flow = fraction.properties, feed.mass_flow * scene.mass_shares()[name]
+    falls = tuple(_fall(scene, fraction, law, scale, float(d)) for d in fraction.diameters(np.array(SIZES)))
+    middle = falls[len(falls) // 2]
+    comes = bool(scene.body) and middle.way[-1] >= scene.release[0] * (1.0 - LEVEL)
+    arrival = max(float(middle.speed[-1]), scene.feed.fall_speed if scene.air is None else 0.0) if comes else 0.0
+    thrown = arrival * thrown_by(scene, fraction, arrival) if arrival > 0.0 else 0.0
+    mass = math.pi / 6.0 * granule.density * granule.diameter**3
+    flux = feed.crowding * mass_flow / (mass * feed.width * feed.depth)
+    crossing = _crossing(scene, thrown) if arrival > 0.0 else 0.0
+    return _Stream(mass, granule.diameter, flux, falls, arrival, thrown, crossing)
+
+
+def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> _Fall:
+    """From the feed to the body; without one to the channel's end."""
+    above, speed = scene.release
+    down = above if scene.body else scene.level - scene.channel.bottom
+    if down <= 0.0:
+        return _Fall(np.zeros(1), np.zeros(1), np.array([scene.feed.fall_speed]))
+    if scene.air is None:
+        whole = (math.sqrt(speed**2 + 2.0 * GRAVITY * down) - speed) / GRAVITY
+        time = np.linspace(0.0, whole, STEPS)
+        return _Fall(time, speed * time + 0.5 * GRAVITY * time**2, speed + GRAVITY * time)
+    phi = fraction.sphericity or 1.0
+    factor = scale / float(slip_correction(diameter))
+    fall = UniformFall(scene, scene.air, diameter, fraction.properties.density, law, phi, factor)
+    room = max(scene.channel.top - scene.level - (above if scene.body else 0.0), scene.width)
+    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, down, room)])
+    return _Fall(*rows.T)
+
+
+def _crossing(scene: Scene, thrown: float) -> float:
+    """Seconds for which a granule that leaves a body is in the way of those that fall after it, all bodies together.
+
+    Across half of the curtain, at first ``thrown`` (m/s) sideways and then faster, as one that slides down the slope
+    without friction; twice the mean way to the curtain's edge, for those that bounce on the slope more than once.
+    """
+    pull = GRAVITY * 0.5 * math.sin(2.0 * slope_of(scene)[0])
+    way = 0.5 * scene.feed.width
+    root = math.sqrt(thrown**2 + 2.0 * pull * way)
+    once = 2.0 * way / (root + thrown) if root + thrown > 0.0 else LONGEST
+    return len(scene.body) * min(once, LONGEST)
+
+
+def slope_of(scene: Scene) -> tuple[float, float]:
+    """Angle (rad) of the first body's faces that granules fall on, mean over their projected width; their length (m)
+    together.
+    """
+    assert scene.first_outline is not None
+    start, end = edges(scene.first_outline)
+    up = normals(scene.first_outline)[:, 1] > LEVEL
+    across, length = np.abs(end - start)[up, 0], np.linalg.norm(end - start, axis=1)[up]
+    beta = np.arccos(np.clip(across / length, 0.0, 1.0))
+    return float(np.average(beta, weights=across)), float(length.sum())
+
+
+def thrown_by(scene: Scene, fraction: Fraction, arrival: float) -> float:
+    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face."""
+    granule = fraction.properties
+    across, up = np.abs(np.concatenate([normals(body.outline()) for body in scene.body.values()])).T
+    kick = (1.0 + restitution_at(granule.restitution, arrival * up)) * up
+    return float((kick * np.maximum(across - granule.friction * up, 0.0)).max())

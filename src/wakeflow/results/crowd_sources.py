@@ -1,0 +1,78 @@
+"""Sources of the budget of granules that meet: part of the slab's replicates flown again with one thing changed.
+
+Granules that meet part ways after a few collisions whatever is changed, so that a difference holds the sampling error
+of the replicates that fly again, which its note tells; a difference within that says that none was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ..pipeline.crowd_stage import CrowdCompanion, SlabFound
+from .landing_results import COMPANION, BudgetPart
+from .source import FractionResults, Source, budget_sources
+from .spread import student
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Tracked
+    from ..pipeline.pipeline import Pipeline
+
+__all__ = ["SlabDepth", "SlabStep"]
+
+FINER = 0.5  # step of the companion over the answer's
+THINNER = 0.5  # depth of the companion's slab over the answer's
+
+
+class _SlabAgain(Source[SlabFound]):
+    """Some replicates of the slab under a companion's change."""
+
+    how = COMPANION
+    companion: ClassVar[CrowdCompanion]
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
+        del tracked
+        return pipeline.crowd(self.companion)
+
+    def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
+        again = fraction.flights.of(self)
+        if again is None:
+            return {}
+        bins, name = len(fraction.shares) - 1, fraction.name
+        changed = again.landings[name].counts(bins)
+        own = fraction.landings.counts(bins)
+        apart = np.abs(changed.mean(axis=0) - own.mean(axis=0))
+        seconds = fraction.pipeline.spent(self.companion.name)
+        return {
+            place: [self.part(float(apart[i]), seconds, _noise(changed[:, i], own[:, i]))]
+            for i, place in enumerate(fraction.shares)
+        }
+
+
+class SlabStep(_SlabAgain):
+    """The time step in which granules that meet are moved: part of the replicates with a finer one."""
+
+    name, place = "slab-time-step", 21
+    companion = CrowdCompanion("slab finer steps", step=FINER)
+
+
+class SlabDepth(_SlabAgain):
+    """The slab's depth, beyond which it repeats itself: part of the replicates in one of half the depth."""
+
+    name, place = "slab-depth", 22
+    companion = CrowdCompanion("thinner slab", depth=THINNER)
+
+
+def _noise(changed: np.ndarray, own: np.ndarray) -> str | None:
+    """Half of the 95 % interval of a difference of means, in words; None where there are too few replicates for one."""
+    if min(len(changed), len(own)) < 2:
+        return None
+    variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
+    half = student(len(changed) - 1) * float(np.sqrt(variance))
+    return f"a difference of {len(changed)} replicates from {len(own)}, itself known to {100 * half:.2g} points"
+
+
+for _source in (SlabStep(), SlabDepth()):
+    budget_sources.add(_source.name, _source)

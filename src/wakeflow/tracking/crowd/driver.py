@@ -1,0 +1,241 @@
+"""The front of the crowd: packs granules as their time comes, lets the slab march, and takes out those that ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import SceneError
+from ...field import FlowField, Swing
+from ..bodies import Body
+from ..frame import to_frame
+from ..granules import Granules
+from ..kernel import layout as at
+from ..kernel.layout import PackedAir, Rules, Walls
+from ..pack import pack_granules
+from ..pack_state import pack_state
+from ..tracks import Tracks
+from . import layout as of
+from .collisions import Collisions
+from .layout import Cells, Crowd, Laws, Room
+from .slab import march_slab
+
+__all__ = ["Slab", "fly_slab", "places_across"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+BATCH = 4096  # granules packed at a time, in the order of birth
+CALL = 20_000  # steps of granules between two looks at the clock on the wall: some 10 ms
+SAMPLES = 64  # of how many granules lie still, over a run
+PI_6 = np.pi / 6.0
+
+
+@dataclass(frozen=True)
+class Slab:
+    """What a crowd flies in, most of it as the kernel takes it; walls and granules in the lab."""
+
+    field: FlowField | None
+    grains: Granules
+    forces: Sequence[str]
+    gravity: Sequence[float]
+    solids: Sequence[Body]
+    swing: Swing | None
+    reach: float
+    points: int
+    walls: Walls
+    air: PackedAir
+    rules: Rules
+    tables: Array
+    table_of: Index
+    collisions: Collisions
+
+
+def places_across(grains: Granules, collisions: Collisions, seed: int) -> Array:
+    """Places across the slab (n,) m: the granules' own, or drawn evenly."""
+    if grains.depth is not None:
+        return np.asarray(grains.depth - collisions.depth * np.floor(grains.depth / collisions.depth))
+    return np.random.default_rng([seed, 13]).random(len(grains)) * collisions.depth
+
+
+@dataclass
+class _Pool:
+    """Slots of granules that fly or are about to, and who is in them; grows as they become more."""
+
+    points: int
+    rows: Crowd = field(init=False)
+    who: Index = field(init=False)  # (S,) index of the granule in a slot, -1: free
+
+    def __post_init__(self) -> None:
+        self.rows, self.who = self._empty(0), np.zeros(0, dtype=np.int64)
+
+    def _empty(self, count: int) -> Crowd:
+        return Crowd(
+            np.zeros((count, at.FLOATS)), np.zeros((count, at.INTS), dtype=np.int64), np.zeros((count, at.CONSTANTS)),
+            np.zeros(count, dtype=np.int64), np.zeros((count, of.OWN)), np.zeros((count, of.TALLY), dtype=np.int64),
+            np.zeros((count, self.points, at.RECORD)), np.zeros(count, dtype=np.int64), np.zeros(0, dtype=np.int64),
+        )  # fmt: skip
+
+    def free(self, count: int) -> Index:
+        """So many free slots, in order."""
+        open_ = np.flatnonzero(self.who < 0)
+        if len(open_) < count:
+            size = max(2 * len(self.who), len(self.who) + count)
+            more = self._empty(size - len(self.who))
+            longer = [np.concatenate([old, new]) for old, new in zip(self.rows[:-1], more[:-1], strict=True)]
+            self.rows = Crowd._make([*longer, self.rows.waiting])
+            self.who = np.concatenate([self.who, np.full(size - len(self.who), -1)])
+            open_ = np.flatnonzero(self.who < 0)
+        return open_[:count]
+
+
+class _Run:
+    """One run of the slab."""
+
+    def __init__(self, slab: Slab, step: float, seed: int) -> None:
+        self.slab, self.step = slab, step
+        self.across = places_across(slab.grains, slab.collisions, seed)
+        self.order = np.argsort(slab.grains.time, kind="stable")
+        self.fed = 0  # granules packed so far
+        self.pool = _Pool(slab.points)
+        laws = slab.collisions.tables(slab.grains)
+        self.laws = Laws(*laws, slab.tables)
+        self.tracer = np.isin(slab.grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
+        air = slab.air
+        self.timed = len(air.corners) > 0 and (len(air.times) > 1 or air.smooth[at.KNOT_RATE] != 0.0)
+        smooth = air.smooth[at.KNOT_RATE] != 0.0
+        nodes = air.values.shape[0] if smooth else air.values.shape[1]
+        self.now = np.zeros((nodes, air.values.shape[2])) if self.timed else np.array(_steady(air))
+        self.rates = np.zeros((nodes if self.timed and "added-mass" in slab.forces else 0, 2))
+        self.clock = np.zeros(of.CLOCK)
+        self.clock[of.STEP], self.clock[of.DEPTH] = step, slab.collisions.depth
+        self.clock[of.NOW] = float(slab.grains.time.min(initial=slab.rules.until))
+        self.counts = np.zeros(of.COUNTS, dtype=np.int64)
+        self.room = Room(
+            np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT), np.zeros(at.FLOATS),
+            np.zeros(at.INTS, dtype=np.int64), np.zeros(at.FLOATS), np.zeros(at.INTS, dtype=np.int64), np.zeros(of.OWN),
+        )  # fmt: skip
+        self.cells = _cells(0)
+        self.standing: list[tuple[float, int, int]] = []  # time, lying still, born
+
+    def feed(self) -> float:
+        """Pack the next batch; returns until when (s) the slab may march with it."""
+        slab, rows = self.slab, self.order[self.fed : self.fed + BATCH]
+        self.fed += len(rows)
+        slots = self.pool.free(len(rows))
+        crowd = self.pool.rows
+        some = slab.grains[rows]
+        floats, ints = pack_state(to_frame(some, slab.swing), 0, slab.field, slab.air, slab.solids, slab.reach)
+        floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]] = some.position, some.velocity
+        ints[:, at.STREAM] = rows
+        inside = ints[:, at.GAP] >= 0
+        ints[inside, at.TRI] = slab.air.covered[ints[inside, at.GAP], at.COVER_TRI] if inside.any() else 0
+        crowd.states[slots], crowd.counts[slots] = floats, ints
+        crowd.grains[slots] = pack_granules(some, slab.field, slab.forces, slab.gravity)
+        crowd.table_of[slots] = slab.table_of[rows]
+        crowd.own[slots], crowd.tally[slots], crowd.records[slots] = 0.0, 0, 0.0
+        crowd.own[slots, of.Z] = self.across[rows]
+        crowd.own[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
+        crowd.tally[slots, of.FRACTION], crowd.tally[slots, of.TRACER] = some.fraction, self.tracer[rows]
+        self.pool.who[slots] = rows
+        unborn = crowd.waiting[self.counts[of.BORN] :]
+        self.pool.rows = crowd._replace(waiting=np.concatenate([unborn, slots]))
+        self.counts[of.BORN] = 0
+        self.clock[of.PULL] = max(self.clock[of.PULL], _pull(crowd.grains[slots]))
+        if len(self.cells.heads) < 2 * len(crowd.living):
+            self.cells = _cells(len(crowd.living))
+        more = self.fed < len(self.order)
+        return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
+
+    def march(self, stop: float) -> bool:
+        """Some steps; whether the clock shows ``stop``, or all is over."""
+        slab = self.slab
+        steps = max(1, CALL // max(1, int(self.counts[of.LIVING])))
+        return bool(march_slab(
+            self.pool.rows, self.laws, slab.air, self.now, self.rates, slab.walls, slab.rules, self.clock, self.room,
+            self.cells, self.counts, stop, steps, self.timed, self.fed == len(self.order),
+        ))  # fmt: skip
+
+    def harvest(self, found: Tracks, *, all_of_them: bool = False) -> int:
+        """Take those that ended out of their slots; returns how many."""
+        crowd, who = self.pool.rows, self.pool.who
+        taken = who >= 0
+        if all_of_them:
+            self._end(taken)
+        slots = np.flatnonzero(taken & (crowd.counts[:, at.FATE] != at.FLYING))
+        self._write(found, slots, who[slots])
+        who[slots] = -1
+        return len(slots)
+
+    def _end(self, taken: NDArray[np.bool_]) -> None:
+        """Give those that have not ended a fate: at rest, or still in the air."""
+        crowd, rest = self.pool.rows, self.slab.rules.rest
+        flying = taken & (crowd.counts[:, at.FATE] == at.FLYING)
+        lies = flying & (crowd.states[:, at.HELD] > rest)
+        crowd.counts[flying, at.FATE] = at.AIRBORNE
+        crowd.counts[lies, at.FATE] = at.RESTING
+        crowd.states[lies, at.T] -= crowd.states[lies, at.HELD] - rest
+
+    def _write(self, found: Tracks, slots: Index, rows: Index) -> None:
+        crowd = self.pool.rows
+        states, ints = crowd.states[slots], crowd.counts[slots]
+        found.position[rows], found.velocity[rows] = states[:, [at.X, at.Y]], states[:, [at.VX, at.VY]]
+        found.time[rows], found.spin[rows] = states[:, at.T], states[:, at.SPIN]
+        found.fate[rows], found.line[rows] = ints[:, at.FATE], ints[:, at.LINE]
+        found.steps[rows], found.impacts[rows] = ints[:, at.STEPS], ints[:, at.IMPACTS]
+        found.evaluations[rows] = ints[:, at.EVALUATIONS]
+        assert found.meetings is not None
+        found.meetings[rows] = crowd.tally[slots, of.MEETINGS]
+        if found.recorded is not None:
+            for slot, row in zip(slots, rows, strict=True):
+                found.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
+
+
+def _steady(air: PackedAir) -> Array:
+    return np.ascontiguousarray(air.values[0]) if len(air.values) else np.zeros((0, 2))
+
+
+def _pull(grains: Array) -> float:
+    return float(np.hypot(grains[:, at.GX], grains[:, at.GY]).max(initial=0.0))
+
+
+def _cells(slots: int) -> Cells:
+    """Room for meetings of so many granules: two buckets a granule, and the next power of two."""
+    size = 1 << max(10, int(2 * slots - 1).bit_length())
+    return Cells(
+        np.full(size, -1, dtype=np.int64), np.zeros(4 * slots + 64), np.zeros((4 * slots + 64, of.EVENT), np.int64),
+        np.zeros((8 * slots + 64, 2), dtype=np.int64),
+    )  # fmt: skip
+
+
+def fly_slab(
+    slab: Slab, found: Tracks, step: float, seed: int, progress: Callable[[int, int], object] | None = None
+) -> dict[str, Any]:
+    """Let the crowd fly with a clock of ``step`` (s), filling ``found``; returns the numbers of its steps and how many
+    lay still over the time of the feed.
+    """
+    run, done = _Run(slab, step, seed), 0
+    if not step > 0:
+        raise SceneError(f"collisions: step = {step:g} s must be positive")
+    looks = iter(np.linspace(run.clock[of.NOW], slab.rules.until, SAMPLES))
+    look = next(looks)
+    while True:
+        stop, over = run.feed(), False
+        while not over:
+            over = run.march(stop)
+            done += run.harvest(found)
+            if progress is not None:
+                progress(done, len(slab.grains))
+            born = run.fed - len(run.pool.rows.waiting) + int(run.counts[of.BORN])
+            while look is not None and run.clock[of.NOW] >= look:
+                run.standing.append((float(look), int(run.counts[of.STANDING]), born))
+                look = next(looks, None)
+        if run.fed == len(run.order):
+            break
+    done += run.harvest(found, all_of_them=True)
+    if progress is not None:
+        progress(done, len(slab.grains))
+    return {"flown": int(run.counts[of.FLOWN]), "steps": int(run.counts[of.STEPS]), "standing": run.standing}

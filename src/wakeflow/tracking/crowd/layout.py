@@ -1,0 +1,117 @@
+"""What the crowd's compiled kernel keeps of a granule beside the tracker's own state (``kernel.layout``)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Cells", "Crowd", "Laws", "Room"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+# -- State of a granule beyond the tracker's, which is that of the plane -----------------------------------------------
+(
+    Z, VZ,  # m, m/s: across the slab
+    WX, WY,  # rad/s, spin about the axes in the plane
+    LIGHT,  # 1/kg, inverse mass
+    ROOM,  # m that it may go before a wall or line can be near; used up by what it goes
+    TOUCHED,  # HELD_BY_WALL, or TOUCHES_OTHERS at the end of the step; 0: free
+    MET,  # meetings in this step
+    LEG_BEGIN, LEG_END,  # s of the step: its last piece without a strike on a wall, on which it can be met
+    LEG_X, LEG_Y, LEG_Z,  # m, where that piece begins
+    LEG_VX, LEG_VY, LEG_VZ,  # m/s
+    LEG_AX, LEG_AY, LEG_AZ,  # m/s2: the parabola through its beginning, the velocity there and its end
+    LEG_WX, LEG_WY, LEG_WZ,  # rad/s, its spin at the beginning
+) = range(22)  # fmt: skip
+OWN = 22
+
+LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
+
+# -- Whole numbers of a granule beyond the tracker's -------------------------------------------------------------------
+(
+    MEETINGS,
+    STAMP,  # counts its pieces: foretold meetings with another stamp are void
+    FRACTION,  # a row of the laws
+    TRACER,  # 1: it is hit, and hits nothing
+    CELL_X, CELL_Y, CELL_Z,  # cell that it is sorted into
+    NEXT,  # granule in the same bucket, -1: none
+) = range(8)  # fmt: skip
+TALLY = 8
+
+# -- The clock and what the whole crowd shares in a step ---------------------------------------------------------------
+(
+    NOW,  # s, when the step begins
+    UNTIL,  # s, when it ends
+    STEP,  # s
+    OUT_X, OUT_Y,  # m, displacement of a mesh that swings, in the middle of the step
+    DEPTH,  # m, of the slab
+    REACH,  # m, the longest way that a granule goes in this step
+    LARGEST,  # m, diameter of the largest granule
+    PULL,  # m/s2, the largest acceleration by gravity
+    MET_AT,  # s, of the meeting that is dealt with
+) = range(10)  # fmt: skip
+CLOCK = 10
+
+# -- Counters ----------------------------------------------------------------------------------------------------------
+(
+    LIVING,  # granules in flight or at rest: entries of ``living``
+    BORN,  # entries of ``waiting`` that have been born
+    STEPS,  # of the clock, taken so far
+    FLOWN,  # steps of granules, taken so far
+    STANDING,  # granules that lie still
+    EVENTS,  # foretold meetings in the queue
+    NEAR,  # pairs that touch or may touch at the end of the step
+) = range(7)  # fmt: skip
+COUNTS = 7
+
+# -- A foretold meeting ------------------------------------------------------------------------------------------------
+FIRST, SECOND, FIRST_STAMP, SECOND_STAMP = range(4)
+EVENT = 4
+
+
+class Crowd(NamedTuple):
+    """The granules of a slab by slot, in the rows that the tracker's kernel uses, and those of the crowd."""
+
+    states: Array  # (S, FLOATS)
+    counts: Index  # (S, INTS)
+    grains: Array  # (S, CONSTANTS)
+    table_of: Index  # (S,)
+    own: Array  # (S, OWN)
+    tally: Index  # (S, TALLY)
+    records: Array  # (S, points, RECORD)
+    living: Index  # (S,) slots, in the order of birth
+    waiting: Index  # (W,) slots of granules to be born, in that order
+
+
+class Laws(NamedTuple):
+    """What granules do to each other, by fractions (k, k), and the drag tables."""
+
+    restitution: Array
+    friction: Array
+    tangential: Array
+    tables: Array  # (k, cells, 4)
+
+
+class Cells(NamedTuple):
+    """Buckets of a hash of cells, the queue of foretold meetings and the pairs that touch."""
+
+    heads: Index  # (2^k,) last granule put into each bucket, -1: none
+    when: Array  # (Q,) s of the step
+    who: Index  # (Q, EVENT)
+    near: Index  # (P, 2)
+
+
+class Room(NamedTuple):
+    """Scratch of one thread."""
+
+    path: Array
+    affine: Array
+    hold: Array
+    air_state: Array  # (FLOATS,) and (INTS,): the clock of the air alone
+    air_ints: Index
+    kept_state: Array  # (FLOATS,), (INTS,) and (OWN,): a granule while a tracer looks where it was
+    kept_ints: Index
+    kept_own: Array

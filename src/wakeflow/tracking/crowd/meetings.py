@@ -1,0 +1,233 @@
+"""The meetings of a step: foretold on the ways that granules go, dealt with in the order of time, each followed by a
+new flight of the two to the end of the step; then contact that lasts.
+
+A granule that meets more than ``MOST`` others in a step, pairs that touch slowly, and overlaps (at birth, after a jam)
+are left to the end of the step, where impulses and displacements go over all touching pairs until nothing approaches:
+Moreau's time stepping, as on walls (``strikes``).
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..kernel import layout as at
+from ..kernel.clearance import clearance
+from ..kernel.jit import compiled, inlined
+from . import layout as of
+from .cells import across, bucket, rows_across
+from .flight import fly_on
+from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back
+from .strikes import PULLS, press
+
+__all__ = ["foretell", "meet_all", "settle_all"]
+
+MOST = 8  # meetings of one granule in a step that are followed one by one
+SWEEPS = 12  # over the pairs that touch, at most
+TOUCH = 1e-6  # of the smaller radius: nearer is contact
+ENOUGH = 1e-3  # of the smaller radius: overlaps below it need no further sweep
+
+
+@compiled
+def _note(crowd, cells, counts, clock, i, j):
+    """Look whether i and j meet or touch in this step, and note it."""
+    one, other = crowd.own[i], crowd.own[j]
+    what, when = meeting_time(one, other, crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS], clock[of.DEPTH])
+    tracer = crowd.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
+    if (what == MEETS or (what == OVERLAPS and not tracer)) and counts[of.EVENTS] < cells.when.shape[0]:
+        k = counts[of.EVENTS]
+        cells.when[k] = when
+        cells.who[k, of.FIRST], cells.who[k, of.SECOND] = i, j
+        cells.who[k, of.FIRST_STAMP] = crowd.tally[i, of.STAMP]
+        cells.who[k, of.SECOND_STAMP] = crowd.tally[j, of.STAMP]
+        counts[of.EVENTS] = k + 1
+    elif what == TOUCHES and not tracer and counts[of.NEAR] < cells.near.shape[0]:
+        cells.near[counts[of.NEAR], 0], cells.near[counts[of.NEAR], 1] = i, j
+        counts[of.NEAR] += 1
+
+
+@compiled
+def _look_round(crowd, cells, counts, clock, i, every):
+    """Note the meetings of i with whom stands in the 27 cells about it: ``every`` one, or those that come before it in
+    the order of slots, so that no pair is noted twice. A tracer comes first in its pairs.
+    """
+    tally = crowd.tally[i]
+    high = rows_across(clock)
+    for dx in range(-1, 2):
+        for dy in range(-1, 2):
+            for dz in range(-1 if high > 1 else 0, 2 if high > 1 else 1):
+                x, y, z = tally[of.CELL_X] + dx, tally[of.CELL_Y] + dy, tally[of.CELL_Z] + dz
+                z = z + high if z < 0 else (z - high if z >= high else z)
+                j = cells.heads[bucket(x, y, z, cells.heads)]
+                while j >= 0:
+                    its = crowd.tally[j]
+                    if (j < i or (every and j != i)) and (
+                        its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z
+                    ):
+                        _note(crowd, cells, counts, clock, i, j)
+                    j = its[of.NEXT]
+
+
+@compiled
+def foretell(crowd, cells, counts, clock):
+    """Note all meetings of the step on the ways as they are."""
+    counts[of.EVENTS] = counts[of.NEAR] = 0
+    for k in range(counts[of.LIVING]):
+        i = crowd.living[k]
+        _look_round(crowd, cells, counts, clock, i, crowd.tally[i, of.TRACER] == 1)
+
+
+@inlined
+def _earliest(cells, counts):
+    """Take the earliest meeting out of the queue: (time, first, second, stamps)."""
+    best = 0
+    for k in range(1, counts[of.EVENTS]):
+        if cells.when[k] < cells.when[best]:
+            best = k
+    when, who, last = cells.when[best], cells.who, counts[of.EVENTS] - 1
+    i, j, a, b = who[best, 0], who[best, 1], who[best, 2], who[best, 3]
+    cells.when[best] = cells.when[last]
+    for m in range(of.EVENT):
+        who[best, m] = who[last, m]
+    counts[of.EVENTS] = last
+    return when, i, j, a, b
+
+
+@compiled
+def _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, i):
+    """The rest of the step of a granule, from where it has met another."""
+    fly_on(
+        crowd.states[i], crowd.counts[i], crowd.own[i], crowd.tally[i], crowd.grains[i],
+        laws.tables[crowd.table_of[i]], air, now, rates, walls, rules, clock, room,
+    )  # fmt: skip
+
+
+@inlined
+def _leave_to_the_end(crowd, cells, counts, i, j):
+    """Whether the pair has met so often in this step that the rest is contact that lasts."""
+    if crowd.own[i, of.MET] < MOST and crowd.own[j, of.MET] < MOST:
+        return False
+    if counts[of.NEAR] < cells.near.shape[0] and crowd.tally[i, of.TRACER] == 0:
+        cells.near[counts[of.NEAR], 0], cells.near[counts[of.NEAR], 1] = i, j
+        counts[of.NEAR] += 1
+    return True
+
+
+@compiled
+def _copy(row, to):
+    """Number by number: the kernel makes no arrays, and a slice might."""
+    for m in range(row.shape[0]):
+        to[m] = row[m]
+
+
+@compiled
+def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
+    """Let a tracer i meet the granule j where that was at the time, if it is caught; j does not notice. Whether."""
+    if not hit_tracer(crowd, laws.tables, i, j, rules):
+        return False
+    state, ints, own = crowd.states[j], crowd.counts[j], crowd.own[j]
+    _copy(state, room.kept_state)
+    _copy(ints, room.kept_ints)
+    _copy(own, room.kept_own)
+    roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
+    roll_back(state, ints, own, clock, when)
+    if meet(crowd, laws, clock[of.DEPTH], i, j, 1.0):
+        crowd.tally[i, of.MEETINGS] += 1
+    _copy(room.kept_state, state)
+    _copy(room.kept_ints, ints)
+    _copy(room.kept_own, own)
+    return True
+
+
+@compiled
+def _strike_pair(crowd, laws, clock, i, j, when):
+    """The meeting of two granules of the same right."""
+    roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
+    roll_back(crowd.states[j], crowd.counts[j], crowd.own[j], clock, when)
+    if meet(crowd, laws, clock[of.DEPTH], i, j, 1.0):
+        crowd.tally[i, of.MEETINGS] += 1
+        crowd.tally[j, of.MEETINGS] += 1
+
+
+@compiled
+def meet_all(crowd, laws, air, now, rates, walls, rules, clock, room, cells, counts):
+    """Deal with the meetings that ``foretell`` noted, and with those that come of them."""
+    while counts[of.EVENTS] > 0:
+        when, i, j, a, b = _earliest(cells, counts)
+        stale = crowd.tally[i, of.STAMP] != a or crowd.tally[j, of.STAMP] != b
+        if stale or _leave_to_the_end(crowd, cells, counts, i, j):
+            continue
+        both = crowd.tally[i, of.TRACER] == 0
+        if both:
+            _strike_pair(crowd, laws, clock, i, j, when)
+        elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
+            continue
+        crowd.own[i, of.MET] += 1.0
+        _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, i)
+        if both:
+            crowd.own[j, of.MET] += 1.0
+            _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, j)
+        _look_round(crowd, cells, counts, clock, i, True)
+        if both:
+            _look_round(crowd, cells, counts, clock, j, True)
+
+
+@compiled
+def _approach(crowd, depth, i, j):
+    """How deep two granules overlap (m), and how fast they approach (m/s)."""
+    one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
+    dx, dy = state[at.X] - its[at.X], state[at.Y] - its[at.Y]
+    dz = across(one[of.Z] - other[of.Z], depth)
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], one[of.VZ] - other[of.VZ]
+    closing = -(dx * ux + dy * uy + dz * uz) / d if d > 0.0 else 0.0
+    return crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS] - d, closing
+
+
+@inlined
+def _settle_pair(crowd, laws, clock, i, j, sweep):
+    """Impulse and displacement of a pair that touches at the end of the step; how deep it was over the smaller
+    radius.
+    """
+    if crowd.counts[i, at.FATE] != at.FLYING or crowd.counts[j, at.FATE] != at.FLYING:
+        return 0.0
+    least = min(crowd.grains[i, at.RADIUS], crowd.grains[j, at.RADIUS])
+    deep, closing = _approach(crowd, clock[of.DEPTH], i, j)
+    if deep <= -TOUCH * least:
+        return 0.0
+    crowd.own[i, of.TOUCHED] = crowd.own[j, of.TOUCHED] = of.TOUCHES_OTHERS
+    if closing > 0.0:
+        slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
+        if meet(crowd, laws, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
+            crowd.tally[i, of.MEETINGS] += 1
+            crowd.tally[j, of.MEETINGS] += 1
+    part(crowd, clock[of.DEPTH], i, j)
+    return max(deep, 0.0) / least
+
+
+@compiled
+def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
+    """Contact that lasts at the end of the step, over all pairs that touch and the walls that they lean on."""
+    h = clock[of.UNTIL] - clock[of.NOW]
+    for sweep in range(SWEEPS):
+        worst = 0.0
+        for k in range(counts[of.NEAR]):
+            i, j = cells.near[k, 0], cells.near[k, 1]
+            deep = _settle_pair(crowd, laws, clock, i, j, sweep)
+            worst = max(worst, deep)
+            if deep > 0.0:
+                for side in range(2):
+                    g = i if side == 0 else j
+                    if walls.bodies.shape[0] > 0 and crowd.own[g, of.ROOM] <= 0.0:
+                        _lean(crowd, walls, rules, clock, room, g, h)
+        if worst <= ENOUGH:
+            break
+
+
+@compiled
+def _lean(crowd, walls, rules, clock, room, i, h):
+    """Take a granule that others pushed out of the walls again."""
+    state, ints, own, grain = crowd.states[i], crowd.counts[i], crowd.own[i], crowd.grains[i]
+    own[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
+    if own[of.ROOM] <= 0.0:
+        press(state, ints, own, grain, walls, rules, room.hold, h, clock[of.PULL])
+        own[of.ROOM] = 0.0

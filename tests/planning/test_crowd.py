@@ -1,0 +1,161 @@
+"""Whether granules meet: the estimate of their meetings, what the plan decides by it, and the slab that it asks for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from support import G, shipped
+from wakeflow.core.errors import SceneError
+from wakeflow.planning.bounds import COLLISIONS
+from wakeflow.planning.coupling import INDEPENDENT
+from wakeflow.planning.crowd import MASS_LEVELS, MOST_IN_FLIGHT, number_rates, plan_crowd
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.meetings import encounters
+from wakeflow.scene import Scene
+
+
+@pytest.fixture
+def vacuum() -> Scene:
+    return shipped("vacuum")
+
+
+OFF = {"basset-history": False}
+
+
+def laws(scene: Scene) -> dict[str, tuple[str, float]]:
+    plan = make_plan(scene, force=OFF)
+    return {name: (how.drag, how.drag_scale) for name, how in plan.fractions.items()}
+
+
+def test_meetings_grow_with_the_rate_and_shrink_with_the_depth(draft: Scene) -> None:
+    known = laws(draft)
+    one = encounters(draft, known)
+    for change in ({"feed.rate": 2 * draft.feed.mass_flow}, {"feed.depth": 0.5 * draft.feed.depth}):
+        two = encounters(draft.replace(change), known)
+        for name, found in one.items():
+            assert two[name].heavier == pytest.approx(2.0 * found.heavier)
+            assert two[name].number == pytest.approx(2.0 * found.number)
+            assert two[name].knock == pytest.approx(found.knock)
+
+
+def test_meetings_of_one_fraction_are_by_hand(vacuum: Scene) -> None:
+    """All alike, none overtakes: a granule meets those that leave as it falls, and those that fall as it leaves."""
+    tables = vacuum.tables()
+    tables["fraction"] = {"hard": tables["fraction"]["hard"]}
+    tables["feed"]["rate"] = 0.01
+    scene = Scene.parse(tables)
+    found = encounters(scene, {"hard": ("brown-lawler", 1.0)})["hard"]
+    speed, d = math.sqrt(2 * G * 0.1), 2e-3
+    flux = 0.01 / (1300 * math.pi / 6 * d**3) / (0.02 * 1.0)
+    thrown = 1.5 * math.sqrt(0.5) * math.sqrt(0.5) * 0.7 * speed
+    pull, half = 0.5 * G, 0.01
+    crossing = (math.sqrt(thrown**2 + 2 * pull * half) - thrown) / pull
+    meets = flux / speed * math.pi * d**2 * math.hypot(thrown, speed) * crossing
+    assert found.heavier == pytest.approx(2 * meets, rel=1e-3)
+    assert found.number == pytest.approx(found.heavier)
+    assert found.knock == pytest.approx(1.5 * 0.5 * math.hypot(thrown, speed), rel=1e-3)
+
+
+def test_what_is_lighter_turns_nobody_out_of_its_way(draft: Scene) -> None:
+    found = encounters(draft, laws(draft))
+    assert found["wheat"].number > 100 * found["wheat"].heavier  # dust, by the thousand
+    alone = encounters(draft.replace({"fraction.dust.mass_share": 1e-6, "fraction.chaff.mass_share": 0.099999}),
+                       laws(draft))  # fmt: skip
+    assert alone["wheat"].heavier == pytest.approx(found["wheat"].heavier, rel=0.02)
+    assert found["chaff"].heavier > found["wheat"].heavier
+
+
+@pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth", "aspirator"])
+def test_at_their_own_rate_the_shipped_scenes_need_the_slab_and_at_a_trickle_none(name: str) -> None:
+    scene = shipped(name)
+    plan = make_plan(scene)
+    assert plan.crowd is not None
+    assert not [line for line in plan.warnings if line.startswith(INDEPENDENT)]
+    assert any(line.startswith("collisions: a slab") for line in plan.used)
+    assert COLLISIONS not in {row.name for row in plan.left_out}
+    trickle = make_plan(scene.replace({"feed.rate": 1e-6}))
+    assert trickle.crowd is None
+    rows = {row.fraction: row for row in trickle.left_out if row.name == COLLISIONS}
+    assert set(rows) == set(scene.fraction)
+    assert all("below the" in row.why for row in rows.values())
+    assert plan.estimate["seconds"] > trickle.estimate["seconds"]
+
+
+def test_the_slab_flies_from_the_rate_on_at_which_a_bound_reaches_the_limit(draft: Scene) -> None:
+    row = next(row for row in make_plan(draft).validity if row.name == "meetings")
+    assert row.feed_rate is not None
+    rates = [share * row.feed_rate / 3600.0 for share in (0.99, 1.01)]
+    below, above = (make_plan(draft.replace({"feed.rate": rate})) for rate in rates)
+    assert below.crowd is None
+    assert above.crowd is not None
+    coarse = make_plan(draft.replace({"feed.rate": rates[1]}), target_error=0.02)
+    assert coarse.crowd is None
+
+
+def test_a_switch_decides_by_hand(draft: Scene) -> None:
+    off = make_plan(draft, force={COLLISIONS: False})
+    assert off.crowd is None
+    assert {row.fraction for row in off.left_out if row.name == COLLISIONS} == set(draft.fraction)
+    assert all("switched off" in row.why for row in off.left_out if row.name == COLLISIONS)
+    assert any(line.startswith(INDEPENDENT) for line in off.warnings)
+    on = make_plan(draft.replace({"feed.rate": 1e-6}), force={COLLISIONS: True})
+    assert on.crowd is not None
+
+
+def test_without_a_rate_nobody_meets_unless_it_is_asked_for(vacuum: Scene) -> None:
+    plan = make_plan(vacuum)
+    assert plan.crowd is None
+    assert not [line for line in plan.warnings if line.startswith(INDEPENDENT)]
+    assert all("no feed.rate" in row.why for row in plan.left_out if row.name == COLLISIONS)
+    assert make_plan(vacuum, force={COLLISIONS: True}).crowd is not None
+    fed = make_plan(vacuum.replace({"feed.rate": 0.05}))
+    assert fed.crowd is not None
+    assert fed.fractions["hard"].bounds[COLLISIONS] > fed.fractions["hard"].limit  # type: ignore[operator]
+
+
+def test_granules_that_lie_on_the_body_are_no_stream(vacuum: Scene) -> None:
+    tables = vacuum.tables()
+    del tables["feed"]["height"]
+    tables["feed"] |= {"start": "resting", "rate": 0.1}
+    resting = Scene.parse(tables)
+    plan = make_plan(resting)
+    assert plan.crowd is None
+    assert all("no stream" in row.why for row in plan.left_out if row.name == COLLISIONS)
+    with pytest.raises(SceneError, match=r"collisions=on: .* no stream"):
+        make_plan(resting, force={COLLISIONS: True})
+
+
+def test_the_slab_is_as_deep_as_asked_and_no_deeper_than_the_machine(draft: Scene) -> None:
+    depth = [make_plan(draft.replace(change)).crowd for change in ({}, {"collisions.depth": "30 mm"},
+             {"feed.depth": "20 mm", "feed.rate": 0.01})]  # fmt: skip
+    assert [one.depth for one in depth if one is not None] == pytest.approx([15 * 3.88e-3, 0.03, 0.02])
+
+
+def test_numbers_of_granules_carry_the_mass_that_is_fed(draft: Scene) -> None:
+    for name, fraction in draft.fraction.items():
+        diameter = fraction.diameters((np.arange(MASS_LEVELS) + 0.5) / MASS_LEVELS)
+        mass = fraction.properties.density * math.pi / 6 * diameter**3
+        carried = float(number_rates(draft, name) @ mass)
+        assert carried == pytest.approx(draft.mass_shares()[name] * draft.feed.mass_flow)
+
+
+def test_only_what_can_be_simulated_one_by_one_is(draft: Scene) -> None:
+    slab = plan_crowd(draft, laws(draft), 0.01)
+    assert dict(slab.tracers) == {"dust": 1.0, "chaff": 0.0, "wheat": 0.0}
+    assert all(number <= MOST_IN_FLIGHT for number in slab.in_flight.values())
+    busy = plan_crowd(draft.replace({"feed.rate": 8 * draft.feed.mass_flow}), laws(draft), 0.01)
+    assert busy.tracers["chaff"] == 1.0  # of one size: all or none
+    assert busy.tracers["wheat"] == 0.0
+    sizes = {"distribution": "uniform", "low": "0.2 mm", "high": "4 mm"}
+    spread = plan_crowd(draft.replace({"fraction.chaff.size": sizes}), laws(draft), 0.01)
+    assert 0.0 < spread.tracers["chaff"] < 0.5  # the finest, by number most of them
+    assert 0.9 * MOST_IN_FLIGHT < spread.in_flight["chaff"] <= MOST_IN_FLIGHT
+
+
+def test_a_tighter_accuracy_counts_for_longer(draft: Scene) -> None:
+    known = laws(draft)
+    whole = [s.replicates * s.operation for s in (plan_crowd(draft, known, target) for target in (0.1, 0.03, 0.01))]
+    assert whole[0] < whole[1] < whole[2]

@@ -1,0 +1,170 @@
+"""Two granules alone meet exactly as the law of pairs says, and a crowd keeps what it must."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import wakeflow as wf
+from wakeflow.laws.collision import collide_pair
+
+Array = NDArray[np.float64]
+DEPTH = 0.06
+
+
+def _granules(position: Any, velocity: Any, diameter: Any = 4e-3, density: Any = 1000.0, **more: Any) -> wf.Granules:
+    return wf.Granules(np.array(position, dtype=float), np.array(velocity, dtype=float), diameter, density, **more)
+
+
+def _fly(grains: wf.Granules, until: float, collisions: wf.Collisions | None = None, **more: Any) -> wf.Tracks:
+    collisions = wf.Collisions(DEPTH, 0.5, 0.3) if collisions is None else collisions
+    return wf.track(None, grains, until=until, collisions=collisions, **{"gravity": (0.0, 0.0)} | more)
+
+
+CASES = {
+    "head-on": {"offset": 0.0, "across": 0.0},
+    "oblique": {"offset": 2e-3, "across": 1e-3},
+    "unequal": {"offset": 1e-3, "across": 2e-3, "diameter": [4e-3, 1.5e-3], "density": [1300.0, 400.0]},
+    "spinning": {"offset": 1e-3, "across": -1e-3, "spin": [900.0, -250.0], "inertia": 0.4},
+    "gliding": {"offset": 3.9999e-3, "across": 0.0, "inertia": 0.4},
+    "a thousand to one": {"offset": 1e-3, "across": 5e-4, "diameter": [4e-3, 4e-6], "inertia": 0.4},
+    "nothing comes back": {"offset": 1e-3, "across": 1e-3, "e": 0.0},
+    "all comes back": {"offset": 1e-3, "across": 1e-3, "e": 1.0, "f": 0.0},
+    "rough and elastic": {"offset": 1e-3, "across": 1e-3, "e": 0.7, "f": np.inf, "back": 0.44, "inertia": 0.4},
+    "in free fall": {"offset": 1e-3, "across": 1e-3, "gravity": (0.0, -9.81), "inertia": 0.4},
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=list(CASES))
+def test_two_granules_meet_as_the_law_says(case: dict[str, Any]) -> None:
+    """Time and place of the impact, velocities and spins after it, in a plane tilted across the slab."""
+    own = {
+        "diameter": 4e-3,
+        "density": 1000.0,
+        "spin": 0.0,
+        "e": 0.5,
+        "f": 0.3,
+        "back": 0.0,
+        "gravity": (0.0, 0.0),
+    } | case
+    grains = _granules(
+        [[0.0, 0.0], [0.0203, own["offset"]]], [[0.9, 0.1], [-1.1, 0.1]], own["diameter"], own["density"],
+        spin=own["spin"], inertia=own.get("inertia"), depth=np.array([DEPTH - 4e-4, own["across"] - 4e-4]),
+    )  # fmt: skip
+    until, g = 0.0177, np.asarray(own["gravity"])
+    laws = wf.Collisions(DEPTH, own["e"], own["f"], own["back"])
+    tracks = _fly(grains, until, laws, gravity=own["gravity"])
+    np.testing.assert_array_equal(tracks.meetings, [1, 1])
+
+    d = np.array([*(grains.position[0] - grains.position[1]), -own["across"]])
+    u = np.array([2.0, 0.0, 0.0])
+    r = grains.diameter / 2
+    b, c = d @ u, d @ d - r.sum() ** 2
+    when = c / (-b + np.sqrt(b * b - u @ u * c))
+    n = (d + u * when) / r.sum()
+    light = 1 / (np.pi / 6 * grains.density * grains.diameter**3)
+    q = 1 / grains.inertia
+    s = np.array([0.0, 0.0, (r * grains.spin * np.sign(q)).sum()])
+    impulse = np.array(collide_pair(*u, *s, *n, *light, *q, own["e"], own["f"], own["back"])[:3])
+    for i, sign in enumerate((1.0, -1.0)):
+        v = grains.velocity[i] + g * when
+        after = v + sign * light[i] * impulse[:2]
+        rest = until - when
+        place = grains.position[i] + grains.velocity[i] * when + 0.5 * g * when**2 + after * rest + 0.5 * g * rest**2
+        size = max(1.0, float(np.abs(after).max()))
+        np.testing.assert_allclose(tracks.velocity[i], after + g * rest, atol=1e-12 * size)
+        np.testing.assert_allclose(tracks.position[i], place, atol=1e-13 * size)
+        turned = grains.spin[i] - q[i] * light[i] / r[i] * np.cross(n, impulse)[2]
+        np.testing.assert_allclose(tracks.spin[i], turned, rtol=1e-11, atol=1e-9)
+
+
+def test_granules_that_pass_by_do_not_meet() -> None:
+    tracks = _fly(_granules([[0.0, 0.0], [0.02, 4.00001e-3]], [[1.0, 0.0], [-1.0, 0.0]], depth=0.01), 0.02)
+    np.testing.assert_array_equal(tracks.meetings, [0, 0])
+    np.testing.assert_array_equal(tracks.velocity, [[1.0, 0.0], [-1.0, 0.0]])
+
+
+def test_the_slab_is_periodic() -> None:
+    """Two granules on the two sides of the slab meet through them; half a slab apart they do not."""
+    for across, meets in ((0.0595, 1), (0.03, 0)):
+        grains = _granules([[0.0, 0.0], [0.02, 0.0]], [[1.0, 0.0], [-1.0, 0.0]], depth=np.array([0.0005, across]))
+        np.testing.assert_array_equal(_fly(grains, 0.02).meetings, [meets, meets])
+
+
+def _gas(count: int, seed: int, inertia: float | None = 0.4) -> wf.Granules:
+    rng = np.random.default_rng(seed)
+    return _granules(
+        rng.uniform(0.0, 0.03, (count, 2)), rng.normal(size=(count, 2)), rng.uniform(1e-3, 4e-3, count),
+        rng.uniform(300.0, 2000.0, count), inertia=inertia, spin=rng.normal(size=count) * 300.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
+def test_a_gas_keeps_momentum_and_its_energy_never_grows(restitution: float) -> None:
+    """Hundreds of meetings, overlaps at birth included, and several in a step."""
+    grains, depth = _gas(400, 5), 0.03
+    mass = np.pi / 6 * grains.density * grains.diameter**3
+    before = mass @ grains.velocity
+    energy = (
+        0.5 * mass @ (grains.velocity**2).sum(axis=1) + 0.5 * (mass * (grains.diameter / 2) ** 2 / 2.5) @ grains.spin**2
+    )
+    for until in (0.004, 0.008, 0.016):
+        tracks = _fly(grains, until, wf.Collisions(depth, restitution, 0.3))
+        assert tracks.meetings is not None
+        np.testing.assert_allclose(mass @ tracks.velocity, before, atol=1e-14 * mass.sum())
+        left = 0.5 * mass @ (tracks.velocity**2).sum(axis=1)
+        assert left <= energy * (1 + 1e-12)
+    assert tracks.meetings.sum() > 200
+
+
+def test_results_do_not_depend_on_the_number_of_threads_nor_on_the_time_of_day() -> None:
+    grains = _gas(400, 6)
+    first = _fly(grains, 0.01, workers=1)
+    for workers in (1, 2, 3):
+        again = _fly(grains, 0.01, workers=workers)
+        np.testing.assert_array_equal(again.position, first.position)
+        np.testing.assert_array_equal(again.meetings, first.meetings)
+
+
+def test_two_streams_meet_at_the_rate_of_kinetic_theory() -> None:
+    """n1 n2 pi d^2 v for two dilute streams that cross: meetings are counted, and they pass through each other (no
+    mass is lost by it: the friction and restitution of the pair do not matter to who meets whom next at this density).
+    """
+    rng = np.random.default_rng(7)
+    count, side, d, v, until = 3000, 0.2, 1e-3, 4.0, 0.01
+    position = np.concatenate([
+        np.column_stack([rng.uniform(-v * until / 2, side, count), rng.uniform(0, side, count)]),
+        np.column_stack([rng.uniform(0.0, side + v * until / 2, count), rng.uniform(0, side, count)]),
+    ])  # fmt: skip
+    velocity = np.repeat([[v / 2, 0.0], [-v / 2, 0.0]], count, axis=0)
+    kind = np.repeat([0, 1], count)
+    grains = _granules(position, velocity, d, 1000.0, fraction=kind)
+    tracks = _fly(grains, until, wf.Collisions(DEPTH, 1.0, 0.0), seed=3)
+    assert tracks.meetings is not None
+    # of stream 1 those that are always inside the other stream
+    n2 = count / ((side + v * until / 2) * side * DEPTH)
+    always = (kind == 0) & (position[:, 0] > v * until / 2) & (position[:, 0] < side - v * until / 2)
+    always &= (position[:, 1] > d) & (position[:, 1] < side - d)
+    expected = always.sum() * n2 * np.pi * d**2 * v * until
+    found = tracks.meetings[always].sum()
+    assert expected > 100
+    assert abs(found - expected) < 3.0 * np.sqrt(expected) + 0.02 * expected
+
+
+def test_a_wall_of_a_heavy_granule_agrees_with_a_mirror() -> None:
+    """A granule of a million times the size and no motion of its own stands in for a flat wall."""
+    big, small = 40.0, 1e-3
+    grains = _granules([[0.0, -big / 2], [0.0, 0.02]], [[0.0, 0.0], [0.4, -1.3]], [big, small], [1e6, 1000.0],
+                       inertia=0.4, spin=[0.0, 50.0], depth=20.0)  # fmt: skip
+    ball = wf.track(None, grains, until=0.03, gravity=(0.0, 0.0), collisions=wf.Collisions(big, 0.5, 0.3))
+    floor = wf.Body(np.array([[1.0, 0.0], [-1.0, 0.0]]), open=True, restitution=0.5, friction=0.3)
+    wall = wf.track(None, grains[np.array([1])], until=0.03, gravity=(0.0, 0.0), bodies=[floor])
+    assert wall.impacts[0] == 1
+    np.testing.assert_allclose(ball.velocity[1], wall.velocity[0], atol=1e-3)
+    np.testing.assert_allclose(ball.spin[1], wall.spin[0], rtol=1e-3)
+    flat = _fly(grains[np.array([1])], 0.03, bodies=[floor])
+    np.testing.assert_allclose(flat.velocity, wall.velocity, atol=1e-14)
+    np.testing.assert_allclose(flat.position, wall.position, atol=1e-14)
