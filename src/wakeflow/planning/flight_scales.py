@@ -18,6 +18,7 @@ from ..laws.forces.scales import NEAR
 from ..laws.material import Material
 from ..laws.restitution import restitution_at
 from ..scene import Fraction, Scene
+from ..scene.fraction import COEFFICIENTS
 from .uniform_fall import UniformFall
 
 __all__ = ["CROSSED", "flights", "meetings", "packing"]
@@ -83,11 +84,23 @@ def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Itera
 
 
 def _thrown(scene: Scene, fraction: Fraction, arrival: float) -> float:
-    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face."""
-    granule = fraction.properties
+    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face.
+
+    Of nearly all granules: with a high restitution and a low friction where these spread, on faces that a shape turns
+    by twice the rms angle; friction is at most what makes a granule roll.
+    """
+    granule, ends = fraction.properties, np.array([1.0 - SIZES[0], SIZES[0]])
+    restitutions, frictions = (fraction.coefficients(name, ends) for name in COEFFICIENTS)
+    tilt = 2.0 * granule.rebound_scatter * np.array([[-1.0], [0.0], [1.0]])
     across, up = np.abs(np.concatenate([normals(body.outline()) for body in scene.body.values()])).T
-    kick = (1.0 + restitution_at(granule.restitution, arrival * up)) * up
-    return float((kick * np.maximum(across - granule.friction * up, 0.0)).max())
+    slope = np.clip(np.arctan2(across, up) + tilt, 0.0, 0.5 * np.pi)
+    across, up = np.sin(slope), np.cos(slope)
+    middle = restitution_at(granule.restitution, arrival * up)
+    kick = (1.0 + (middle if restitutions is None else restitutions[0])) * up
+    slowed = kick * up * (granule.friction if frictions is None else frictions[1])
+    if fraction.inertia is not None:
+        slowed = np.minimum(slowed, across * up / (1.0 + 1.0 / fraction.inertia))
+    return float(np.maximum(kick * across - slowed, 0.0).max())
 
 
 def meetings(scene: Scene, diameter: float, density: float) -> float:

@@ -117,12 +117,16 @@ def open_gate(
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
     share; ``moving``: the airflow is computed round bodies that vibrate.
 
+    What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
+    known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
     blocked = {term: _blocked(scene.fraction[name], term, turbulence) for term in bounds}
     small = _small(shifts, blocked, limit)
+    if scene.body:
+        small -= {term for term in shifts if term in forces and forces[term].turns and blocked[term] is None}
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
         if moving and term == VIBRATION:

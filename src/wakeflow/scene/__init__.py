@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .bins import Bin
     from .consistency import RESERVED_BIN
+    from .distributions import Size, Speeds
     from .feed import Feed, Profile
-    from .fraction import Fraction, Rebound, Size, Speeds
+    from .fraction import Fraction
     from .funnel import Funnel
     from .pictures import Picture, picture_tables
+    from .rebound import Coefficient, Rebound
     from .scene import Scene
     from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
     from .table import Table
@@ -26,6 +28,7 @@ _HOMES = {
     "Bin": "bins",
     "Body": "surroundings",
     "Channel": "surroundings",
+    "Coefficient": "rebound",
     "Feed": "feed",
     "Fraction": "fraction",
     "Funnel": "funnel",
@@ -33,12 +36,12 @@ _HOMES = {
     "Numerics": "whole",
     "Picture": "pictures",
     "Profile": "feed",
-    "Rebound": "fraction",
+    "Rebound": "rebound",
     "Samples": "surroundings",
     "Scene": "scene",
     "SceneTables": "whole",
-    "Size": "fraction",
-    "Speeds": "fraction",
+    "Size": "distributions",
+    "Speeds": "distributions",
     "Table": "table",
     "Vibration": "surroundings",
     "picture_tables": "pictures",
@@ -49,6 +52,7 @@ __all__ = [
     "Bin",
     "Body",
     "Channel",
+    "Coefficient",
     "Feed",
     "Fraction",
     "Funnel",

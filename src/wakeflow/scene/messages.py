@@ -8,10 +8,12 @@ from pydantic import BaseModel, ValidationError
 
 from ..core.registry import did_you_mean
 from .bins import Bin
+from .distributions import Size, Speeds
 from .feed import Feed, Profile
-from .fraction import Fraction, Rebound, Size, Speeds
+from .fraction import Fraction
 from .funnel import Funnel
 from .pictures import picture_tables
+from .rebound import Coefficient, Rebound
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Numerics, SceneTables, SpanTable
 
@@ -79,7 +81,9 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
         return picture_tables()[where[2]] if len(where) > 2 else None
     if where[0] not in keyed:
         return plain.get(where[0])
-    parts: dict[str, type[BaseModel]] = {"size": Size, "terminal_velocity": Speeds, "restitution": Rebound}
+    parts: dict[str, type[BaseModel]] = {
+        "size": Size, "terminal_velocity": Speeds, "restitution": Rebound, "friction": Coefficient,
+    }  # fmt: skip
     if where[2:] and where[2] in parts:
         return parts[where[2]]
     return keyed[where[0]] if len(where) > 1 else None
@@ -87,4 +91,5 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
 
 def _known_keys(where: list[str]) -> list[str]:
     model = _model_at(where)
-    return [] if model is None else [field.alias or key for key, field in model.model_fields.items()]
+    models = [] if model is None else [model, Coefficient] if model is Rebound else [model]
+    return [field.alias or key for one in models for key, field in one.model_fields.items()]

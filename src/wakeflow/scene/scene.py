@@ -66,7 +66,9 @@ class Scene(SceneTables):
         return cls.parse(_changed(data, changes or {}), path.name, path.parent)
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
-        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``."""
+        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``; a star stands for
+        every table there is: ``{"fraction.*.impact": "paper"}``.
+        """
         return self.parse(_changed(self.tables(), changes))
 
     def fed(self, rate: float | None = None) -> Scene:
@@ -132,14 +134,20 @@ def _with_samples(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str
 
 
 def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A deep copy of ``data`` with dotted keys set; tables that are missing on the way are made."""
+    """A deep copy of ``data`` with dotted keys set; tables that are missing on the way are made, a star stands for all
+    that are there.
+    """
     result: dict[str, Any] = json.loads(json.dumps(data, default=str))
     for key, value in changes.items():
         *tables, last = key.split(".")
-        node = result
+        nodes = [result]
         for i, table in enumerate(tables):
-            node = node.setdefault(table, {})
-            if not isinstance(node, dict):
-                raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is a value, not a table")
-        node[last] = value
+            if table == "*":
+                nodes = [part for node in nodes for part in node.values()]
+            else:
+                nodes = [node.setdefault(table, {}) for node in nodes]
+            if not nodes or not all(isinstance(node, dict) for node in nodes):
+                raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is {'a value, not a' if nodes else 'no'} table")
+        for node in nodes:
+            node[last] = json.loads(json.dumps(value, default=str))
     return result

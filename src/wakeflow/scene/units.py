@@ -22,6 +22,7 @@ __all__ = [
     "Point",
     "Portion",
     "PositiveSpeed",
+    "ScatterAngle",
     "SlopeAngle",
     "Speed",
     "Viscosity",
@@ -62,6 +63,7 @@ SlopeAngle = Annotated[
 AnyAngle = Annotated[
     float, Field(ge=-2 * math.pi, le=2 * math.pi, json_schema_extra=_unit("rad")), _in("rad", "90 deg")
 ]
+ScatterAngle = Annotated[float, Field(ge=0, le=1, json_schema_extra=_unit("rad")), _in("rad", "0.1 rad")]
 Speed = Annotated[float, Field(ge=0, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "1.4 m/s")]
 PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100, json_schema_extra=_unit("m/s")), _in("m/s", "5 m/s")]
 MassDensity = Annotated[float, Field(gt=0, le=3e4, json_schema_extra=_unit("kg/m^3")), _in("kg/m^3", "1300 kg/m^3")]
