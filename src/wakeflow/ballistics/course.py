@@ -173,9 +173,9 @@ class _Flight:
         """By what angle (rad) the shape of each granule turns the wall's normal at this impact: the tracker's draw."""
         scatter = self.grains.scatter[who]
         if not scatter.any():
-            return scatter
+            return np.zeros(len(who))
         drawn: Array = normal_pair(np.full(len(who), self.seed), who, -1 - self.tracks.impacts[who])[0]
-        return scatter * drawn
+        return np.asarray(scatter * drawn)
 
     # -- contact -------------------------------------------------------------------------------------------------------
 

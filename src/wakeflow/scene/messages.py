@@ -91,5 +91,7 @@ def _model_at(where: list[str]) -> type[BaseModel] | None:
 
 def _known_keys(where: list[str]) -> list[str]:
     model = _model_at(where)
-    models = [] if model is None else [model, Coefficient] if model is Rebound else [model]
+    models: list[type[BaseModel]] = [] if model is None else [model]
+    if model is Rebound:
+        models.append(Coefficient)
     return [field.alias or key for one in models for key, field in one.model_fields.items()]
