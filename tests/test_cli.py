@@ -21,7 +21,7 @@ def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.Captur
     met = {name: row["impaction"]["efficiency"] for name, row in plan["fractions"].items()}
     assert met["wheat"] > 0.9 > met["chaff"] > 0.8 > met["dust"]
     names = {row["name"] for row in plan["left_out"]}
-    assert {"buoyancy", "basset-history", "lift", "brownian", "vibration-of-the-air"} <= names
+    assert {"buoyancy", "basset-history", "brownian", "vibration-of-the-air"} <= names
     assert all(row["why"] for row in plan["left_out"])
 
 

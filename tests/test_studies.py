@@ -18,6 +18,7 @@ import labyrinth_chain
 import locked_band
 import mpi_ranks
 import paper_compare
+import rebound
 import slope_angles
 import time_resolved_cost
 import wakeflow as wf
@@ -31,7 +32,7 @@ HERE = {
     for study in (
         aspirator_curve, best_estimate, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain,
         locked_band,
-        mpi_ranks, paper_compare, slope_angles, time_resolved_cost,
+        mpi_ranks, paper_compare, rebound, slope_angles, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -126,6 +127,16 @@ def test_paper_compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
     monkeypatch.delitem(paper_compare.SCENES, "barrier")  # the costly one; tests/report/test_pictures.py draws it
     assert paper_compare.main(["--set", "numerics.mesh_scale=3", "--set", "feed.count=64"]) == 0
     assert {row[1] for row in table_rows(capsys.readouterr().out)} == set(paper_compare.SCENES)
+
+
+def test_rebound(capsys: pytest.CaptureFixture[str]) -> None:
+    """Every part alone, and all of them, on the paper's granules in a vacuum: scatter alone moves wheat."""
+    rebound.main(256, "none")
+    rows = {row[0]: row[1:] for row in table_rows(capsys.readouterr().out)}
+    assert list(rows) == list(rebound.ROWS)
+    assert rows["scatter by shape"][0] != rows["the paper's point mass"][0]
+    paper = rebound.scene_of(shipped("rhombus"), rebound.ROWS["the paper's point mass"])
+    assert not any(fraction.varies for fraction in paper.fraction.values())
 
 
 def test_slope_angles(tmp_path: Path) -> None:

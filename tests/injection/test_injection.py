@@ -110,9 +110,8 @@ def test_replicates_are_equal_in_size_and_independent(vacuum: Scene) -> None:
 
 def test_each_fraction_arrives_with_its_own_speed(cases: Path) -> None:
     """In still-ish air light granules arrive near their terminal velocity, heavy ones near free fall."""
-    scene = Scene.load(cases / "rhombus.toml").replace(
-        {"air.speed": 1e-3, "feed.height": 2.0, "feed.mode": "injected", "feed.count": 256}
-    )
+    calm = {"air.speed": 1e-3, "feed.height": 2.0, "feed.mode": "injected", "feed.count": 256}
+    scene = Scene.load(cases / "rhombus.toml", {**calm, "fraction.*.impact": "paper"})
     tables = scene.tables()
     del tables["vibration"]
     still = Scene.parse(tables)
@@ -126,6 +125,31 @@ def test_each_fraction_arrives_with_its_own_speed(cases: Path) -> None:
         vx = max(0.0, math.sin(b) - friction * (1 + restitution) * math.cos(b))
         outgoing = speed * math.hypot(vx, restitution * math.cos(b))
         assert np.median(np.linalg.norm(v[flat], axis=1)) == pytest.approx(outgoing, rel=0.03)
+
+
+def test_granules_draw_their_own_rebound_where_the_paper_s_are_alike(cases: Path) -> None:
+    """The same places and times, with and without; a fraction of the same numbers and no material is the paper's."""
+    scene = Scene.load(cases / "rhombus.toml").replace({"feed.count": 1024, "feed.mode": "injected"}).without_air()
+    paper = scene.replace({"fraction.*.impact": "paper"})
+    feeds = {kind: feedstock(one, make_plan(one), "wheat", None) for kind, one in (("own", scene), ("paper", paper))}
+    own, alike = (feeds[kind].granules for kind in ("own", "paper"))
+    np.testing.assert_array_equal(own.diameter, alike.diameter)
+    for name, mean, std in (("restitution", 0.5, 0.05), ("friction", 0.35, 0.04)):
+        assert getattr(own, name).mean() == pytest.approx(mean, abs=1e-3)
+        assert getattr(own, name).std() == pytest.approx(std, rel=0.02)
+        assert abs(np.corrcoef(getattr(own, name), own.position[:, 0])[0, 1]) < 0.05
+        assert np.ptp(getattr(alike, name)) == 0.0
+    assert abs(np.corrcoef(own.restitution, own.friction)[0, 1]) < 0.05
+    assert np.all(own.inertia == 0.5)
+    assert np.all(np.isinf(alike.inertia))
+    numbers = {"density": 1300.0, "restitution": 0.5, "friction": 0.35, "terminal_velocity": 7.8}
+    known = {**numbers, "size": paper.tables()["fraction"]["wheat"]["size"], "mass_share": 0.9}
+    plain = paper.replace({"fraction.wheat": known})
+    again = feedstock(plain, make_plan(plain), "wheat", None).granules
+    for name in ("position", "velocity", "time", "spin", "restitution", "friction"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(alike, name))
+    direction = [np.arctan2(grains.velocity[:, 1], np.abs(grains.velocity[:, 0])) for grains in (own, alike)]
+    assert direction[0].std() > 1.2 * direction[1].std()
 
 
 def test_carried_up_granules_are_not_injected(cases: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wakeflow.laws.collision import collide
-from wakeflow.laws.random_numbers import normals
+from wakeflow.laws.random_numbers import normal_pair
 from wakeflow.laws.rebound import thrown
 
 COUNT = 20_000
@@ -98,11 +98,11 @@ def test_random_numbers_are_normal_and_depend_on_their_number_alone() -> None:
 
     count = np.arange(50_000)
     seed = np.full(len(count), 7)
-    x, y = normals(seed, count, -1 - count % 5)
+    x, y = normal_pair(seed, count, -1 - count % 5)
     for drawn in (x, y):
         assert kstest(drawn, "norm").pvalue > 1e-3
     assert abs(np.corrcoef(x, y)[0, 1]) < 0.02
     assert abs(np.corrcoef(x[:-1], x[1:])[0, 1]) < 0.02
     some = np.array([3, 999, 40_000])
-    np.testing.assert_array_equal(normals(seed[some], count[some], -1 - count[some] % 5)[0], x[some])
-    assert not np.any(normals(seed, count, -2 - count % 5)[0] == x)
+    np.testing.assert_array_equal(normal_pair(seed[some], count[some], -1 - count[some] % 5)[0], x[some])
+    assert not np.any(normal_pair(seed, count, -2 - count % 5)[0] == x)

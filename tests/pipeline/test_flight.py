@@ -11,7 +11,8 @@ import pytest
 
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
-from wakeflow.injection.feed import _samples, feedstock
+from wakeflow.injection.feed import feedstock
+from wakeflow.injection.sobol import samples
 from wakeflow.pipeline.landings import load_tracked
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight, _second_half, bodies_and_walls, end_lines
@@ -51,7 +52,7 @@ def test_each_replicate_flies_half_in_the_mirror_image_of_a_time_resolved_airflo
 def test_the_halves_of_a_replicate_are_balanced_in_every_coordinate(scene: Scene) -> None:
     """Place, size, phase and period of release: in each quarter of its range, half of the granules are of either."""
     feed = feedstock(scene, make_plan(scene, rung="draft"), "chaff", 0.1, range(4))
-    points, _ = _samples("chaff", 256, scene.feed.seed, range(4))
+    points, _ = samples("chaff", 256, scene.feed.seed, range(4))
     size = len(points) // 4
     other = _second_half(feed, size, range(4)).reshape(4, size)
     for replicate, coordinates in enumerate(points.reshape(4, size, 4)):

@@ -94,7 +94,7 @@ def test_the_front_knows_where_its_face_is() -> None:
 
 @cache
 def rhombus() -> Scene:
-    return shipped("rhombus", {"numerics.rung": "draft", "feed.count": 512})
+    return shipped("rhombus", {"numerics.rung": "draft", "feed.count": 512, "fraction.*.impact": "paper"})
 
 
 def of(scene: Scene, name: str) -> Deflection:

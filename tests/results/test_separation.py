@@ -73,11 +73,11 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
 
 def test_balanced_samples_do_not_pretend_to_be_exact() -> None:
     """With the real sampler: the interval of a share covers it at least as often as it says, for cuts anywhere."""
-    from wakeflow.injection.feed import _samples
+    from wakeflow.injection.sobol import samples
 
     covered = total = 0
     for seed in range(40):
-        points, replicate = _samples("a", 1024, seed)
+        points, replicate = samples("a", 1024, seed)
         for cut in (0.2503, 0.5, 0.61, 0.013):
             shares = np.array([np.mean(points[replicate == r, 0] < cut) for r in range(16)])
             _, low, high = share_interval(shares, len(points))

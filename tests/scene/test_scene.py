@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from wakeflow.core.errors import SceneError
+from wakeflow.laws.collision import impact_models
 from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
 from wakeflow.scene import Scene
@@ -281,6 +282,68 @@ def test_slope_angle_is_from_the_horizontal() -> None:
     assert down[:, 1].min() == pytest.approx(-2 / 3 * math.tan(math.radians(60)))
 
 
+def test_a_star_stands_for_every_table(rhombus: Scene) -> None:
+    paper = rhombus.replace({"fraction.*.impact": "paper"})
+    assert {fraction.impact for fraction in paper.fraction.values()} == {"paper"}
+    with pytest.raises(SceneError, match=r"picture.\*.caption: picture.\* is no table"):
+        rhombus.replace({"picture.*.caption": "none is there"})
+
+
+P = (np.arange(4000) + 0.5) / 4000
+
+
+def test_granules_differ_as_their_material_says_and_the_paper_s_are_alike(rhombus: Scene) -> None:
+    wheat, known = rhombus.fraction["wheat"], materials["wheat"]
+    for name in ("restitution", "friction"):
+        drawn = wheat.coefficients(name, P)
+        assert drawn.mean() == pytest.approx(getattr(known, name), abs=1e-4)
+        assert drawn.std() == pytest.approx(getattr(known, f"{name}_std"), rel=0.01)
+    assert wheat.inertia == 0.5
+    assert wheat.properties.rebound_scatter == known.rebound_scatter > 0
+    assert wheat.settling(P) is None  # it has sizes of its own
+    chaff = rhombus.fraction["chaff"].settling(P)
+    assert chaff.std() == pytest.approx(materials["chaff"].terminal_velocity_std, rel=0.01)
+    for fraction in rhombus.replace({"fraction.*.impact": "paper"}).fraction.values():
+        assert fraction.inertia is None
+        assert not fraction.varies
+        assert fraction.properties.rebound_scatter == fraction.properties.tangential_restitution == 0.0
+
+
+def test_a_fraction_s_own_spread_goes_before_its_material_s(rhombus: Scene) -> None:
+    own = {"restitution": {"mean": 0.9, "std": 0.05}, "friction": {"distribution": "uniform", "low": 0.2, "high": 0.4}}
+    changes = {f"fraction.wheat.{key}": value for key, value in own.items()}
+    wheat = rhombus.replace({**changes, "fraction.wheat.rebound_scatter": "5 deg"}).fraction["wheat"]
+    drawn = wheat.coefficients("restitution", P)
+    assert drawn.max() <= 1.0
+    assert wheat.coefficients("friction", P).mean() == pytest.approx(0.3)
+    assert wheat.properties.friction == pytest.approx(0.3)
+    assert wheat.properties.rebound_scatter == pytest.approx(math.radians(5))
+    for value in (0.5, {"law": "power", "value": 0.5, "at": 1.0}):
+        assert (
+            rhombus.replace({"fraction.wheat.restitution": value}).fraction["wheat"].coefficients("restitution", P)
+            is None
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"restitution": {"mean": 0.9, "std": 0.3}}, "puts 37% outside 0 to 1"),
+        ({"restitution": {"mean": 0.9}}, "a normal distribution takes mean and std, not mean"),
+        ({"friction": {"distribution": "uniform", "low": 0.4, "high": 0.2}}, "low = 0.4 must be below high = 0.2"),
+        ({"restitution": {"distribution": "uniform", "low": 0.4, "high": 1.2}}, "high = 1.2 is more than 1"),
+        ({"friction": {"mean": 0.4, "sd": 0.1}}, "unknown key"),
+        ({"rebound_scatter": "90 deg"}, "rebound_scatter"),
+        ({"tangential_restitution": 0.3, "impact": "paper"}, "of granules that turn"),
+    ],
+)
+def test_a_spread_that_cannot_be_is_refused(rhombus: Scene, change: dict, message: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        rhombus.replace({f"fraction.wheat.{key}": value for key, value in change.items()})
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("name", list(materials))
 def test_materials_state_source_and_confidence(name: str) -> None:
     material = materials[name]
@@ -288,6 +351,11 @@ def test_materials_state_source_and_confidence(name: str) -> None:
     assert len(material.source) > 20
     assert 0 <= material.restitution <= 1
     assert material.friction >= 0
+    assert material.impact in impact_models
+    assert {"restitution", "friction", "impact"} <= set(material.evidence)
+    for known in material.evidence.values():
+        assert known.confidence in ("measured", "typical", "low")
+        assert known.source
 
 
 def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:

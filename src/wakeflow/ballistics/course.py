@@ -11,7 +11,7 @@ from ..core.errors import SceneError
 from ..core.geometry import contains
 from ..laws.collision import approach_speed
 from ..laws.constants import GRAVITY
-from ..laws.random_numbers import normals
+from ..laws.random_numbers import normal_pair
 from ..laws.rebound import thrown
 from ..laws.restitution import Restitution, restitution_at
 from ..tracking import Body, Fate, Granules, Tracks
@@ -173,9 +173,9 @@ class _Flight:
         """By what angle (rad) the shape of each granule turns the wall's normal at this impact: the tracker's draw."""
         scatter = self.grains.scatter[who]
         if not scatter.any():
-            return scatter
-        drawn: Array = normals(np.full(len(who), self.seed), who, -1 - self.tracks.impacts[who])[0]
-        return scatter * drawn
+            return np.zeros(len(who))
+        drawn: Array = normal_pair(np.full(len(who), self.seed), who, -1 - self.tracks.impacts[who])[0]
+        return np.asarray(scatter * drawn)
 
     # -- contact -------------------------------------------------------------------------------------------------------
 

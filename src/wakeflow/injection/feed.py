@@ -12,10 +12,8 @@ Without a body the curtain enters the channel at the feed's level.
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,23 +22,25 @@ from .. import tracking
 from ..core.geometry import edges, normals
 from ..core.roots import halved
 from ..field import FlowField
-from ..laws.collision import approach_speed, collide
+from ..laws.collision import approach_speed
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import forces
+from ..laws.rebound import thrown
 from ..laws.restitution import restitution_at
+from ..laws.size import normal_quantile
 from ..planning.impaction import axis
-from ..planning.plan import REPLICATES, FractionPlan, Plan, replicate_size
-from ..scene import Fraction, Scene
+from ..planning.plan import REPLICATES, FractionPlan, Plan
+from ..scene import Fraction, Scene, Speeds
 from ..tracking import Granules
 from .first_contact import first_contact, motion_of
+from .sobol import PLACED, TRAITS, samples, traits_of
 
 __all__ = ["Feedstock", "arrival", "contact_points", "entering", "fall_start", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
 LEAST_WAY = 0.01  # body widths over which an acceleration is taken from speeds
-ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1, where a distribution may be infinite
 HALVINGS = 60  # of a bracket in time: to round-off
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
 
@@ -52,27 +52,6 @@ class Feedstock:
     granules: Granules
     replicate: NDArray[np.int64]
     injected: NDArray[np.bool_]
-
-
-def _samples(
-    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES), dimensions: int = 4
-) -> tuple[Array, NDArray[np.int64]]:
-    """Scrambled Sobol points (n, dimensions) in the unit cube of some ``replicates``, and the one each belongs to.
-
-    The stream depends on the fraction's own name and on the replicate, not on the other fractions.
-    """
-    size = replicate_size(count)
-    parts = [_replicate(name, size, seed, replicate, dimensions) for replicate in replicates]
-    return np.concatenate(parts), np.repeat(np.asarray(replicates), size)
-
-
-@lru_cache(maxsize=64)  # a search flies the same granules through many scenes
-def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
-    from scipy.stats import qmc
-
-    source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate])
-    points = qmc.Sobol(dimensions, scramble=True, rng=source).random(size)
-    return np.asarray(np.clip(points, ROUND_OFF, 1 - ROUND_OFF))
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -182,9 +161,12 @@ def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
     return np.stack([x, height], axis=1) + shift
 
 
-def granules_of(fraction: Fraction, plan: FractionPlan, diameter: Array, settling: Array | None = None) -> Granules:
+def granules_of(
+    fraction: Fraction, plan: FractionPlan, diameter: Array, settling: Array | None = None, traits: Array | None = None
+) -> Granules:
     """Granules of ``diameter`` (n,) m with the fraction's properties and drag, at rest at the origin; ``settling`` (n,)
-    m/s: each granule's own terminal velocity where it was measured.
+    m/s: each granule's own terminal velocity where it was measured; ``traits`` (n, 2) in the unit square, of its
+    restitution and friction, without which all have the middle ones.
     """
     origin = np.zeros((len(diameter), 2))
     properties = fraction.properties
@@ -193,16 +175,22 @@ def granules_of(fraction: Fraction, plan: FractionPlan, diameter: Array, settlin
     else:
         law, air = plan.drag, (*STANDARD_AIR, GRAVITY)
         scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law)
+    own = dict.fromkeys(("restitution", "friction"))
+    if traits is not None:
+        own = {"restitution": fraction.coefficients("restitution", traits[:, 0])}
+        own["friction"] = fraction.coefficients("friction", traits[:, 1])
     return Granules(
         position=origin,
         velocity=origin,
         diameter=diameter,
         density=properties.density,
         sphericity=fraction.sphericity or 1.0,
-        restitution=properties.restitution,
-        friction=properties.friction,
+        restitution=properties.restitution if own["restitution"] is None else own["restitution"],
+        friction=properties.friction if own["friction"] is None else own["friction"],
         drag_scale=scale,
         inertia=fraction.inertia,
+        scatter=properties.rebound_scatter,
+        tangential_restitution=properties.tangential_restitution,
     )
 
 
@@ -214,11 +202,15 @@ def feedstock(
     ``replicates``: only those, the same granules as among all.
     """
     fraction, fraction_plan = scene.fraction[name], plan.fractions[name]
-    spreads = fraction.settling(np.zeros(0)) is not None
-    points, replicate = _samples(name, scene.feed.count, scene.feed.seed, replicates, 5 if spreads else 4)
+    measured = isinstance(fraction.terminal_velocity, Speeds)
+    points, replicate = samples(name, scene.feed.count, scene.feed.seed, replicates, PLACED if measured else 4)
+    traits = np.zeros((len(points), TRAITS))
+    if fraction.varies:
+        traits = traits_of(name, scene.feed.count, scene.feed.seed, replicates)
     x = scene.feed.places(points[:, 0])
     diameter = fraction.diameters(points[:, 1])
-    grains = granules_of(fraction, fraction_plan, diameter, fraction.settling(points[:, 4]) if spreads else None)
+    settling = fraction.settling(points[:, 4] if measured else traits[:, 2])
+    grains = granules_of(fraction, fraction_plan, diameter, settling, traits[:, :2])
     if not scene.body:
         return Feedstock(entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
     assert scene.first_outline is not None
@@ -241,7 +233,7 @@ def feedstock(
         time[i], wall = first_contact(fall[i], normal[i], passing, motion_of(scene), pull)
         since = time[i] - passing
         position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
-        velocity[i], spin[i] = _rebound(grains[i], fall[i] + pull * since, normal[i], wall)
+        velocity[i], spin[i] = _rebound(grains[i], fall[i] + pull * since, normal[i], wall, traits[i, 3])
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin)
     return Feedstock(entered, replicate, injected)
 
@@ -264,12 +256,18 @@ def entering(scene: Scene, grains: Granules, x: Array) -> Granules:
     return grains.replace(position=np.stack([x, np.full(len(x), y)], axis=1), velocity=velocity)
 
 
-def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array) -> tuple[Array, Array]:
-    """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2)."""
-    ways = normal[:, 0], normal[:, 1], wall[:, 0], wall[:, 1]
-    e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *ways))
-    vx, vy, spin, _, _ = collide(0.0, -fall, 0.0, *ways, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2)
-    return np.stack([vx, vy], axis=1), spin
+def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array, chance: Array) -> tuple[Array, Array]:
+    """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2),
+    which the shape of each turns by an angle that the part ``chance`` (n,) of all angles lies below.
+    """
+    falling = np.stack([np.zeros(len(fall)), -fall], axis=1)
+    e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *normal.T, *wall.T))
+    angle = grains.scatter * normal_quantile(chance) if grains.scatter.any() else grains.scatter
+    velocity, spin, _ = thrown(
+        falling, np.zeros(len(fall)), normal, wall, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2,
+        grains.tangential_restitution, angle,
+    )  # fmt: skip
+    return velocity, spin
 
 
 def _released(

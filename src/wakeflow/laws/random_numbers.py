@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["normals"]
+__all__ = ["normal_pair"]
 
 G1, G2, G3 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 S27, S30, S31, S11 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(11)
@@ -22,7 +22,7 @@ def _scramble(x: Any) -> Any:
     return x ^ (x >> S31)
 
 
-def normals(seed: Any, stream: Any, draw: Any) -> Any:
+def normal_pair(seed: Any, stream: Any, draw: Any) -> Any:
     """Two independent standard normal numbers (Box & Muller 1958), a pure function of its arguments.
 
     ``seed``, ``stream`` and ``draw``: whole numbers; scalars in the tracker's compiled kernel, int64 arrays of one

@@ -19,11 +19,22 @@ from ..core.errors import SceneError
 from ..core.quantities import metres
 from ..core.registry import Registry
 
-__all__ = ["sizes"]
+__all__ = ["normal_quantile", "sizes", "within"]
 
 Array = NDArray[np.float64]
 sizes: Registry[Callable[..., Array]] = Registry("size distribution")
-_normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the plan asks too, and must not load scipy
+normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the plan asks too, and must not load scipy
+
+
+def within(p: Array, *, mean: float, std: float, low: float = -math.inf, high: float = math.inf) -> Array:
+    """Values below which the shares ``p`` lie, of a normal distribution cut off at ``low`` and ``high`` and
+    renormalised; ``mean`` and ``std`` are those before the cut. All have the ``mean`` where ``std`` is 0.
+    """
+    if std == 0.0:
+        return np.full(np.shape(p), mean)
+    least, most = (NormalDist(mean, std).cdf(end) for end in (low, high))
+    value: Array = np.clip(mean + std * normal_quantile(least + np.asarray(p) * (most - least)), low, high)
+    return value
 
 
 @sizes.register("single")
@@ -49,7 +60,7 @@ def normal(p: Array, *, mean: float, std: float) -> Array:
     below = NormalDist().cdf(-mean / std)
     if below > 0.01:
         raise SceneError(f"std = {std:g} puts {below:.0%} of the mass below zero; use lognormal")
-    value: Array = mean + std * _normal_quantile(below + np.asarray(p) * (1.0 - below))
+    value: Array = mean + std * normal_quantile(below + np.asarray(p) * (1.0 - below))
     return value
 
 
@@ -58,7 +69,7 @@ def lognormal(p: Array, *, median: float, geometric_std: float) -> Array:
     """Lognormal with mass ``median`` (m) and geometric standard deviation (> 1)."""
     if not geometric_std > 1.0:
         raise SceneError(f"geometric_std = {geometric_std:g} must be above 1 (1.5 is a usual milling product)")
-    value: Array = median * np.exp(np.log(geometric_std) * _normal_quantile(p))
+    value: Array = median * np.exp(np.log(geometric_std) * normal_quantile(p))
     return value
 
 

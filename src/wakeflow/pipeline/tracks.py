@@ -160,7 +160,7 @@ class Flight:
         if self.plan.flown_by == "chain":
             return follow(
                 grains, until=until, tolerance=self.tolerance, length=scene.width, bodies=bodies_and_walls(scene),
-                lines=end_lines(scene), gravity=(0.0, -GRAVITY), seed=_seed(scene.feed.seed, name, stream),
+                lines=end_lines(scene), gravity=(0.0, -GRAVITY), seed=seed_of(scene.feed.seed, name, stream),
                 record=record > 0,
             )  # fmt: skip
         return tracking.track(

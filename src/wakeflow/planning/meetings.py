@@ -23,6 +23,7 @@ from ..laws.drag import slip_correction
 from ..laws.forces import FlightScales
 from ..laws.restitution import restitution_at
 from ..scene import Fraction, Scene
+from ..scene.fraction import COEFFICIENTS
 from .bounds import COLLISIONS, bounds
 from .uniform_fall import UniformFall
 
@@ -30,6 +31,7 @@ __all__ = ["Encounters", "encounters", "shifted", "slope_of", "thrown_by"]
 
 Array = NDArray[np.float64]
 SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls stand for a fraction's, a third of its mass each
+RARE = 0.05  # of the granules rebound beyond what a throw is taken for
 SLOWEST = 0.1  # m/s: the slowest fall that is believed of a curtain, which would be infinitely dense at rest; chosen
 LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
 STEPS = 400  # of a fall in a vacuum
@@ -188,8 +190,20 @@ def slope_of(scene: Scene) -> tuple[float, float]:
 
 
 def thrown_by(scene: Scene, fraction: Fraction, arrival: float) -> float:
-    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face."""
-    granule = fraction.properties
+    """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face.
+
+    Of nearly all granules: with a high restitution and a low friction where these spread, on faces that a shape turns
+    by twice the rms angle; friction is at most what makes a granule roll.
+    """
+    granule, ends = fraction.properties, np.array([1.0 - RARE, RARE])
+    restitutions, frictions = (fraction.coefficients(name, ends) for name in COEFFICIENTS)
+    tilt = 2.0 * granule.rebound_scatter * np.array([[-1.0], [0.0], [1.0]])
     across, up = np.abs(np.concatenate([normals(body.outline()) for body in scene.body.values()])).T
-    kick = (1.0 + restitution_at(granule.restitution, arrival * up)) * up
-    return float((kick * np.maximum(across - granule.friction * up, 0.0)).max())
+    slope = np.clip(np.arctan2(across, up) + tilt, 0.0, 0.5 * np.pi)
+    across, up = np.sin(slope), np.cos(slope)
+    middle = restitution_at(granule.restitution, arrival * up)
+    kick = (1.0 + (middle if restitutions is None else restitutions[0])) * up
+    slowed = kick * up * (granule.friction if frictions is None else frictions[1])
+    if fraction.inertia is not None:
+        slowed = np.minimum(slowed, across * up / (1.0 + 1.0 / fraction.inertia))
+    return float(np.maximum(kick * across - slowed, 0.0).max())

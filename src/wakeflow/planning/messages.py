@@ -9,6 +9,7 @@ import numpy as np
 
 from ..funnel import summary
 from ..scene import Scene
+from ..scene.fraction import COEFFICIENTS
 from .airflow import AirflowPlan
 from .airflow_cost import ranks_for, span_cost, typical_cells
 from .coupling import Limit, strained
@@ -76,8 +77,31 @@ def _fraction_line(scene: Scene, name: str, fraction: FractionPlan) -> str:
     if not math.isinf(fraction.stokes):
         stokes = f" (approach Stokes number {fraction.stokes:.2g}{_turned(fraction)})"
     drag = "" if scene.air is None else f"; drag {fraction.drag} x {fraction.drag_scale:.3g}"
+    rebound = _rebound_words(scene, name) if scene.body else ""
     fall = f", arrives at {fraction.arrival_speed:.3g} m/s"
-    return f"{name}: {impact}{stokes}{fall}{drag}{_spread(scene, name)}; forces {', '.join(fraction.forces)}"
+    drag += _spread(scene, name)
+    return f"{name}: {impact}{stokes}{fall}{drag}{rebound}; forces {', '.join(fraction.forces)}"
+
+
+def _rebound_words(scene: Scene, name: str) -> str:
+    """How the granules of a fraction rebound: what each has of its own, 90 % within; what its shape and spin do."""
+    fraction = scene.fraction[name]
+    parts = []
+    for coefficient in COEFFICIENTS:
+        ends = fraction.coefficients(coefficient, np.array([0.05, 0.95]))
+        middle = getattr(fraction.properties, coefficient)
+        if ends is not None:
+            parts.append(f"{coefficient} {ends[0]:.2g} to {ends[1]:.2g}")
+        elif isinstance(middle, float):
+            parts.append(f"{coefficient} {middle:.2g}")
+        else:
+            parts.append(f"{coefficient} by the law {middle.law}")
+    if fraction.properties.rebound_scatter:
+        parts.append(f"scatter {fraction.properties.rebound_scatter:.2g} rad")
+    if fraction.properties.tangential_restitution:
+        parts.append(f"tangential restitution {fraction.properties.tangential_restitution:.2g}")
+    turns = "does not turn" if fraction.inertia is None else f"turns with I / (m r^2) {fraction.inertia:.2g}"
+    return f"; rebounds with {', '.join(parts)}, {turns}"
 
 
 def _turned(fraction: FractionPlan) -> str:

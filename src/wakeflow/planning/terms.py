@@ -127,12 +127,16 @@ def open_gate(
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together.
 
+    What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
+    known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
     blocked = {term: _blocked(scene, scene.fraction[name], term, turbulence) for term in bounds}
     small = _small(shifts, blocked, limit)
+    if scene.body:
+        small -= {term for term in shifts if term in forces and forces[term].turns and blocked[term] is None}
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
         if term in whole:

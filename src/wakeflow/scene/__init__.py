@@ -12,10 +12,12 @@ if TYPE_CHECKING:
     from .bins import Bin
     from .consistency import RESERVED_BIN
     from .crowding import Crowding
+    from .distributions import Size, Speeds
     from .feed import Feed, Profile
-    from .fraction import Fraction, Rebound, Size, Speeds
+    from .fraction import Fraction
     from .funnel import Funnel
     from .pictures import Picture, picture_tables
+    from .rebound import Coefficient, Rebound
     from .scene import Scene
     from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
     from .table import Table
@@ -28,6 +30,7 @@ _HOMES = {
     "Body": "surroundings",
     "Channel": "surroundings",
     "Crowding": "crowding",
+    "Coefficient": "rebound",
     "Feed": "feed",
     "Fraction": "fraction",
     "Funnel": "funnel",
@@ -35,12 +38,12 @@ _HOMES = {
     "Numerics": "whole",
     "Picture": "pictures",
     "Profile": "feed",
-    "Rebound": "fraction",
+    "Rebound": "rebound",
     "Samples": "surroundings",
     "Scene": "scene",
     "SceneTables": "whole",
-    "Size": "fraction",
-    "Speeds": "fraction",
+    "Size": "distributions",
+    "Speeds": "distributions",
     "Table": "table",
     "Vibration": "surroundings",
     "picture_tables": "pictures",
@@ -51,6 +54,7 @@ __all__ = [
     "Bin",
     "Body",
     "Channel",
+    "Coefficient",
     "Crowding",
     "Feed",
     "Fraction",

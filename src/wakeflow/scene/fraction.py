@@ -2,89 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from inspect import signature
-from typing import Annotated, Any
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from ..core.errors import SceneError
-from ..core.registry import Registry
 from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
-from ..laws.restitution import Restitution, restitution_laws
-from ..laws.size import sizes
-from .table import Array, Shorthand, Table, takes
-from .units import SHARE, Diameter, MassDensity, Portion, PositiveSpeed
+from ..laws.size import sizes, within
+from .distributions import Size, Speeds
+from .rebound import Coefficient, Rebound
+from .table import Array, Shorthand, Table
+from .units import Diameter, MassDensity, Portion, PositiveSpeed, ScatterAngle
 
-__all__ = ["Fraction", "Rebound", "Size", "Speeds"]
+__all__ = ["COEFFICIENTS", "Fraction"]
 
-OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
-spreads: Registry[Callable[..., Array]] = Registry("distribution of terminal velocities")
-for _name in sizes:
-    if {p.name for p in signature(sizes[_name]).parameters.values() if p.kind is p.KEYWORD_ONLY} <= OF_SPEEDS:
-        spreads.add(_name, sizes[_name])
-
-
-class Size(Table):
-    """A size distribution by mass: ``distribution`` and its parameters."""
-
-    distribution: str = Field(description="one of: " + ", ".join(sizes))
-    diameter: Diameter | None = None
-    low: Diameter | None = None
-    high: Diameter | None = None
-    mean: Diameter | None = None
-    std: Diameter | None = None
-    median: Diameter | None = None
-    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
-    scale: Diameter | None = Field(None, description="rosin-rammler: 63.2 % of the mass is finer")
-    spread: Annotated[float, Field(ge=0.5, le=50)] | None = Field(None, description="rosin-rammler: its exponent")
-    diameters: list[Diameter] | None = Field(None, description="table: the sieves, finest first")
-    passing: list[Annotated[float, Field(ge=0, le=1), SHARE]] | None = Field(
-        None, description="table: mass fraction finer than each sieve, from 0 to 1"
-    )
-
-    @model_validator(mode="after")
-    def _has_quantiles(self) -> Size:
-        self.quantile(np.array([0.5]))
-        return self
-
-    def quantile(self, p: Array) -> Array:
-        """Diameters (m) below which the mass fractions ``p`` lie."""
-        given = self.model_dump(exclude_none=True, exclude={"distribution"})
-        try:
-            return sizes[self.distribution](p, **given)
-        except TypeError:
-            kind = "size distribution"
-            raise SceneError(takes(kind, self.distribution, sizes[self.distribution], given)) from None
-
-
-class Speeds(Table):
-    """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
-
-    distribution: str = Field(description="one of: " + ", ".join(spreads))
-    low: PositiveSpeed | None = None
-    high: PositiveSpeed | None = None
-    mean: PositiveSpeed | None = None
-    std: PositiveSpeed | None = None
-    median: PositiveSpeed | None = None
-    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
-
-    @model_validator(mode="after")
-    def _has_quantiles(self) -> Speeds:
-        self.quantile(np.array([0.5]))
-        return self
-
-    def quantile(self, p: Array) -> Array:
-        """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
-        given = self.model_dump(exclude_none=True, exclude={"distribution"})
-        law = spreads[self.distribution]
-        try:
-            return law(p, **given)
-        except TypeError:
-            raise SceneError(takes(spreads.kind, self.distribution, law, given)) from None
+COEFFICIENTS: tuple[Literal["restitution"], Literal["friction"]] = ("restitution", "friction")
+PAPER = "paper"  # the impact model whose granules are alike
+MOST = {"restitution": 1.0, "friction": math.inf}  # coefficients lie between 0 and these
 
 
 def _number_or_table(value: Any) -> str:
@@ -92,35 +31,16 @@ def _number_or_table(value: Any) -> str:
     return "[table]" if isinstance(value, Mapping | Table) else "[number]"
 
 
+def _number_law_or_table(value: Any) -> str:
+    """The same of a restitution: a table with a ``law`` is one of the approach speed."""
+    if isinstance(value, Mapping | Rebound) and not Coefficient.means(value):
+        return "[law]"
+    return _number_or_table(value)
+
+
 def _one_diameter(value: Any) -> Any:
     """``size = "4 mm"`` is short for a distribution of one diameter."""
     return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
-
-
-class Rebound(Table):
-    """A restitution law of the normal approach speed: ``law`` and its parameters."""
-
-    law: str = Field(description="one of: " + ", ".join(restitution_laws))
-    value: Annotated[float, Field(ge=0, le=1)] | None = Field(None, description="restitution measured at one speed")
-    at: PositiveSpeed | None = Field(None, description="that speed, normal to the wall")
-    exponent: Annotated[float, Field(ge=1e-3, le=2)] | None = Field(None, description="power: 0.25")
-    most: Annotated[float, Field(ge=1e-3, le=1)] | None = Field(
-        None, description="power, elastic-plastic: largest value, 0.99"
-    )
-    speeds: list[PositiveSpeed] | None = Field(None, description="table: approach speeds, rising")
-    values: list[Annotated[float, Field(ge=0, le=1)]] | None = Field(None, description="table: restitution at each")
-
-    @model_validator(mode="after")
-    def _is_a_law(self) -> Rebound:
-        assert self.of_speed is not None
-        return self
-
-    @property
-    def of_speed(self) -> Restitution:
-        """The law itself. Raises SceneError for parameters that are missing, that the law does not have, or that are
-        out of range.
-        """
-        return Restitution(**self.model_dump(exclude_none=True))
 
 
 class Fraction(Table):
@@ -148,14 +68,32 @@ class Fraction(Table):
     drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
     restitution: (
         Annotated[
-            Annotated[float, Field(ge=0, le=1), Tag("[number]")] | Annotated[Rebound, Tag("[table]")],
+            Annotated[float, Field(ge=0, le=1), Tag("[number]")]
+            | Annotated[Rebound, Tag("[law]")]
+            | Annotated[Coefficient, Tag("[table]")],
+            Discriminator(_number_law_or_table),
+        ]
+        | None
+    ) = Field(
+        None, description="a number for all, a law of the normal approach speed, or how it spreads over the granules"
+    )
+    friction: (
+        Annotated[
+            Annotated[float, Field(ge=0, le=10), Tag("[number]")] | Annotated[Coefficient, Tag("[table]")],
             Discriminator(_number_or_table),
         ]
         | None
-    ) = Field(None, description="a number, or a law of the normal approach speed")
-    friction: Annotated[float, Field(ge=0, le=10)] | None = None
+    ) = Field(None, description="a number for all, or how it spreads over the granules")
+    rebound_scatter: ScatterAngle | None = Field(
+        None, description="rms angle by which its shape turns the wall's normal at an impact; 0 of spheres"
+    )
+    tangential_restitution: Annotated[float, Field(ge=0, le=1)] | None = Field(
+        None, description="part of its slip that a contact which sticks gives back, of granules that turn"
+    )
     impact: str | None = Field(
-        None, description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default paper: a point mass"
+        None,
+        description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default that of its material, else "
+        "paper: a point mass, all granules alike but for what the fraction itself spreads",
     )
     own_inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
         None, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
@@ -179,6 +117,10 @@ class Fraction(Table):
             impact_models[self.impact]
             if self.own_inertia is not None:
                 raise SceneError("give impact or inertia, not both")
+        for name in COEFFICIENTS:
+            self._middle(name)
+        if self.tangential_restitution and self.inertia is None:
+            raise SceneError("tangential_restitution is of granules that turn; give an impact model or inertia too")
         if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
             verb = "has no" if self.sphericity is not None else "needs a"
             raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
@@ -193,7 +135,9 @@ class Fraction(Table):
 
     @property
     def properties(self) -> Material:
-        """The fraction's own values where given, its material's elsewhere; diameter is the mass median."""
+        """The fraction's own values where given, its material's elsewhere; diameter is the mass median, coefficients of
+        rebound are the middle ones.
+        """
         own = self.terminal_velocity
         terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
         if terminal is None and self.sphericity is None and self.material is not None:
@@ -202,18 +146,63 @@ class Fraction(Table):
             diameter=float(self.diameters(np.array([0.5]))[0]),
             density=self._or_material("density"),
             terminal_velocity=terminal,
-            restitution=self.restitution.of_speed
-            if isinstance(self.restitution, Rebound)
-            else self._or_material("restitution"),
-            friction=self._or_material("friction"),
+            restitution=self._middle("restitution"),
+            friction=self._middle("friction"),
             confidence="given" if self.material is None else materials[self.material].confidence,
             source="scene" if self.material is None else materials[self.material].source,
+            rebound_scatter=self._of_shape("rebound_scatter"),
+            tangential_restitution=self._of_shape("tangential_restitution") if self.inertia is not None else 0.0,
+            impact=self.impact_model,
         )
+
+    def _middle(self, name: str) -> Any:
+        """A coefficient of rebound: the number or the law of all granules, or that of the middle one."""
+        own = self._or_material(name)
+        if isinstance(own, Coefficient):
+            return float(own.quantile(np.array([0.5]), MOST[name])[0])
+        return own.of_speed if isinstance(own, Rebound) else own
+
+    def _of_shape(self, name: str) -> float:
+        """What a granule has of its shape: given, or its material's; nothing where granules are alike."""
+        own = getattr(self, name)
+        if own is None:
+            own = 0.0 if self._as_known is None else getattr(self._as_known, name)
+        return float(own)
+
+    @property
+    def _as_known(self) -> Material | None:
+        """The material whose granules this fraction has, one unlike the other; None where all are alike: of no known
+        material, or the paper's.
+        """
+        return None if self.material is None or self.impact == PAPER else materials[self.material]
+
+    def coefficients(self, name: Literal["restitution", "friction"], p: Array) -> Array | None:
+        """Coefficients below which the shares ``p`` of the granules lie; None where all have the same one, or law."""
+        own = getattr(self, name)
+        if isinstance(own, Coefficient):
+            return own.quantile(p, MOST[name])
+        if own is not None or self._as_known is None:
+            return None
+        std = getattr(self._as_known, f"{name}_std")
+        return within(p, mean=getattr(self._as_known, name), std=std, low=0.0, high=MOST[name]) if std else None
+
+    @property
+    def varies(self) -> bool:
+        """Whether its granules differ in more than place, time, size and a terminal velocity given for each."""
+        middle = np.array([0.5])
+        drawn = not isinstance(self.terminal_velocity, Speeds) and self.settling(middle) is not None
+        own = (self.coefficients(name, middle) is not None for name in COEFFICIENTS)
+        return drawn or any(own) or self.properties.rebound_scatter > 0.0
+
+    @property
+    def impact_model(self) -> str:
+        """Name of the impact model: as given, else that of the material, else the paper's."""
+        return self.impact or (PAPER if self.material is None else materials[self.material].impact)
 
     @property
     def inertia(self) -> float | None:
         """I / (m r^2): given, or its impact model's; None for a point mass, which does not turn."""
-        return self.own_inertia if self.impact is None else impact_models[self.impact].inertia
+        return impact_models[self.impact_model].inertia if self.own_inertia is None else self.own_inertia
 
     @property
     def drag_law(self) -> str:
@@ -244,10 +233,20 @@ class Fraction(Table):
         return own.diameter, own.density, own.terminal_velocity
 
     def settling(self, p: Array) -> Array | None:
-        """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where no distribution was
-        given.
+        """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where all granules of one
+        size have the same.
+
+        The spread of a material is that of its own granules, of all sizes that they have: a fraction with a size, a
+        density or a velocity of its own does not take it over.
         """
-        return self.terminal_velocity.quantile(p) if isinstance(self.terminal_velocity, Speeds) else None
+        if isinstance(self.terminal_velocity, Speeds):
+            return self.terminal_velocity.quantile(p)
+        known = self._as_known
+        if known is None or known.terminal_velocity is None or known.terminal_velocity_std == 0.0:
+            return None
+        if any(own is not None for own in (self.size, self.density, self.sphericity, self.terminal_velocity)):
+            return None
+        return sizes["normal"](p, mean=known.terminal_velocity, std=known.terminal_velocity_std)
 
     def diameters(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""

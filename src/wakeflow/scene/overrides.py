@@ -42,21 +42,26 @@ def share_of(text: str) -> float:
 
 def changed(data: Mapping[str, Any], changes: Mapping[str, Any], name: str = "scene") -> dict[str, Any]:
     """A deep copy of a scene's ``data`` with dotted keys set. Tables that are missing on the way are made, but for one
-    whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole.
+    whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole. A star stands for
+    all tables that are there.
 
     Raises SceneError for a key in such a table, and for a key in a value.
     """
     result: dict[str, Any] = json.loads(json.dumps(data, default=str))
     for key, value in changes.items():
         *tables, last = key.split(".")
-        node = result
+        nodes = [result]
         for i, table in enumerate(tables):
-            if table not in node:
-                _refuse_misspelt(tuple(tables[:i]), table, key, result, name)
-            node = node.setdefault(table, {})
-            if not isinstance(node, dict):
-                raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is a value, not a table")
-        node[last] = value
+            if table == "*":
+                nodes = [part for node in nodes for part in node.values()]
+            else:
+                if any(table not in node for node in nodes):
+                    _refuse_misspelt(tuple(tables[:i]), table, key, result, name)
+                nodes = [node.setdefault(table, {}) for node in nodes]
+            if not nodes or not all(isinstance(node, dict) for node in nodes):
+                raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is {'a value, not a' if nodes else 'no'} table")
+        for node in nodes:
+            node[last] = json.loads(json.dumps(value, default=str))
     return result
 
 

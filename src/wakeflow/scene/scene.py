@@ -87,7 +87,8 @@ class Scene(SceneTables):
         return cls.parse(data, path.name, path.parent)
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
-        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``.
+        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``; a star stands for
+        every table there is: ``{"fraction.*.impact": "paper"}``.
 
         Raises SceneError as :meth:`load` does, doubting no other lengths than the changed ones.
         """

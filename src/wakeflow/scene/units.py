@@ -27,6 +27,7 @@ __all__ = [
     "Point",
     "Portion",
     "PositiveSpeed",
+    "ScatterAngle",
     "SlopeAngle",
     "Speed",
     "Viscosity",
@@ -67,6 +68,7 @@ SlopeAngle = Annotated[
     WithUnit("rad", "60 deg"),
 ]
 AnyAngle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi), WithUnit("rad", "90 deg")]
+ScatterAngle = Annotated[float, Field(ge=0, le=1), WithUnit("rad", "0.1 rad")]
 Speed = Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "1.4 m/s")]
 PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100), WithUnit("m/s", "5 m/s")]
 MassDensity = Annotated[float, Field(gt=0, le=3e4), WithUnit("kg/m^3", "1300 kg/m^3")]

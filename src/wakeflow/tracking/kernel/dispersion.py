@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from ...laws import turbulence
-from ...laws.random_numbers import normals
+from ...laws.random_numbers import normal_pair
 from . import layout as at
 from .air import nodal, swinging
 from .forces import drag_rate
@@ -22,7 +22,7 @@ __all__ = ["drawn", "mirror", "renew"]
 
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
-_normals = compiled(normals)
+_normals = compiled(normal_pair)
 LEAST_INTERVALS = 64  # of a flight
 PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from ...laws.collision import collide
-from ...laws.random_numbers import normals
+from ...laws.random_numbers import normal_pair
 from ...laws.rebound import HALVINGS, throws_off, turned
 from . import layout as at
 from .jit import compiled
 
 __all__ = ["tilted"]
 
-_collide, _normals, _turned, _throws_off = (compiled(law) for law in (collide, normals, turned, throws_off))
+_collide, _normals, _turned, _throws_off = (compiled(law) for law in (collide, normal_pair, turned, throws_off))
 
 
 @compiled

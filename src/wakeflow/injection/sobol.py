@@ -1,0 +1,55 @@
+"""Random numbers of granules at birth: scrambled Sobol points, a set of its own for every fraction and replicate."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..planning.plan import REPLICATES, replicate_size
+
+__all__ = ["PLACED", "TRAITS", "samples", "traits_of"]
+
+Array = NDArray[np.float64]
+ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1, where a distribution may be infinite
+PLACED = 5  # random numbers of a granule at most that say where, when and how large: dimensions of its Sobol set
+TRAITS = 4  # and those of what else is its own: restitution, friction, terminal velocity, angle at its first impact
+
+
+def samples(
+    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES), dimensions: int = 4
+) -> tuple[Array, NDArray[np.int64]]:
+    """Scrambled Sobol points (n, dimensions) in the unit cube of some ``replicates``, and the one each belongs to.
+
+    The stream depends on the fraction's own name and on the replicate, not on the other fractions.
+    """
+    size = replicate_size(count)
+    parts = [_replicate(name, size, seed, replicate, dimensions) for replicate in replicates]
+    return np.concatenate(parts), np.repeat(np.asarray(replicates), size)
+
+
+def traits_of(name: str, count: int, seed: int, replicates: Sequence[int]) -> Array:
+    """Points (n, TRAITS) in the unit cube for what each granule has of its own, beside the first of ``samples``.
+
+    They are the next dimensions of a Sobol set of their own: where and when granules are released is the same with them
+    and without, so that the effect of a spread is seen between the same granules.
+    """
+    size = replicate_size(count)
+    return np.concatenate([_points(name, size, seed, one, PLACED + TRAITS, 1)[:, PLACED:] for one in replicates])
+
+
+@lru_cache(maxsize=64)  # a search flies the same granules through many scenes
+def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
+    return _points(name, size, seed, replicate, dimensions)
+
+
+def _points(name: str, size: int, seed: int, replicate: int, dimensions: int, *apart: int) -> Array:
+    """``size`` points of one set; ``apart`` tells sets of one fraction and replicate from each other."""
+    from scipy.stats import qmc
+
+    source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate, *apart])
+    points = qmc.Sobol(dimensions, scramble=True, rng=source).random(size)
+    return np.asarray(np.clip(points, ROUND_OFF, 1 - ROUND_OFF))
