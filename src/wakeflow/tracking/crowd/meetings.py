@@ -31,7 +31,8 @@ ENOUGH = 1e-3  # of the smaller radius: overlaps below it need no further sweep
 def _note(crowd, cells, counts, clock, i, j):
     """Look whether i and j meet or touch in this step, and note it."""
     one, other = crowd.own[i], crowd.own[j]
-    what, when = meeting_time(one, other, crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS], clock[of.DEPTH])
+    r = crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS]
+    what, when = meeting_time(one, other, r, clock[of.DEPTH], clock[of.PULL])
     tracer = crowd.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
     if (what == MEETS or (what == OVERLAPS and not tracer)) and counts[of.EVENTS] < cells.when.shape[0]:
         k = counts[of.EVENTS]
