@@ -10,6 +10,7 @@ import pytest
 
 import aspirator_curve
 import best_estimate
+import crowd_speed
 import domain
 import impaction
 import injection_or_resolved
@@ -30,9 +31,8 @@ ELSEWHERE = {"printed_form", "robustness", "three_dimensions"}
 HERE = {
     study.__name__
     for study in (
-        aspirator_curve, best_estimate, domain, impaction, injection_or_resolved, kernel_speed, labyrinth_chain,
-        locked_band,
-        mpi_ranks, paper_compare, rebound, slope_angles, time_resolved_cost,
+        aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved, kernel_speed,
+        labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -93,6 +93,13 @@ def test_kernel_speed() -> None:
     command = [sys.executable, kernel_speed.__file__, *options]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "1 of 1 flights are identical, bit by bit" in done.stdout
+
+
+def test_crowd_speed(capsys: pytest.CaptureFixture[str]) -> None:
+    crowd_speed.main(["--granules", "60"])
+    rows = capsys.readouterr().out.splitlines()
+    assert len(rows) == 6
+    assert all(float(row.split()[-2]) > 0 for row in rows[1:5])
 
 
 def test_labyrinth_chain_without_air(capsys: pytest.CaptureFixture[str]) -> None:

@@ -47,8 +47,8 @@ ADVICE = {
 class CrowdFlight:
     """How a crowd was flown: the ``step`` of its clock (s), and its ``step_error``: by how much a sample of granules
     that meets nobody lands elsewhere than the tracker says (lengths; nine of ten by less; NaN where the step was
-    given); ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3): time (s), how many lay still, how
-    many were born; ``jammed``: most of what was fed in the second half of the feed's time still lies at its end.
+    given); ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3): time (s), how many lay still or,
+    leaning on others, hardly moved, and how many were born; ``jammed``: that most of the second half of the feed does.
     """
 
     step: float

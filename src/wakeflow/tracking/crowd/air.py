@@ -95,7 +95,7 @@ def _mix(now, c0, c1, c2, q0, q1, q2, m):
     return q0 * now[c0, m] + q1 * now[c1, m] + q2 * now[c2, m]
 
 
-@compiled
+@inlined
 def _place(state, ints, air, walls, clock, half):
     """The triangle of the granule's place half a step on, and barycentric coordinates there; beyond a covered edge the
     nearest point of it. The first is ``GONE`` outside the mesh.
@@ -121,7 +121,7 @@ def _place(state, ints, air, walls, clock, half):
     return tri, q0, q1, q2
 
 
-@compiled
+@inlined
 def aim(state, ints, own, grain, table, air, now, rates, walls, clock, path, affine, h):
     """Fill in the path of a step h with the force at its middle; returns ``GONE`` for a granule outside the mesh.
 

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 BATCH = 4096  # granules packed at a time, in the order of birth
 CALL = 20_000  # steps of granules between two looks at the clock on the wall: some 10 ms
-SAMPLES = 64  # of how many granules lie still, over a run
+SAMPLES = 64  # of how many granules lie still, from the first birth to the last
 PI_6 = np.pi / 6.0
 
 
@@ -220,18 +220,19 @@ def fly_slab(
     run, done = _Run(slab, step, seed), 0
     if not step > 0:
         raise SceneError(f"collisions: step = {step:g} s must be positive")
-    looks = iter(np.linspace(run.clock[of.NOW], slab.rules.until, SAMPLES))
-    look = next(looks)
+    born_last = min(float(slab.grains.time.max()), slab.rules.until)
+    looks = iter(np.linspace(run.clock[of.NOW], born_last, SAMPLES).tolist())
+    look: float | None = next(looks)
     while True:
         stop, over = run.feed(), False
         while not over:
-            over = run.march(stop)
+            over = run.march(stop if look is None else min(stop, look)) and (look is None or stop <= look)
             done += run.harvest(found)
             if progress is not None:
                 progress(done, len(slab.grains))
             born = run.fed - len(run.pool.rows.waiting) + int(run.counts[of.BORN])
             while look is not None and run.clock[of.NOW] >= look:
-                run.standing.append((float(look), int(run.counts[of.STANDING]), born))
+                run.standing.append((look, int(run.counts[of.LEANING]), born))
                 look = next(looks, None)
         if run.fed == len(run.order):
             break

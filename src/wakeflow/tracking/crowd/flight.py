@@ -47,7 +47,7 @@ def end_leg(state, own, clock):
         own[of.LEG_AZ] = twice * (own[of.Z] - own[of.LEG_Z] - s * own[of.LEG_VZ])
 
 
-@compiled
+@inlined
 def _glide(path, own, h):
     """Place and velocity at the end of the path, across the slab too."""
     e, p1, p2, _, _ = phis(-path[at.RATE] * h)
@@ -89,6 +89,7 @@ def _leave(state, ints, own, air, walls, rules, clock):
             q = barycentric(g, tri, k, x, y)
             if q < worst:
                 worst, edge = q, k
+    edge = max(edge, 0)
     rate = g[tri, at.B0X + 2 * edge] * state[at.VX] + g[tri, at.B0Y + 2 * edge] * state[at.VY]
     s = -worst / rate if rate < 0.0 else 0.0
     most = clock[of.UNTIL] - clock[of.NOW]
@@ -163,7 +164,7 @@ def _by_walls(state, ints, own, tally, grain, walls, rules, clock, path, hold, e
         _slide(state, ints, own, grain, walls, rules, path, hold, h)
 
 
-@compiled
+@inlined
 def fly_on(state, ints, own, tally, grain, table, air, now, rates, walls, rules, clock, room):
     """Fly from the granule's time to the end of the step."""
     path, affine, hold = room.path, room.affine, room.hold

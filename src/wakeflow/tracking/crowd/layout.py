@@ -64,8 +64,9 @@ CLOCK = 10
     STANDING,  # granules that lie still
     EVENTS,  # foretold meetings in the queue
     NEAR,  # pairs that touch or may touch at the end of the step
-) = range(7)  # fmt: skip
-COUNTS = 7
+    LEANING,  # granules that lie still, or lean on others and hardly move
+) = range(8)  # fmt: skip
+COUNTS = 8
 
 # -- A foretold meeting ------------------------------------------------------------------------------------------------
 FIRST, SECOND, FIRST_STAMP, SECOND_STAMP = range(4)

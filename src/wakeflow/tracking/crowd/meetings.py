@@ -31,7 +31,8 @@ ENOUGH = 1e-3  # of the smaller radius: overlaps below it need no further sweep
 def _note(crowd, cells, counts, clock, i, j):
     """Look whether i and j meet or touch in this step, and note it."""
     one, other = crowd.own[i], crowd.own[j]
-    what, when = meeting_time(one, other, crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS], clock[of.DEPTH])
+    r = crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS]
+    what, when = meeting_time(one, other, r, clock[of.DEPTH], clock[of.PULL])
     tracer = crowd.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
     if (what == MEETS or (what == OVERLAPS and not tracer)) and counts[of.EVENTS] < cells.when.shape[0]:
         k = counts[of.EVENTS]
@@ -47,22 +48,24 @@ def _note(crowd, cells, counts, clock, i, j):
 
 @compiled
 def _look_round(crowd, cells, counts, clock, i, every):
-    """Note the meetings of i with whom stands in the 27 cells about it: ``every`` one, or those that come before it in
-    the order of slots, so that no pair is noted twice. A tracer comes first in its pairs.
+    """Note the meetings of i with whom stands in the 27 cells about it: ``every`` one; or, so that no pair is noted
+    twice, in the half of the cells that come after its own and before it in its own. A tracer comes first in its pairs.
     """
     tally = crowd.tally[i]
     high = rows_across(clock)
     for dx in range(-1, 2):
         for dy in range(-1, 2):
             for dz in range(-1 if high > 1 else 0, 2 if high > 1 else 1):
+                after = 9 * dx + 3 * dy + dz
+                if after < 0 and not every:
+                    continue
                 x, y, z = tally[of.CELL_X] + dx, tally[of.CELL_Y] + dy, tally[of.CELL_Z] + dz
                 z = z + high if z < 0 else (z - high if z >= high else z)
                 j = cells.heads[bucket(x, y, z, cells.heads)]
                 while j >= 0:
                     its = crowd.tally[j]
-                    if (j < i or (every and j != i)) and (
-                        its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z
-                    ):
+                    new = j != i if every else (after > 0 or j < i)
+                    if new and its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z:
                         _note(crowd, cells, counts, clock, i, j)
                     j = its[of.NEXT]
 
@@ -205,6 +208,16 @@ def _settle_pair(crowd, laws, clock, i, j, sweep):
 
 
 @compiled
+def _lean(crowd, walls, rules, clock, room, i, h):
+    """Take a granule that others pushed out of the walls again."""
+    state, ints, own, grain = crowd.states[i], crowd.counts[i], crowd.own[i], crowd.grains[i]
+    own[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
+    if own[of.ROOM] <= 0.0:
+        press(state, ints, own, grain, walls, rules, room.hold, h, clock[of.PULL])
+        own[of.ROOM] = 0.0
+
+
+@compiled
 def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
     """Contact that lasts at the end of the step, over all pairs that touch and the walls that they lean on."""
     h = clock[of.UNTIL] - clock[of.NOW]
@@ -221,13 +234,3 @@ def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
                         _lean(crowd, walls, rules, clock, room, g, h)
         if worst <= ENOUGH:
             break
-
-
-@compiled
-def _lean(crowd, walls, rules, clock, room, i, h):
-    """Take a granule that others pushed out of the walls again."""
-    state, ints, own, grain = crowd.states[i], crowd.counts[i], crowd.own[i], crowd.grains[i]
-    own[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
-    if own[of.ROOM] <= 0.0:
-        press(state, ints, own, grain, walls, rules, room.hold, h, clock[of.PULL])
-        own[of.ROOM] = 0.0

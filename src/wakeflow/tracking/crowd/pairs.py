@@ -54,10 +54,10 @@ def _relative(one, other, begin, depth):
 
 
 @compiled
-def meeting_time(one, other, r, depth):
+def meeting_time(one, other, r, depth, weight):
     """What two granules do on their pieces of way in this step: (MEETS, time), (OVERLAPS, time) where they overlap
     already and approach, (TOUCHES, 0) for contact that lasts, (NEVER, 0). ``one`` and ``other`` are rows of
-    ``Crowd.own``, ``r`` the sum of radii.
+    ``Crowd.own``, ``r`` the sum of radii, ``weight`` (m/s2) what presses granules on each other that lie.
 
     Straight relative motion, as in a vacuum, is solved exactly; where the ways bend it is solved again from the time
     found, which converges like pull x step / speed.
@@ -71,12 +71,9 @@ def meeting_time(one, other, r, depth):
     way, r2 = r + span * (math.sqrt(uu) + 0.5 * span * pull), r * r
     if dd > way * way:
         return NEVER, 0.0
+    now, slow = 0.0, (at.SLOW + PULLS * span * max(pull, weight)) * r
     if dd <= r2 * (1.0 + CLOSE):
-        slow = at.SLOW + PULLS * span * pull
-        if du < 0.0 and -du > slow * math.sqrt(dd):
-            return OVERLAPS, begin
-        return TOUCHES, 0.0
-    now = 0.0
+        return (OVERLAPS, begin) if -du > slow else (TOUCHES, 0.0)
     for _ in range(LOOKS):
         root = _first_root(dd, du, uu, r2)
         if root < 0.0 or now + root > span:
@@ -90,7 +87,7 @@ def meeting_time(one, other, r, depth):
         dd, du, uu = px * px + py * py + pz * pz, px * qx + py * qy + pz * qz, qx * qx + qy * qy + qz * qz
         if dd <= r2 * (1.0 + CLOSE):
             break
-    return MEETS, begin + now
+    return (MEETS, begin + now) if -du > slow else (TOUCHES, 0.0)
 
 
 @compiled

@@ -19,6 +19,7 @@ __all__ = ["march_slab"]
 
 LULL = 100.0  # steps for which a granule that leans on others must be slow before it counts as lying still
 CALM = 2.0  # steps of a pull: slower among others is at rest
+LEANS = 20.0  # the same: slower among others, which push, it gets nowhere
 EARLY = 1e-9  # of a step: a birth this near to its end is the next step's
 
 
@@ -61,40 +62,44 @@ def _fly_some(crowd, laws, air, now, rates, walls, rules, clock, room, low, high
 
 @compiled
 def _lies_still(state, ints, own, walls, clock, rest):
-    """Count how long a granule has been at rest on a wall or among others; whether that is long enough."""
+    """Count how long a granule has been at rest on a wall or among others; whether that is long enough, and whether it
+    is slow there.
+    """
     h = clock[of.UNTIL] - clock[of.NOW]
     if own[of.TOUCHED] == of.LOOSE:
         state[at.HELD] = 0.0
-        return False
+        return False, False
     if own[of.TOUCHED] == of.HELD_BY_WALL:
         state[at.HELD] += h
-        return state[at.HELD] > rest
+        return state[at.HELD] > rest, True
     vx, vy = state[at.VX], state[at.VY]
     if ints[at.CONTACT] != at.FREE:
         _, _, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], state[at.T])
         vx, vy = vx - wx, vy - wy
-    slow = CALM * h * clock[of.PULL]
-    state[at.HELD] = state[at.HELD] + h if vx * vx + vy * vy + own[of.VZ] ** 2 <= slow * slow else 0.0
-    return state[at.HELD] > rest + LULL * h
+    speed, pull = math.sqrt(vx * vx + vy * vy + own[of.VZ] ** 2), h * clock[of.PULL]
+    state[at.HELD] = state[at.HELD] + h if speed <= CALM * pull else 0.0
+    return state[at.HELD] > rest + LULL * h, speed <= LEANS * pull
 
 
 @compiled
 def _close(crowd, counts, clock, walls, rules):
     """End the step: who lies still, who has ended, where across the slab."""
-    living, kept, standing, depth = counts[of.LIVING], 0, 0, clock[of.DEPTH]
+    living, kept, standing, leaning, depth = counts[of.LIVING], 0, 0, 0, clock[of.DEPTH]
     for k in range(living):
         i = crowd.living[k]
         state, ints, own = crowd.states[i], crowd.counts[i], crowd.own[i]
         own[of.Z] -= depth * math.floor(own[of.Z] / depth)
         if ints[at.FATE] == at.FLYING:
-            standing += _lies_still(state, ints, own, walls, clock, rules.rest)
+            lies, leans = _lies_still(state, ints, own, walls, clock, rules.rest)
+            standing += lies
+            leaning += leans
             store_point(state, ints, crowd.records[i], 0)
             crowd.living[kept] = i
             kept += 1
         else:
             store_point(state, ints, crowd.records[i], 1)
     counts[of.FLOWN] += living
-    counts[of.LIVING], counts[of.STANDING] = kept, standing
+    counts[of.LIVING], counts[of.STANDING], counts[of.LEANING] = kept, standing, leaning
     counts[of.STEPS] += 1
     clock[of.NOW] = clock[of.UNTIL]
 

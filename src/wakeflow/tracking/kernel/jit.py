@@ -37,8 +37,8 @@ def compiled(function: Any) -> Any:
     """A helper of the kernel: compiled into whatever calls it. What a law calls of its own module is compiled too:
     laws are plain Python, and a compiled function calls compiled ones only.
     """
-    own = function.__globals__
-    called = {name: own[name] for name in function.__code__.co_names if isinstance(own.get(name), FunctionType)}
+    own, names = function.__globals__, function.__code__.co_names if ".laws." in function.__module__ else ()
+    called = {name: own[name] for name in names if isinstance(own.get(name), FunctionType)}
     if called:
         ready = own | {name: compiled(law) for name, law in called.items()}
         function = FunctionType(function.__code__, ready, function.__name__, function.__defaults__)
