@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import crowding
 from support import G, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.planning.bounds import COLLISIONS
@@ -159,3 +160,34 @@ def test_a_tighter_accuracy_counts_for_longer(draft: Scene) -> None:
     known = laws(draft)
     whole = [s.replicates * s.operation for s in (plan_crowd(draft, known, target) for target in (0.1, 0.03, 0.01))]
     assert whole[0] < whole[1] < whole[2]
+
+
+# -- beside slabs that were flown --------------------------------------------------------------------------------------
+
+IDLE = 30.0  # how many times what it bounds a bound may be
+
+
+def test_estimate_and_bound_hold_in_a_vacuum() -> None:
+    _hold(list(crowding.rows("vacuum", rates=(200.0,), count=128)))
+
+
+@pytest.mark.slow
+@pytest.mark.openfoam
+@pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth"])
+def test_estimate_and_bound_hold_in_three_scenes(name: str) -> None:
+    """Of cases/studies/crowding.py, which prints the table of docs/validation.md."""
+    _hold(list(crowding.rows(name)))
+
+
+def _hold(rows: list[crowding.Row]) -> None:
+    """Meetings are estimated to within a factor of IDLE and not underestimated; no share changes beyond its bound; and
+    the bound that decides, that of the fraction which collisions move most, is not idle.
+    """
+    for row in rows:
+        assert row.holds, row
+        if row.counted > 0.1:
+            assert 0.5 * row.counted <= row.estimated <= IDLE * row.counted, row
+    for rate in {row.rate for row in rows}:
+        most = max((row for row in rows if row.rate == rate), key=lambda row: row.change)
+        if most.change > 2.0 * most.error:
+            assert most.bound <= IDLE * most.change, most
