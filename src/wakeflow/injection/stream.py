@@ -12,7 +12,7 @@ A fraction's law of restitution is taken at that speed.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,7 +198,6 @@ def _overlapping(points: Array, width: Array, depth: float) -> NDArray[np.int64]
 
 
 def _joined(parts: list[Granules]) -> Granules:
-    """The granules of several fractions as one."""
-    names = ("position", "velocity", "diameter", "density", "sphericity", "restitution", "friction", "spin", "fraction",
-             "weight", "drag_scale", "inertia", "time")  # fmt: skip
+    """The granules of several fractions as one; they have no places across the slab yet."""
+    names = [field.name for field in fields(Granules) if field.name != "depth"]
     return Granules(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

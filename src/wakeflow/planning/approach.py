@@ -53,7 +53,15 @@ def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
     for name, law in laws.items():
         turned = deflection(scene, name, *law)
         straight = turned is not None and turned.straight and not scene.obstacles
-        scales = flights(scene, name, *law, met[name], straight=straight, turbulent=airflow.turbulent)
+        scales = flights(
+            scene,
+            name,
+            *law,
+            met[name],
+            straight=straight,
+            turbulent=airflow.turbulent,
+            shedding=airflow.stepping == "time-resolved",
+        )
         found[name] = Approach(*law, met[name], turned, scales)
     return found
 
