@@ -1,6 +1,6 @@
 """Print recovery and purity against the feed rate, with the granules' collisions and without, and draw them:
 
-.venv/bin/python cases/studies/throughput.py [docs/pictures/throughput.png] [--scene NAME] [--rung RUNG] [--count N] [--quick]
+.venv/bin/python cases/studies/throughput.py [docs/pictures/throughput.png] [--scene NAME] [--rung RUNG] [--count N]
 
 Scenes are those of cases/ that have a feed rate; without --scene the rhombus and the prism. One airflow a scene: the
 rate changes the slab alone, which flies at every rate, even where the plan would leave collisions out.
