@@ -211,7 +211,7 @@ def _interleaved(second: NDArray[np.bool_], tracks: Tracks, second_tracks: Track
         whole[~second], whole[second] = one, other
         return whole
 
-    names = [f.name for f in fields(Tracks) if f.name != "recorded"]
+    names = [f.name for f in fields(Tracks) if f.name != "recorded" and getattr(tracks, f.name) is not None]
     parts: dict[str, Any] = {name: merge(getattr(tracks, name), getattr(second_tracks, name)) for name in names}
     return Tracks(**parts)
 
