@@ -153,6 +153,8 @@ def test_only_what_can_be_simulated_one_by_one_is(draft: Scene) -> None:
     busy = plan_crowd(draft.replace({"feed.rate": 8 * draft.feed.mass_flow}), laws(draft), 0.01)
     assert busy.tracers["chaff"] == 1.0  # of one size: all or none
     assert busy.tracers["wheat"] == 0.0
+    quiet = plan_crowd(draft.replace({"feed.rate": 10.0 / 3600.0}), laws(draft), 0.01)
+    assert quiet.tracers["dust"] == 1.0  # few enough, and too light to turn anybody
     sizes = {"distribution": "uniform", "low": "0.2 mm", "high": "4 mm"}
     spread = plan_crowd(draft.replace({"fraction.chaff.size": sizes}), laws(draft), 0.01)
     assert 0.0 < spread.tracers["chaff"] < 0.5  # the finest, by number most of them

@@ -18,7 +18,7 @@ from ..laws.drag import slip_correction
 from ..scene import Fraction, Scene
 from .uniform_fall import UniformFall
 
-__all__ = ["NO_RATE", "CrowdPlan", "crowd_lines", "number_rates", "plan_crowd", "why_no_crowd"]
+__all__ = ["NO_RATE", "CrowdPlan", "crowd_lines", "granule_masses", "number_rates", "plan_crowd", "why_no_crowd"]
 
 Array = NDArray[np.float64]
 DIAMETERS = 15.0  # of the coarsest granules: default depth of the slab
@@ -26,6 +26,7 @@ MANY_IN_FLIGHT = 500.0  # granules at a time, below which a deeper slab costs no
 CLOCK = 300.0  # granules whose steps take as long as a step of the clock itself
 MASS_LEVELS = 512  # parts of equal mass that a size distribution is taken apart into
 MOST_IN_FLIGHT = 1e4  # granules of a fraction that are simulated one by one; chosen, for the run time
+LIGHT = 1e-4  # of the mass of the heaviest fraction's granules: lighter ones turn nobody, and fly as tracers; chosen
 WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not worth its granules
 REPLICATES = 4, 16  # fewest and most
 FEWEST = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
@@ -110,12 +111,16 @@ def _timing(scene: Scene, rates: Mapping[str, float], start_up: float, count: in
     return replicates, max(min(whole, affordable), least * start_up) / replicates
 
 
-def number_rates(scene: Scene, name: str) -> Array:
-    """Granules of a fraction (1/s) that the feed brings, in each of MASS_LEVELS parts of equal mass, finest first."""
+def granule_masses(scene: Scene, name: str) -> Array:
+    """Mass (kg) of a granule in each of MASS_LEVELS parts of a fraction that weigh the same, finest first."""
     fraction = scene.fraction[name]
     diameter = fraction.diameters((np.arange(MASS_LEVELS) + 0.5) / MASS_LEVELS)
-    mass = math.pi / 6.0 * fraction.properties.density * diameter**3
-    return np.asarray(scene.feed.mass_flow * scene.mass_shares()[name] / MASS_LEVELS / mass)
+    return np.asarray(math.pi / 6.0 * fraction.properties.density * diameter**3)
+
+
+def number_rates(scene: Scene, name: str) -> Array:
+    """Granules (1/s) that the feed brings in each of these parts of a fraction."""
+    return scene.feed.mass_flow * scene.mass_shares()[name] / MASS_LEVELS / granule_masses(scene, name)
 
 
 def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[float, float]:
@@ -125,7 +130,8 @@ def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[floa
         rates[::-1], rates, side="right"
     )  # parts that are as coarse or coarser: rates fall with size
     coarser = np.cumsum(rates[::-1])[alike - 1]
-    fits = coarser * stay <= MOST_IN_FLIGHT
+    heaviest = max(float(np.median(granule_masses(scene, other))) for other in scene.fraction)
+    fits = (coarser * stay <= MOST_IN_FLIGHT) & (granule_masses(scene, name) >= LIGHT * heaviest)
     fine = 1.0 - float(np.count_nonzero(fits)) / MASS_LEVELS
     if fine > 1.0 - WORTHWHILE:
         return 1.0, 0.0
