@@ -201,7 +201,10 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("A rung, a kind of airflow")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    scene, still = wf.Scene.load(cases / "rhombus.toml", {"feed.count": 64}), {"basset-history": False}
+    scene, still = (
+        wf.Scene.load(cases / "rhombus.toml", {"feed.count": 64}),
+        {"basset-history": False, "collisions": False},
+    )
     assert wf.plan(scene, rung="coarse", force=still).airflow.scales == (2.0,)
     result = wf.run(scene, folder, rung="potential", force=still)
     for name in scene.fraction:

@@ -21,18 +21,20 @@ import mpi_ranks
 import paper_compare
 import rebound
 import slope_angles
+import throughput
 import time_resolved_cost
 import wakeflow as wf
 from support import CASES, ROOT, shipped
 from wakeflow.laws.best_estimate import wakes
 
-# tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py
-ELSEWHERE = {"printed_form", "robustness", "three_dimensions"}
+# tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
+# tests/planning/test_gates_elsewhere.py, tests/planning/test_crowd.py
+ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimensions"}
 HERE = {
     study.__name__
     for study in (
         aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved, kernel_speed,
-        labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, time_resolved_cost,
+        labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, throughput, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -54,6 +56,15 @@ def test_aspirator_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     rows = table_rows(capsys.readouterr().out)
     assert [float(row[0]) for row in rows] == list(aspirator_curve.SPEEDS[::10])
     assert (tmp_path / "curve.png").stat().st_size > 0
+
+
+def test_throughput(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    throughput.main([str(tmp_path / "throughput.png"), "--scene", "vacuum", "--quick"])
+    rows = table_rows(capsys.readouterr().out)
+    assert [row[0] for row in rows] == ["each alone", *(f"{rate:g}" for rate in throughput.RATES[1::2])]
+    few, many = (float(row[3]) for row in rows[1:])
+    assert 0.0 < few < many  # meetings of a granule
+    assert (tmp_path / "throughput.png").stat().st_size > 0
 
 
 def test_best_estimate(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,6 +1,6 @@
 """Print recovery and purity against the feed rate, with the granules' collisions and without, and draw them:
 
-.venv/bin/python cases/studies/throughput.py [docs/pictures/throughput.png] [--scene NAME] [--rung RUNG] [--quick]
+.venv/bin/python cases/studies/throughput.py [docs/pictures/throughput.png] [--scene NAME] [--rung RUNG] [--count N]
 
 Scenes are those of cases/ that have a feed rate; without --scene the rhombus and the prism. One airflow a scene: the
 rate changes the slab alone, which flies at every rate, even where the plan would leave collisions out.
@@ -120,11 +120,13 @@ def main(words: Sequence[str] | None = None) -> dict[str, tuple[wf.Scene, list[P
     parser.add_argument("picture", nargs="?", type=Path)
     parser.add_argument("--scene", action="append")
     parser.add_argument("--rung")
+    parser.add_argument("--count", type=int, help="granules of the fraction of most mass at each rate")
     parser.add_argument("--quick", action="store_true", help="two rates, few granules")
     asked = parser.parse_args(words)
     found = {}
     for name in asked.scene or ["rhombus", "prism"]:
-        scene = wf.Scene.load(CASES / f"{name}.toml", QUICK if asked.quick else {})
+        changes = QUICK if asked.quick else {} if asked.count is None else {"feed.count": asked.count}
+        scene = wf.Scene.load(CASES / f"{name}.toml", changes)
         rows = points(scene, RATES[1::2] if asked.quick else RATES, asked.rung)
         print(f"\n{name}\n")
         table(scene, rows)

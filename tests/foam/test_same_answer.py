@@ -122,7 +122,12 @@ def test_neither_load_nor_kills_change_an_airflow(stepping: str, tmp_path: Path)
     assert stored(tmp_path / "disturbed") == stored(tmp_path / "quiet")
 
 
-SCENE = {"numerics.mesh_scale": 2.0, "numerics.rung": "draft", "feed.count": 64}
+SCENE = {
+    "numerics.mesh_scale": 2.0,
+    "numerics.rung": "draft",
+    "feed.count": 64,
+    "feed.rate": 0.005,
+}  # kg/s: a short slab
 
 
 @pytest.mark.openfoam

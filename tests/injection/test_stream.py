@@ -101,7 +101,9 @@ def test_what_is_too_fine_comes_as_tracers_of_equal_mass(scene: Scene) -> None:
     half = replace(plan, crowd=replace(plan.crowd, tracers={"soft": 0.25, "hard": 0.0}))
     mixed = slab_stream(fine.replace({"fraction.soft.size": "2 mm"}), half, 1, **TIMING)
     soft = mixed.fraction == 0
-    assert mixed.mass[soft & (mixed.granules.fraction == 2)].sum() == pytest.approx(0.25 * mixed.mass[soft].sum())
+    assert mixed.mass[soft & (mixed.granules.fraction == 2)].sum() == pytest.approx(
+        0.25 * mixed.mass[soft].sum(), rel=0.1
+    )
 
 
 def test_the_same_replicate_is_the_same_feed_and_another_is_another(scene: Scene, plan: Plan, stream: SlabFeed) -> None:

@@ -27,7 +27,7 @@ from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene
 from wakeflow.scene.rungs import Rung, rungs
 
-OFF = {"basset-history": False}
+OFF = {"basset-history": False, "collisions": False}
 
 
 class UniformAir(AirflowKind):

@@ -14,7 +14,7 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.pipeline.crowd_flight import SlabFlight, load_crowd
+from wakeflow.pipeline.crowd_flight import SlabFlight, _grouped, load_crowd
 from wakeflow.pipeline.crowd_stage import SlabFound
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
@@ -25,12 +25,12 @@ from wakeflow.results.separation import separate
 from wakeflow.results.spread import Tally
 from wakeflow.scene import Scene
 
-DENSE, TRICKLE = 0.05, 1e-3  # kg/s and metre of depth
+DENSE, TRICKLE = 0.2, 1e-3  # kg/s and metre of depth
 
 
 def fed(rate: float, **more: Any) -> Scene:
     """Two granules of equal size that collide in a vacuum."""
-    return shipped("vacuum", {"feed.rate": rate, "feed.count": 128, **more})
+    return shipped("vacuum", {"feed.rate": rate, "feed.count": 512, **more})
 
 
 @cache
@@ -126,3 +126,12 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     assert "slab" not in off.table
     assert off.share("hard", "far") == alone.share("hard", "far")
     assert COLLISIONS in {part.source for row in off.budget for part in row.parts}
+
+
+def test_replicates_without_a_fraction_are_taken_together() -> None:
+    fraction, replicate = np.array([0, 0, 0, 0, 1, 1]), np.array([0, 1, 2, 3, 0, 3])
+    one = np.zeros(6, dtype=int)
+    assert _grouped(fraction, replicate, one, 2).tolist() == [0, 1, 0, 1, 0, 1]
+    assert _grouped(fraction, replicate, np.array([0, 1, 2, 3, 0, 3]), 2).tolist() == replicate.tolist()
+    every = np.array([0, 0, 0, 0, 1, 1, 1, 1]), np.array([0, 1, 2, 3, 0, 1, 2, 3])
+    assert _grouped(*every, np.zeros(8, dtype=int), 2).tolist() == every[1].tolist()

@@ -12,7 +12,7 @@ A fraction's law of restitution is taken at that speed.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ ROUNDS = 200  # in which granules that overlap at birth are given other places, 
 class SlabFeed:
     """The granules that one replicate of a slab is fed with, by time of birth.
 
-    ``fraction`` (n,) is each one's place among the scene's; ``mass`` (n,) what it stands for, in any unit; ``counted``
+    ``fraction`` (n,) is each one's place among the scene's; ``mass`` (n,) kg what it stands for; ``counted``
     (n,) whether it came in steady operation. ``granules.fraction``
     is the same place, plus the number of fractions for ``tracers``.
     """
@@ -93,16 +93,16 @@ def _fed(
     )
     if isinstance(grains.restitution, Restitution):
         grains = grains.replace(restitution=restitution_at(grains.restitution, np.abs(grains.velocity[:, 1])))
-    mass = np.ones(len(p)) if tracers else grains.density * diameter**3
-    mass = mass * _share_of_mass(crowd, name, mass, tracers=tracers)
+    mass = np.pi / 6.0 * grains.density * diameter**3
+    if tracers and len(p):
+        mass = np.full(len(p), crowd.tracers[name] * _mass_flow(scene, name, depth) * whole / len(p))
     index = np.full(len(p), number)
     return SlabFeed(grains, index, mass, np.zeros(len(p), dtype=bool), ())
 
 
-def _share_of_mass(crowd: CrowdPlan, name: str, mass: Array, *, tracers: bool) -> float:
-    """Factor that makes the real granules and the tracers of a fraction weigh together as their shares of its mass."""
-    fine = crowd.tracers[name]
-    return (fine if tracers else 1.0 - fine) / float(mass.sum()) if len(mass) else 0.0
+def _mass_flow(scene: Scene, name: str, depth: float) -> float:
+    """Of a fraction into a slab of ``depth`` (m), kg/s."""
+    return scene.feed.mass_flow * scene.mass_shares()[name] * depth / scene.feed.depth
 
 
 def _singles(
@@ -198,7 +198,6 @@ def _overlapping(points: Array, width: Array, depth: float) -> NDArray[np.int64]
 
 
 def _joined(parts: list[Granules]) -> Granules:
-    """The granules of several fractions as one."""
-    names = ("position", "velocity", "diameter", "density", "sphericity", "restitution", "friction", "spin", "fraction",
-             "weight", "drag_scale", "inertia", "time")  # fmt: skip
+    """The granules of several fractions as one; they have no places across the slab yet."""
+    names = [field.name for field in fields(Granules) if field.name != "depth"]
     return Granules(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

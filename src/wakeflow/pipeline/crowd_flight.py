@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tracking
+from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.process import cores
 from ..field import FlowField
@@ -179,6 +180,23 @@ class SlabFlown:
     steps: int
 
 
+def _grouped(
+    fraction: NDArray[Any], replicate: NDArray[Any], realisation: NDArray[Any], fractions: int
+) -> NDArray[Any]:
+    """Replicates taken together, two and two, until every one holds granules of every fraction: a share of nothing is
+    no sample. Those of one realisation of the airflow only.
+    """
+    count, fields = int(replicate.max()) + 1, int(realisation.max()) + 1
+    while count % 2 == 0 and count > 2 and (count // 2) % fields == 0:
+        held = np.zeros((fractions, count), dtype=bool)
+        held[fraction, replicate] = True
+        if held.all():
+            break
+        count //= 2
+        replicate = replicate % count
+    return replicate
+
+
 def load_crowd(folder: Path, scene: Scene, replicates: int) -> SlabFlown:
     """The landings in a folder, and how they were flown."""
     parts = []
@@ -190,10 +208,15 @@ def load_crowd(folder: Path, scene: Scene, replicates: int) -> SlabFlown:
     parts = [{key: part[key] for key in part if key not in ("step", "jammed", "flown")} for part in parts]
     columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     fraction = columns.pop("fraction")
+    columns["replicate"] = _grouped(fraction, columns["replicate"], columns["realisation"], len(scene.fraction))
     found = {}
     for number, name in enumerate(scene.fraction):
         own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
+        if not len(own["bin"]):
+            raise SceneError(
+                f"fraction.{name}: none of it came in the slab's steady operation; raise feed.count or collisions.depth"
+            )
         weight = own["weight"]
-        own["weight"] = weight * (weight.sum() / (weight @ weight)) if len(weight) else weight
+        own["weight"] = weight * (weight.sum() / (weight @ weight))
         found[name] = Landings(**own)
     return SlabFlown(found, step, error, jammed, flown)

@@ -18,14 +18,18 @@ from ..laws.drag import slip_correction
 from ..scene import Fraction, Scene
 from .uniform_fall import UniformFall
 
-__all__ = ["NO_RATE", "CrowdPlan", "crowd_lines", "number_rates", "plan_crowd", "why_no_crowd"]
+__all__ = ["NO_RATE", "CrowdPlan", "crowd_lines", "granule_masses", "number_rates", "plan_crowd", "why_no_crowd"]
 
 Array = NDArray[np.float64]
 DIAMETERS = 15.0  # of the coarsest granules: default depth of the slab
+MANY_IN_FLIGHT = 500.0  # granules at a time, below which a deeper slab costs no more: steps of its clock do
+CLOCK = 300.0  # granules whose steps take as long as a step of the clock itself
 MASS_LEVELS = 512  # parts of equal mass that a size distribution is taken apart into
 MOST_IN_FLIGHT = 1e4  # granules of a fraction that are simulated one by one; chosen, for the run time
+LIGHT = 1e-4  # of the mass of the heaviest fraction's granules: lighter ones turn nobody, and fly as tracers; chosen
 WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not worth its granules
 REPLICATES = 4, 16  # fewest and most
+FEWEST = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
 STEP = 1e-4  # s: that a granule of some mm is stepped by
 STEPS_A_SECOND = 4e6  # granule steps a second and core
 MOST_STEPS = 1.2e9  # granule steps of all replicates: two and a half minutes on two cores; chosen
@@ -64,39 +68,59 @@ def plan_crowd(scene: Scene, laws: Mapping[str, tuple[str, float]], target: floa
     """The slab for a scene, whose shares are asked for to within ``target``; ``laws``: of drag, and the factor on it.
 
     Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
-    known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count.
+    known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count, and for no more steps
+    than a run can afford.
     """
-    feed = scene.feed
-    coarsest = max(float(fraction.diameters(np.array([0.5]))[0]) for fraction in scene.fraction.values())
-    depth = min(scene.collisions.depth or DIAMETERS * coarsest, feed.depth)
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
-    tracers, in_flight = {}, {}
+    depth = _depth(scene, stays)
+    tracers, rates = {}, {}
     for name in scene.fraction:
-        tracers[name], rate = _simulated(scene, name, depth, stays[name])
-        in_flight[name] = rate * stays[name]
-    heaviest = max(in_flight, key=lambda name: scene.mass_shares()[name] * (1.0 - tracers[name]))
-    start_up = max(stays[name] for name in scene.fraction if tracers[name] < 1.0 or not any(in_flight.values()))
-    wanted = min(feed.count, math.ceil((0.98 / target) ** 2))
-    rate = in_flight[heaviest] / stays[heaviest]
-    at_once = max(sum(in_flight.values()), 1.0)
+        tracers[name], rates[name] = _simulated(scene, name, depth, stays[name])
+    in_flight = {name: rate * stays[name] for name, rate in rates.items()}
+    start_up = max(stays[name] for name in scene.fraction if rates[name] or not any(rates.values()))
+    count = min(scene.feed.count, math.ceil((0.98 / target) ** 2))
+    replicates, operation = _timing(scene, rates, start_up, count, sum(in_flight.values()))
+    lasting = operation + 2.0 * start_up
+    seconds = (sum(in_flight.values()) + CLOCK) * replicates * lasting / STEP / STEPS_A_SECOND / CORES
+    memory = BYTES_A_GRANULE * sum(rates.values()) * lasting * CORES
+    return CrowdPlan(depth, tracers, in_flight, replicates, start_up, operation, count, seconds, memory)
+
+
+def _depth(scene: Scene, stays: Mapping[str, float]) -> float:
+    """Of the slab (m): as asked for, or DIAMETERS of the coarsest granules, and more where few would fly at a time."""
+    coarsest = max(float(fraction.diameters(np.array([0.5]))[0]) for fraction in scene.fraction.values())
+    depth = scene.collisions.depth
+    if depth is None:
+        depth = DIAMETERS * coarsest
+        flying = sum(_simulated(scene, name, depth, stay)[1] * stay for name, stay in stays.items())
+        depth *= max(1.0, MANY_IN_FLIGHT / flying) if flying else 1.0
+    return min(depth, scene.feed.depth)
+
+
+def _timing(scene: Scene, rates: Mapping[str, float], start_up: float, count: int, at_once: float) -> tuple[int, float]:
+    """Replicates, and the operation (s) of each that counts, for ``count`` granules of the fraction of most mass."""
     least, most = REPLICATES
-    whole = wanted / rate if rate > 0.0 else start_up * most
+    mass = scene.mass_shares()
+    real = [name for name, rate in rates.items() if rate]
+    if not real:
+        return most, start_up
+    whole = count / rates[max(real, key=lambda name: mass[name])]
+    whole = max(whole, least * FEWEST / min(rates[name] for name in real))
     replicates = int(np.clip(whole / (4.0 * start_up), least, most)) // 2 * 2
-    affordable = MOST_STEPS * STEP / at_once - 2.0 * replicates * start_up
-    operation = max(min(whole, affordable), least * start_up) / replicates
-    flown = at_once * replicates * (operation + 2.0 * start_up) / STEP
-    memory = BYTES_A_GRANULE * at_once * (operation + 2.0 * start_up) / max(stays.values())
-    return CrowdPlan(
-        depth, tracers, in_flight, replicates, start_up, operation, wanted, flown / STEPS_A_SECOND / CORES, memory
-    )  # fmt: skip
+    affordable = MOST_STEPS * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
+    return replicates, max(min(whole, affordable), least * start_up) / replicates
+
+
+def granule_masses(scene: Scene, name: str) -> Array:
+    """Mass (kg) of a granule in each of MASS_LEVELS parts of a fraction that weigh the same, finest first."""
+    fraction = scene.fraction[name]
+    diameter = fraction.diameters((np.arange(MASS_LEVELS) + 0.5) / MASS_LEVELS)
+    return np.asarray(math.pi / 6.0 * fraction.properties.density * diameter**3)
 
 
 def number_rates(scene: Scene, name: str) -> Array:
-    """Granules of a fraction (1/s) that the feed brings, in each of MASS_LEVELS parts of equal mass, finest first."""
-    fraction = scene.fraction[name]
-    diameter = fraction.diameters((np.arange(MASS_LEVELS) + 0.5) / MASS_LEVELS)
-    mass = math.pi / 6.0 * fraction.properties.density * diameter**3
-    return np.asarray(scene.feed.mass_flow * scene.mass_shares()[name] / MASS_LEVELS / mass)
+    """Granules (1/s) that the feed brings in each of these parts of a fraction."""
+    return scene.feed.mass_flow * scene.mass_shares()[name] / MASS_LEVELS / granule_masses(scene, name)
 
 
 def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[float, float]:
@@ -106,7 +130,8 @@ def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[floa
         rates[::-1], rates, side="right"
     )  # parts that are as coarse or coarser: rates fall with size
     coarser = np.cumsum(rates[::-1])[alike - 1]
-    fits = coarser * stay <= MOST_IN_FLIGHT
+    heaviest = max(float(np.median(granule_masses(scene, other))) for other in scene.fraction)
+    fits = (coarser * stay <= MOST_IN_FLIGHT) & (granule_masses(scene, name) >= LIGHT * heaviest)
     fine = 1.0 - float(np.count_nonzero(fits)) / MASS_LEVELS
     if fine > 1.0 - WORTHWHILE:
         return 1.0, 0.0

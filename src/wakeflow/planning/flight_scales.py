@@ -28,13 +28,22 @@ NEARLY = 1.001  # of the air speed: terminal velocity of a granule that hangs in
 
 
 def flights(
-    scene: Scene, name: str, law: str, scale: float, met: Encounters, *, straight: bool, turbulent: bool
+    scene: Scene,
+    name: str,
+    law: str,
+    scale: float,
+    met: Encounters,
+    *,
+    straight: bool,
+    turbulent: bool,
+    shedding: bool = False,
 ) -> list[FlightScales]:
     """The scales of a fraction's flight in the scene's air, for a small, a median and a large granule.
 
     ``law`` of drag times ``scale``; ``met``: which others it meets; ``straight``: it meets the body nearly as if there
-    were no air. One-dimensional falls through uniform air with the fraction's drag: from the feed to the body, and from
-    rest at the body (an impact may take all of its speed) to the channel's end.
+    were no air; ``shedding``: the airflow is resolved in time. One-dimensional falls through uniform air with the
+    fraction's drag: from the feed to the body, and from rest at the body (an impact may take all of its speed) to the
+    channel's end.
     """
     air, fraction = scene.air, scene.fraction[name]
     assert air is not None
@@ -60,7 +69,7 @@ def flights(
             sideways_bins=sideways,
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
-            omega=omega, meetings=met.heavier, knock=met.knock,
+            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding,
         ))  # fmt: skip
     return scales
 

@@ -11,40 +11,28 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from ..core.errors import SceneError
-from ..laws.constants import GRAVITY, STANDARD_AIR
-from ..laws.drag import (
-    drag_factor_for_terminal_velocity,
-    drag_laws,
-    relaxation_time,
-    slip_correction,
-    terminal_velocity,
-)
-from ..laws.forces import FlightScales, forces
+from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan, choose_airflow
+from .approach import Approach, approaches, arrival_at_body
 from .bounds import COLLISIONS, VIBRATION, bounds, moved_by_air
 from .cost import estimate_cost
 from .coupling import Limit, limits
 from .crowd import CrowdPlan, plan_crowd, why_no_crowd
 from .flight_scales import flights
-from .impaction import Deflection, deflection
 from .lock_in import AirMotion, vibration_of_scene
-from .meetings import Encounters, encounters, shifted
+from .meetings import Encounters, shifted
 from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan
 from .terms import SWITCHED_OFF, Gate, LeftOut, LeftOutTerm, check_switches, limit_of, open_gate, too_small
-from .uniform_fall import arrival_speed
 
 __all__ = ["AIR", "TURNING", "Planner", "make_plan"]
 
 AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 TURNING = "turning-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
-RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
-CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
+LOOK = "rung none is a first look at each granule alone; --force collisions=on"
 NONE_MET = Encounters({}, 0.0, 0.0)  # for scales of which no one asks what a granule meets
 LARGEST_ERROR = 0.5  # of a share: an accuracy beyond would say nothing
 
@@ -70,13 +58,16 @@ def make_plan(
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
-    approaches = _approaches(flown, airflow)
-    crowd = _crowd(flown, approaches, switches, target)
+    known = approaches(flown, airflow)
+    obstacle = LOOK if flown is not given else why_no_crowd(flown)
+    crowd = _crowd(flown, known, switches, target, obstacle)
     whole = [term for term, used in ((VIBRATION, airflow.moving), (COLLISIONS, crowd is not None)) if used]
-    decided = {name: _decide(flown, name, one, airflow, switches, target, whole) for name, one in approaches.items()}
+    decided = {
+        name: _decide(flown, name, one, airflow, switches, target, whole, obstacle) for name, one in known.items()
+    }
     fractions = {name: one.plan for name, one in decided.items()}
     gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
-    validity = _validity(flown, decided, approaches, target)
+    validity = _validity(flown, decided, known, target)
     without_air = _without_air(given, fractions) if chain else _WithoutAir()
     strained = warning_lines(flown, airflow, fractions, validity, target, crowded=crowd is not None)
     return Plan(
@@ -138,42 +129,20 @@ def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> _
     return _ChosenAirflow(replace(airflow, moving=motion is not None and motion.used), motion)
 
 
-@dataclass(frozen=True)
-class _Approach:
-    """What is known of a fraction before its forces are chosen; without ``scales`` and ``turned`` in a vacuum."""
-
-    law: str
-    scale: float
-    met: Encounters
-    turned: Deflection | None = None
-    scales: Sequence[FlightScales] = ()
-
-
-def _approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, _Approach]:
-    """Of every fraction: its drag, which others it meets, and the scales of its flight."""
-    laws = {name: (scene.fraction[name].drag_law, _drag_scale(scene, name)) for name in scene.fraction}
-    met = encounters(scene, laws)
-    if scene.air is None:
-        return {name: _Approach(*laws[name], met[name]) for name in laws}
-    found = {}
-    for name, law in laws.items():
-        turned = deflection(scene, name, *law)
-        straight = turned is not None and turned.straight and not scene.obstacles
-        scales = flights(scene, name, *law, met[name], straight=straight, turbulent=airflow.turbulent)
-        found[name] = _Approach(*law, met[name], turned, scales)
-    return found
-
-
 def _crowd(
-    scene: Scene, approaches: Mapping[str, _Approach], switches: Mapping[str, bool], target: float
+    scene: Scene,
+    approaches: Mapping[str, Approach],
+    switches: Mapping[str, bool],
+    target: float,
+    obstacle: str | None,
 ) -> CrowdPlan | None:
-    """The slab in which granules meet; None where that could not move a fraction by more than the accuracy allows."""
+    """The slab in which granules meet; None where that could not move a fraction by more than the accuracy allows, and
+    where an ``obstacle`` is in the way, unless it was asked for.
+    """
     asked = switches.get(COLLISIONS)
     if asked is None:
         limit = limit_of(scene, target)
-        asked = why_no_crowd(scene) is None and any(
-            shifted(scene, one.met, one.scales) > limit for one in approaches.values()
-        )
+        asked = obstacle is None and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
     laws = {name: (one.law, one.scale) for name, one in approaches.items()}
     return plan_crowd(scene, laws, target) if asked else None
 
@@ -189,19 +158,20 @@ class _Decided(NamedTuple):
 def _decide(
     scene: Scene,
     name: str,
-    known: _Approach,
+    known: Approach,
     airflow: AirflowPlan,
     switches: Mapping[str, bool],
     target: float,
     whole: Sequence[str],
+    obstacle: str | None,
 ) -> _Decided:
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
     if scene.air is None:
-        return _in_vacuum(scene, name, known, switches, target, whole)
+        return _in_vacuum(scene, name, known, switches, target, whole, obstacle)
     gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole)
     turned = known.turned
     small = turned is not None and turned.missed <= target and turned.shift <= gate.limit
-    arrival = _arrival(scene, name, known.law, known.scale)
+    arrival = arrival_at_body(scene, name, known.law, known.scale)
     plan = FractionPlan(
         mode=_mode(scene, clear=small),
         drag=known.law,
@@ -219,9 +189,15 @@ def _decide(
 
 
 def _in_vacuum(
-    scene: Scene, name: str, known: _Approach, switches: Mapping[str, bool], target: float, whole: Sequence[str]
+    scene: Scene,
+    name: str,
+    known: Approach,
+    switches: Mapping[str, bool],
+    target: float,
+    whole: Sequence[str],
+    obstacle: str | None,
 ) -> _Decided:
-    """Where no air is there is no choice of forces, but granules meet all the same."""
+    """Where no air is there is no choice of forces, but granules meet all the same; ``obstacle``: why not here."""
     weight = tuple(force for force in forces if forces[force].always and forces[force].needs == "nothing")
     mode, limit = _mode(scene, clear=bool(scene.body)), limit_of(scene, target)
     shift = min(scene.channel.width / scene.width, shifted(scene, known.met, ()))
@@ -231,14 +207,14 @@ def _in_vacuum(
     )  # fmt: skip
     if COLLISIONS in whole:
         return _Decided(plan)
-    reason = why_no_crowd(scene) or too_small(limit, target)
+    reason = obstacle or too_small(limit, target)
     if switches.get(COLLISIONS) is False:
         reason = SWITCHED_OFF
     return _Decided(plan, (LeftOutTerm(COLLISIONS, shift, f"{bounds[COLLISIONS].why}; {reason}", name),))
 
 
 def _validity(
-    scene: Scene, decided: Mapping[str, _Decided], approaches: Mapping[str, _Approach], target: float
+    scene: Scene, decided: Mapping[str, _Decided], approaches: Mapping[str, Approach], target: float
 ) -> tuple[Limit, ...]:
     """What the feed rate strains, by the speeds and scales of the fractions."""
     arrivals = {name: one.plan.arrival_speed for name, one in decided.items()}
@@ -301,58 +277,3 @@ def _mode(scene: Scene, *, clear: bool) -> str:
     if wanted != "auto":
         return wanted
     return "injected" if clear and not scene.obstacles else "resolved"
-
-
-def _drag_scale(scene: Scene, name: str) -> float:
-    """The factor on the fraction's drag law; every terminal velocity that was measured must be one that can be."""
-    fraction = scene.fraction[name]
-    if fraction.measured_settling is None:
-        return 1.0
-    granule, law = fraction.properties, fraction.drag_law
-    scale = _calibration(name, law, *fraction.measured_settling)
-    ends = fraction.settling(np.array([RARE, 1.0 - RARE]))
-    if ends is not None:
-        for speed in ends.tolist():
-            _calibration(name, law, granule.diameter, granule.density, speed)
-    return scale
-
-
-def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
-    """The factor on the drag law that gives a measured terminal velocity. Raises SceneError where none can be."""
-    if density <= STANDARD_AIR[0]:
-        raise SceneError(f"fraction.{name}.density = {density:g} kg/m3: lighter than air, it has no terminal velocity")
-    scale = float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, law))
-    scale *= float(slip_correction(diameter))  # the granule that was measured slipped as well
-    if not CALIBRATED[0] <= scale <= CALIBRATED[1]:
-        sphere = float(terminal_velocity(diameter, density, *STANDARD_AIR, GRAVITY, law))
-        raise SceneError(
-            f"fraction.{name}.terminal_velocity = {speed:g} m/s needs {scale:.2g} times a sphere's drag: a sphere of "
-            f"{diameter:.3g} m and {density:g} kg/m3 falls at {sphere:.3g} m/s; check size, density and velocity"
-        )
-    return scale
-
-
-class _Arrival(NamedTuple):
-    """The median granule of a fraction at the top of the body, in air."""
-
-    settling: float  # m/s, terminal velocity
-    tau: float  # s, relaxation time at the slip it arrives with
-    stokes: float  # tau times the arrival speed over the body's half width; inf without a body
-    speed: float  # m/s, downward
-
-
-def _arrival(scene: Scene, name: str, law: str, scale: float) -> _Arrival:
-    assert scene.air is not None
-    fraction, air = scene.fraction[name], scene.air
-    granule, phi = fraction.properties, fraction.sphericity or 1.0
-    slips = scale / float(slip_correction(granule.diameter))
-    settling = terminal_velocity(
-        granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=slips
-    )
-    along = air.speed if air.direction == "down" else -air.speed
-    speed = arrival_speed(scene, name, law, scale)
-    reynolds = air.density * abs(speed - along) * granule.diameter / air.viscosity
-    factor = slips * float(drag_laws[law].factor(np.array([reynolds]), phi)[0])
-    tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
-    stokes = tau * max(speed, 0.0) / (0.5 * scene.width) if scene.body else math.inf
-    return _Arrival(float(settling), tau, stokes, speed)

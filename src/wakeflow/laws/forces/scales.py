@@ -21,9 +21,10 @@ TURNED_BESIDE = (
     3.4  # rad: integral of |curl u| over time for a granule thrown out of the wake, or past its edge; 3.3 met
 )
 TURNED_WITHIN = 30.0  # rad: the same for a granule that the air turns aside, or that falls through the wake
-STRETCH = 6.0  # how much further the wake's strain carries two neighbours apart that follow the air
+STRETCH = 6.0  # how much further a steady wake's strain carries two neighbours apart that follow the air
+STRETCH_SHEDDING = 40.0  # the same in a wake that sheds: 35 met (cases/studies/gates.py, scene wake)
 SIDEWAYS = 0.75  # of the air speed U: change of the air's sideways speed along a flight past the body
-SPREADING = 0.3  # sideways over vertical speed of the air that leaves the body
+SPREADING = 0.35  # sideways over vertical speed of the air that leaves the body; 0.34 met in the wake that sheds
 SERIES_BELOW = 1e-4  # time over relaxation time below which two terms of the series are exact to round-off
 
 
@@ -55,6 +56,7 @@ class FlightScales:
     meetings: float  # with granules as heavy or heavier, lighter ones by their share
     knock: float  # m/s, the change of velocity that one of these brings at most
     calm: bool = False  # no body: the air neither turns nor changes its speed
+    shedding: bool = False  # the airflow is resolved in time
 
     @property
     def flow_acceleration(self) -> float:
@@ -84,10 +86,11 @@ class FlightScales:
     @property
     def gain(self) -> float:
         """How much the wake's strain stretches a shift: 1 for grain, up to 1 + STRETCH for what follows the air."""
+        stretch = STRETCH_SHEDDING if self.shedding else STRETCH
         if self.calm:
             return 1.0
         stokes = self.tau * max(self.air_speed, self.arrival) / self.width
-        return 1.0 + STRETCH / (1.0 + stokes**2)
+        return 1.0 + stretch / (1.0 + stokes**2)
 
     def reach(self, time: float) -> float:
         """Way (m) per unit of an initial velocity in ``time`` (s) against drag: tau (1 - exp(-t / tau))."""

@@ -1,0 +1,122 @@
+"""A fraction before its forces are chosen: its drag, how it comes to the body, which others it meets, its scales."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.errors import SceneError
+from ..laws.constants import GRAVITY, STANDARD_AIR
+from ..laws.drag import (
+    drag_factor_for_terminal_velocity,
+    drag_laws,
+    relaxation_time,
+    slip_correction,
+    terminal_velocity,
+)
+from ..laws.forces import FlightScales
+from ..scene import Scene
+from .airflow import AirflowPlan
+from .flight_scales import flights
+from .impaction import Deflection, deflection
+from .meetings import Encounters, encounters
+from .uniform_fall import arrival_speed
+
+__all__ = ["Approach", "BodyArrival", "approaches", "arrival_at_body"]
+
+RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
+CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
+
+
+@dataclass(frozen=True)
+class Approach:
+    """What is known of a fraction before its forces are chosen; without ``scales`` and ``turned`` in a vacuum."""
+
+    law: str
+    scale: float
+    met: Encounters
+    turned: Deflection | None = None
+    scales: Sequence[FlightScales] = ()
+
+
+def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
+    """Of every fraction: its drag, which others it meets, and the scales of its flight."""
+    laws = {name: (scene.fraction[name].drag_law, _drag_scale(scene, name)) for name in scene.fraction}
+    met = encounters(scene, laws)
+    if scene.air is None:
+        return {name: Approach(*laws[name], met[name]) for name in laws}
+    found = {}
+    for name, law in laws.items():
+        turned = deflection(scene, name, *law)
+        straight = turned is not None and turned.straight and not scene.obstacles
+        scales = flights(
+            scene,
+            name,
+            *law,
+            met[name],
+            straight=straight,
+            turbulent=airflow.turbulent,
+            shedding=airflow.stepping == "time-resolved",
+        )
+        found[name] = Approach(*law, met[name], turned, scales)
+    return found
+
+
+def _drag_scale(scene: Scene, name: str) -> float:
+    """The factor on the fraction's drag law; every terminal velocity that was measured must be one that can be."""
+    fraction = scene.fraction[name]
+    if fraction.measured_settling is None:
+        return 1.0
+    granule, law = fraction.properties, fraction.drag_law
+    scale = _calibration(name, law, *fraction.measured_settling)
+    ends = fraction.settling(np.array([RARE, 1.0 - RARE]))
+    if ends is not None:
+        for speed in ends.tolist():
+            _calibration(name, law, granule.diameter, granule.density, speed)
+    return scale
+
+
+def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
+    """The factor on the drag law that gives a measured terminal velocity. Raises SceneError where none can be."""
+    if density <= STANDARD_AIR[0]:
+        raise SceneError(f"fraction.{name}.density = {density:g} kg/m3: lighter than air, it has no terminal velocity")
+    scale = float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, law))
+    scale *= float(slip_correction(diameter))  # the granule that was measured slipped as well
+    if not CALIBRATED[0] <= scale <= CALIBRATED[1]:
+        sphere = float(terminal_velocity(diameter, density, *STANDARD_AIR, GRAVITY, law))
+        raise SceneError(
+            f"fraction.{name}.terminal_velocity = {speed:g} m/s needs {scale:.2g} times a sphere's drag: a sphere of "
+            f"{diameter:.3g} m and {density:g} kg/m3 falls at {sphere:.3g} m/s; check size, density and velocity"
+        )
+    return scale
+
+
+class BodyArrival(NamedTuple):
+    """The median granule of a fraction at the top of the body, in air."""
+
+    settling: float  # m/s, terminal velocity
+    tau: float  # s, relaxation time at the slip it arrives with
+    stokes: float  # tau times the arrival speed over the body's half width; inf without a body
+    speed: float  # m/s, downward
+
+
+def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArrival:
+    """Of a fraction, with its drag ``law`` and the factor on it. Needs air."""
+    assert scene.air is not None
+    fraction, air = scene.fraction[name], scene.air
+    granule, phi = fraction.properties, fraction.sphericity or 1.0
+    slips = scale / float(slip_correction(granule.diameter))
+    settling = terminal_velocity(
+        granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=slips
+    )
+    along = air.speed if air.direction == "down" else -air.speed
+    speed = arrival_speed(scene, name, law, scale)
+    reynolds = air.density * abs(speed - along) * granule.diameter / air.viscosity
+    factor = slips * float(drag_laws[law].factor(np.array([reynolds]), phi)[0])
+    tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
+    stokes = tau * max(speed, 0.0) / (0.5 * scene.width) if scene.body else math.inf
+    return BodyArrival(float(settling), tau, stokes, speed)
