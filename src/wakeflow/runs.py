@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from .pipeline.landings import Landings, Tracked
     from .report import Landed
 
-__all__ = ["report_again", "run"]
+__all__ = ["report_again", "run", "versions"]
 
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
@@ -63,12 +63,14 @@ def run(
     workers: int | None = None,
     listener: Listener = silent,
     redraw: bool = False,
+    report: bool = True,
 ) -> Result:
     """Compute ``scene`` and write results to the folder ``out``; finished stages come from the cache.
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
     ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)``
-    hears of progress, one call at a time; ``redraw`` draws a finished report anew.
+    hears of progress, one call at a time; ``redraw`` draws a finished report anew; without ``report`` none is drawn,
+    and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
@@ -87,7 +89,7 @@ def run(
                 planner = planner.at(fed)  # the bounds on loading follow the rate
                 plan = planner.plan(rung)
                 pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
-            return _Run(scene, pipeline, poured, folder, request, redraw).result()
+            return _Run(scene, pipeline, poured, folder, request, redraw, report).result()
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
@@ -124,6 +126,7 @@ class _Run:
     folder: Path
     request: Request
     redraw: bool
+    report: bool
 
     def result(self) -> Result:
         """Make the stages that are asked for, then the report where it is not the one that stands there."""
@@ -154,7 +157,7 @@ class _Run:
             landings=landings,
             warnings=tuple(warnings),
             seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
-            versions=_versions(),
+            versions=versions(),
             key=self._key(tracked),
             pictures=None,
             folder=self.folder,
@@ -208,7 +211,7 @@ class _Run:
         order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
         code = digest_files([Path(__file__).parent])
         made_for = (self.asked.tables(), order, self.pipeline.plan.summary(), to_json(self.request))
-        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, _versions(), code)
+        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, versions(), code)
 
     def _drawn(self, result: Result, tracked: Tracked | None) -> Result:
         """The result with the pictures of its report, which is drawn where it does not stand in the folder already."""
@@ -222,7 +225,8 @@ class _Run:
             (folder / "granules.npz").unlink(missing_ok=True)
         if tracked is not None:
             _save_granules(folder / "granules.npz", scene, tracked)
-            if self.request.until is None and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
+            wanted = self.request.until is None and self.report
+            if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
                 _report(self.pipeline, tracked, result)
             return replace(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
@@ -259,7 +263,8 @@ def report_again(folder: Path | str) -> Path:
     return Path(folder) / "report.html"
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of python and of the packages that answers rest on."""
     from importlib.metadata import PackageNotFoundError, version
 
     found = {"python": sys.version.split()[0]}

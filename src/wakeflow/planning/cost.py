@@ -6,6 +6,7 @@ All numbers are measured: runs of the shipped scenes on two cores of 2020s hardw
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from ..funnel import estimated_seconds
 from ..laws.forces import forces
@@ -14,7 +15,7 @@ from .airflow import AirflowPlan, span_cost, typical_cells, typical_seconds
 from .flights_again import times_again
 from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size
 
-__all__ = ["estimate_cost"]
+__all__ = ["AirflowCost", "airflow_cost", "estimate_cost"]
 
 STARTED = 5.0  # s: importing, reading, writing the report
 SECONDS_A_GRANULE = 150e-6  # s of both cores: one flight with drag and weight
@@ -28,6 +29,20 @@ SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 
+class AirflowCost(NamedTuple):
+    """What an airflow alone costs: ``seconds``, and bytes of ``disk``."""
+
+    seconds: float
+    disk: float
+
+
+def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
+    """What is shared by all scenes that fly in one airflow."""
+    cells, deep = typical_cells(airflow, len(scene.body)), span_cost(scene, airflow)
+    kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
+    return AirflowCost(typical_seconds(airflow) + deep.core_seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
+
+
 def estimate_cost(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> dict[str, float]:
     """``seconds``, ``memory`` and ``disk`` (bytes) of a run, its funnel included."""
     count = REPLICATES * replicate_size(scene.feed.count)
@@ -35,12 +50,10 @@ def estimate_cost(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, Fr
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
     again = 1 + times_again(airflow) * COMPARED / REPLICATES
     tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
-    cells = typical_cells(airflow, len(scene.body))
     poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
-    kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
-    deep = span_cost(scene, airflow)
+    air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
     return {
-        "seconds": STARTED + typical_seconds(airflow) + deep.core_seconds + tracks + poured,
+        "seconds": STARTED + air.seconds + tracks + poured,
         "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
-        "disk": FILES + cells * (BYTES_A_CELL + kept) + deep.disk + BYTES_STORED * count * len(fractions),
+        "disk": FILES + air.disk + BYTES_STORED * count * len(fractions),
     }

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from .bins import Bin
 from .feed import Feed, Profile
@@ -15,7 +17,7 @@ from .pictures import picture_tables
 from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
 from .whole import Numerics, SceneTables, SpanTable
 
-__all__ = ["explain"]
+__all__ = ["explain", "unit_of"]
 
 
 def explain(problem: ValidationError) -> Iterator[str]:
@@ -42,10 +44,7 @@ def explain(problem: ValidationError) -> Iterator[str]:
 
 def _allowed(where: list[str]) -> str:
     """The range and unit of a field, from its JSON schema."""
-    model = _model_at(where[:-1])
-    field = model.model_json_schema(by_alias=True)["properties"].get(where[-1], {}) if model else {}
-    for several in ("anyOf", "oneOf"):  # a number or nothing; a number or a table
-        field = {**field.get(several, [{}])[0], **field}
+    field = _schema_of(where)
     limits = [
         f"{sign} {field[word]:.6g}"
         for word, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
@@ -56,6 +55,23 @@ def _allowed(where: list[str]) -> str:
         return ""
     hint = "; a string may carry another unit, such as '60 deg'" if unit == "rad" else ""
     return f" (allowed: {' and '.join(limits)} {unit}".rstrip() + f"{hint})"
+
+
+def unit_of(key: str) -> str:
+    """The SI unit of a dotted key of a scene, such as "m/s" of air.speed; empty for plain numbers and other values."""
+    return str(_schema_of(key.split(".")).get("unit", ""))
+
+
+def _schema_of(where: list[str]) -> dict[str, Any]:
+    """What the JSON schema says of a field; empty where there is none."""
+    try:
+        model = _model_at(where[:-1])
+    except SceneError:  # a picture of an unknown kind
+        return {}
+    field: dict[str, Any] = model.model_json_schema(by_alias=True)["properties"].get(where[-1], {}) if model else {}
+    for several in ("anyOf", "oneOf"):  # a number or nothing; a number or a table
+        field = {**field.get(several, [{}])[0], **field}
+    return field
 
 
 def _model_at(where: list[str]) -> type[BaseModel] | None:
