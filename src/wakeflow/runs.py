@@ -16,6 +16,7 @@ from .core.errors import SceneError
 from .core.files import atomic_write
 from .core.process import cores
 from .core.record import from_json, to_json
+from .core.sources import code_key
 from .core.store import content_key, digest_files
 from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
@@ -242,8 +243,26 @@ def _report(pipeline: Pipeline, tracked: Tracked, result: Result) -> None:
     landings = {name: _landed(landing) for name, landing in tracked.landings.items()}
     flow = None if scene.air is None else pipeline.field[1]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
-    write_report(result.folder, Outcome(scene, flow, tracked.drawn, landings, result, shown))
+    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown)
+    write_report(result.folder, outcome, _field_files(pipeline))
     pipeline.listener("report", "done")
+
+
+def _field_files(pipeline: Pipeline) -> Path | None:
+    """The folder in the cache with the field's files for ParaView, which all runs in this airflow share; None without
+    air.
+    """
+    from .report.vtk import write_field
+
+    if pipeline.scene.air is None:
+        return None
+    upstream, flow = pipeline.field
+    key = content_key("vtk", upstream, code_key("wakeflow.report.vtk"), versions()["pyvista"])
+
+    def work(part: Path) -> None:
+        write_field(part, flow)
+
+    return pipeline.cache.make("vtk", key, work)
 
 
 def _landed(landing: Landings) -> Landed:
