@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 STYLES = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
+MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
 
 
@@ -140,8 +141,13 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     grid = _grid(table, x, y)
     if grid is None:
         raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
-    figure = new_figure(0.8 + 3.4 * len(names), 3.4)
-    for axes, name in zip(_row(figure, len(names)), names, strict=True):
+    across = min(len(names), MAPS_ACROSS)
+    down = -(-len(names) // across)
+    figure = new_figure(0.8 + 3.4 * across, 3.2 * down)
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for axes in panels[len(names) :]:
+        axes.set_visible(False)
+    for axes, name in zip(panels, names, strict=False):
         unit = table.names[table.quantity(name)]
         values = _scale(name, unit) * np.array([[_value(entry, name) for entry in row] for row in grid.rows])
         drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis")
