@@ -17,9 +17,13 @@ if TYPE_CHECKING:
     from .laws.restitution import Restitution
     from .planning.make import make_plan as plan
     from .planning.plan import Plan
+    from .results.dividers import dividers
     from .results.result import Result
     from .runs import run
     from .scene import Scene
+    from .sweeps.comparison import compare
+    from .sweeps.compute import Sweep, sweep
+    from .sweeps.variant import variants
     from .tracking import Body, Collisions, Fate, Granules, Motion, Tracks, track
 
 # The listing is the pipeline: a layer imports only from those before it (held by tests/test_architecture.py).
@@ -39,10 +43,12 @@ LAYERS = (
     "results",
     "report",
     "runs",
+    "sweeps",
     "labyrinth",
     "verify",
     "doctor",
     "terminal",
+    "commands",
     "cli",
 )
 
@@ -61,21 +67,26 @@ _HOME = {
     "Result": "results.result",
     "Scene": "scene",
     "SceneError": "core.errors",
+    "Sweep": "sweeps.compute",
     "Tracks": "tracking",
     "WakeflowError": "core.errors",
     "chain": "labyrinth",
+    "compare": "sweeps.comparison",
+    "dividers": "results.dividers",
     "impact": "laws.collision",
     "layer": "laws.granule_layer",
     "layers": "laws.granule_layer",
     "plan": "planning.make:make_plan",
     "run": "runs",
+    "sweep": "sweeps.compute",
     "track": "tracking",
+    "variants": "sweeps.variant",
 }
 
 __all__ = [
     "Body", "Collisions", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan",
-    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Tracks", "WakeflowError", "chain", "impact",
-    "layer", "layers", "plan", "run", "track",
+    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Sweep", "Tracks", "WakeflowError", "chain",
+    "compare", "dividers", "impact", "layer", "layers", "plan", "run", "sweep", "track", "variants",
 ]  # fmt: skip
 
 

@@ -7,13 +7,13 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
+from .commands import MANY, Fidelity, Folder, Forced, Quiet, Settings, Target, Threads
 from .core.errors import ProgramError, SceneError, WakeflowError
-from .scene.overrides import changes_of, share_of, switches_of, unquoted
-from .scene.rungs import rungs
+from .scene.overrides import changes_of, switches_of, unquoted
 
 __all__ = ["app", "main"]
 
@@ -26,30 +26,10 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
+for _command in MANY:
+    app.command(_command)
 
 Stage = Literal["funnel", "mesh", "airflow", "tracks"]
-if TYPE_CHECKING:
-    RungName = str
-else:
-    RungName = Literal[tuple(rungs)]
-Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/ and the scene's name.")]
-Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
-Settings = Annotated[
-    list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
-]
-Forced = Annotated[
-    list[str],
-    Parameter(name="--force", negative="", help="Switch a term: lift=on, chaff.basset-history=off. Repeatable."),
-]
-Target = Annotated[
-    float | None,
-    Parameter(
-        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%.",
-        converter=lambda _, tokens: share_of(tokens[0].value),
-    ),
-]
-Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
-Quiet = Annotated[bool, Parameter(help="Print nothing but errors.")]
 
 
 def _version() -> str:
@@ -76,7 +56,7 @@ def run(
     quiet: Quiet = False,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> None:
-    """Compute where each fraction of a scene lands; results in runs/NAME (or --out).
+    """Compute where each fraction of a scene lands; results in runs/NAME and what was changed (or --out).
 
     Parameters
     ----------
@@ -89,13 +69,16 @@ def run(
     """
     from . import runs
     from .scene import Scene
+    from .scene.changes import run_folder
     from .terminal import live
 
-    asked = Scene.load(scene, changes_of(settings))
+    changes, switches = changes_of(settings), switches_of(force)
+    asked = Scene.load(scene, changes)
+    options = {"rung": rung, **switches, "target-error": target_error}
     with live(enabled=not (quiet or as_json)) as listener:
         result = runs.run(
-            asked, out or Path("runs", scene.stem), until=until, rung=rung, force=switches_of(force),
-            target_error=target_error, workers=workers, listener=listener,
+            asked, out or Path("runs", run_folder(scene.stem, asked, changes, options)), until=until, rung=rung,
+            force=switches, target_error=target_error, workers=workers, listener=listener,
         )  # fmt: skip
     if as_json:
         print(json.dumps(result.table, indent=2))
@@ -236,21 +219,6 @@ def verify(
         print(json.dumps(reports, indent=2))
     else:
         runner.show(reports)
-
-
-@app.command
-def clean(*, everything: bool = False) -> None:
-    """Remove unfinished stages from the cache.
-
-    Parameters
-    ----------
-    everything
-        Remove finished stages as well.
-    """
-    from .core.store import Store, cache_root
-
-    removed, size = Store(cache_root()).clean(everything=everything)
-    print(f"{removed} folders removed from {cache_root()}, {size / 1e6:.1f} MB freed")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -16,6 +16,7 @@ from .core.errors import SceneError
 from .core.files import atomic_write
 from .core.process import cores
 from .core.record import from_json, to_json
+from .core.sources import code_key
 from .core.store import content_key, digest_files
 from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     from .pipeline.landings import Landings, Tracked
     from .report import Landed
 
-__all__ = ["report_again", "run"]
+__all__ = ["report_again", "run", "versions"]
 
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
@@ -64,13 +65,15 @@ def run(
     workers: int | None = None,
     listener: Listener = silent,
     redraw: bool = False,
+    report: bool = True,
 ) -> Result:
     """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
     file's name); finished stages come from the cache.
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
     ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)``
-    hears of progress, one call at a time; ``redraw`` draws a finished report anew.
+    hears of progress, one call at a time; ``redraw`` draws a finished report anew; without ``report`` none is drawn,
+    and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     from filelock import FileLock, Timeout
@@ -91,7 +94,7 @@ def run(
                 planner = planner.at(fed)  # the bounds on loading follow the rate
                 plan = planner.plan(rung)
                 pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
-            return _Run(scene, pipeline, poured, folder, request, redraw).result()
+            return _Run(scene, pipeline, poured, folder, request, redraw, report).result()
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
@@ -128,6 +131,7 @@ class _Run:
     folder: Path
     request: Request
     redraw: bool
+    report: bool
 
     def result(self) -> Result:
         """Make the stages that are asked for, then the report where it is not the one that stands there."""
@@ -159,7 +163,7 @@ class _Run:
             landings=landings,
             warnings=tuple(warnings),
             seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
-            versions=_versions(),
+            versions=versions(),
             key=self._key(tracked),
             pictures=None,
             folder=self.folder,
@@ -217,7 +221,7 @@ class _Run:
         code = digest_files([Path(__file__).parent])
         made_for = (self.asked.tables(), order, self.pipeline.plan.summary(), to_json(self.request))
         crowd = self.pipeline.crowd_key if tracked and self.request.until is None else None
-        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, crowd, _versions(), code)
+        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, crowd, versions(), code)
 
     def _drawn(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
         """The result with the pictures of its report, which is drawn where it does not stand in the folder already; the
@@ -234,7 +238,8 @@ class _Run:
         if tracked is not None:
             landings = tracked.landings if answer is None else answer
             _save_granules(folder / "granules.npz", scene, landings)
-            if self.request.until is None and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
+            wanted = self.request.until is None and self.report
+            if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
                 _report(self.pipeline, tracked, landings, result)
             return replace(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
@@ -250,8 +255,26 @@ def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings]
     landings = {name: _landed(landing) for name, landing in answer.items()}
     flow = None if scene.air is None else pipeline.field[1]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
-    write_report(result.folder, Outcome(scene, flow, tracked.drawn, landings, result, shown))
+    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown)
+    write_report(result.folder, outcome, _field_files(pipeline))
     pipeline.listener("report", "done")
+
+
+def _field_files(pipeline: Pipeline) -> Path | None:
+    """The folder in the cache with the field's files for ParaView, which all runs in this airflow share; None without
+    air.
+    """
+    from .report.vtk import write_field
+
+    if pipeline.scene.air is None:
+        return None
+    upstream, flow = pipeline.field
+    key = content_key("vtk", upstream, code_key("wakeflow.report.vtk"), versions()["pyvista"])
+
+    def work(part: Path) -> None:
+        write_field(part, flow)
+
+    return pipeline.cache.make("vtk", key, work)
 
 
 def _landed(landing: Landings) -> Landed:
@@ -270,7 +293,8 @@ def report_again(folder: Path | str) -> Path:
     return Path(folder) / "report.html"
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of python and of the packages that answers rest on."""
     from importlib.metadata import PackageNotFoundError, version
 
     found = {"python": sys.version.split()[0]}

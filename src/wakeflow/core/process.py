@@ -25,7 +25,16 @@ from . import errors
 from .beside import heed
 from .errors import ProgramError, WakeflowError
 
-__all__ = ["Finished", "call_in_child", "capture", "cores", "run_program", "tail"]
+__all__ = [
+    "Finished",
+    "call_in_child",
+    "capture",
+    "cores",
+    "end_group",
+    "run_program",
+    "start_in_group",
+    "tail",
+]
 
 POLL = 0.05  # s between looks at the log
 GRACE = 3.0  # s between asking a group to end and killing it
@@ -85,30 +94,39 @@ def run_program(
     started = time.monotonic()
     with log.open("ab" if append else "wb") as sink, log.open("rb") as source:
         source.seek(0, os.SEEK_END)
-        child = _start(words, cwd, os.environ if env is None else env, sink)
+        child = start_in_group(words, cwd, os.environ if env is None else env, sink)
         try:
             _follow(child, source, on_line, on_idle, None if timeout is None else started + timeout)
         except subprocess.TimeoutExpired:
             said = f"{words[0]} did not end within {timeout:.0f} s; log: {log}"
             raise error(said, command=" ".join(words), log=log, tail=tail(log), ended="timed out") from None
         finally:
-            _end_group(child)
+            end_group(child)
     if child.returncode != 0:
         said, code = f"{words[0]} failed with exit code {child.returncode}; log: {log}", child.returncode
         raise error(said, command=" ".join(words), log=log, tail=tail(log), ended="failed", returncode=code)
     return Finished(child.returncode, time.monotonic() - started, log)
 
 
-def _start(words: list[str], cwd: Path, env: Mapping[str, str], sink: IO[bytes]) -> subprocess.Popen[bytes]:
-    """The program in a process group of its own, which ends with the thread that started it."""
+def start_in_group(
+    words: Sequence[str],
+    cwd: Path,
+    env: Mapping[str, str],
+    sink: IO[bytes],
+    *,
+    stdin: int = subprocess.DEVNULL,
+    pass_fds: Sequence[int] = (),
+) -> subprocess.Popen[bytes]:
+    """The program in a process group of its own, which ends with the thread that started it; it prints to ``sink``."""
     guard = ["setpriv", "--pdeathsig", "TERM", "--"] if shutil.which("setpriv") else []
     return subprocess.Popen(
-        guard + words,
+        [*guard, *words],
         cwd=cwd,
         env={**env, "PWD": str(cwd)},  # some programs believe PWD, not the folder
-        stdin=subprocess.DEVNULL,
+        stdin=stdin,
         stdout=sink,
         stderr=subprocess.STDOUT,
+        pass_fds=pass_fds,
         start_new_session=True,
     )
 
@@ -144,7 +162,7 @@ def _follow(
             continue
 
 
-def _end_group(child: subprocess.Popen[bytes]) -> None:
+def end_group(child: subprocess.Popen[bytes]) -> None:
     """End whatever is left of the child's process group: first asked, then killed."""
     for number, patience in ((signal.SIGTERM, GRACE), (signal.SIGKILL, None)):
         try:

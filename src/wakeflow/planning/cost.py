@@ -6,6 +6,7 @@ All numbers are measured: runs of the shipped scenes on two cores of 2020s hardw
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from ..funnel import estimated_seconds
 from ..laws.forces import forces
@@ -16,7 +17,7 @@ from .crowd import CrowdPlan
 from .flights_again import times_again
 from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size
 
-__all__ = ["estimate_cost"]
+__all__ = ["AirflowCost", "airflow_cost", "estimate_cost"]
 
 STARTED = 5.0  # s: importing, reading, writing the report
 SECONDS_A_GRANULE = 150e-6  # s of both cores: one flight with drag and weight
@@ -31,6 +32,20 @@ CROWD_AGAIN = 0.7  # of the slab's time: part of it once more with half the step
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 
+class AirflowCost(NamedTuple):
+    """What an airflow alone costs: ``seconds``, and bytes of ``disk``."""
+
+    seconds: float
+    disk: float
+
+
+def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
+    """What is shared by all scenes that fly in one airflow."""
+    cells, deep = typical_cells(airflow, len(scene.body)), span_cost(scene, airflow)
+    kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
+    return AirflowCost(typical_seconds(airflow) + deep.core_seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
+
+
 def estimate_cost(
     scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CrowdPlan | None
 ) -> dict[str, float]:
@@ -40,13 +55,11 @@ def estimate_cost(
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
     again = 1 + times_again(airflow) * COMPARED / REPLICATES
     tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
-    cells = typical_cells(airflow, len(scene.body))
     poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
-    kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
-    deep = span_cost(scene, airflow)
     slab = 0.0 if crowd is None else crowd.seconds * (1.0 + CROWD_AGAIN)
+    air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
     return {
-        "seconds": STARTED + typical_seconds(airflow) + deep.core_seconds + tracks + slab + poured,
+        "seconds": STARTED + air.seconds + tracks + slab + poured,
         "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
-        "disk": FILES + cells * (BYTES_A_CELL + kept) + deep.disk + BYTES_STORED * count * len(fractions),
+        "disk": FILES + air.disk + BYTES_STORED * count * len(fractions),
     }

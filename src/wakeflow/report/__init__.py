@@ -22,9 +22,10 @@ LASTING = ("tracks.vtp", "separation.csv", "budget.csv", "report.html")  # every
 AT_TIMES = ("field.vtu", "field.pvd", "impact.csv")  # with air, and where a body is met
 
 
-def write_report(folder: Path | str, outcome: Outcome) -> Path:
+def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None) -> Path:
     """Write figures/ (those of [picture.NAME] too), field and tracks for ParaView, separation.csv, budget.csv and
-    report.html into ``folder``.
+    report.html into ``folder``. The field's files are linked from ``field_files``, where they stand already, else
+    written.
 
     Every file is whole or absent; what an earlier run left and this one does not write is removed. Returns the path
     of report.html.
@@ -36,7 +37,9 @@ def write_report(folder: Path | str, outcome: Outcome) -> Path:
     clear_report(folder)
     draw_figures(folder / "figures", outcome)
     pictures.draw_all(folder / "figures", outcome)
-    if outcome.field is not None:
+    if field_files is not None:
+        vtk.link_field(field_files, folder)
+    elif outcome.field is not None:
         vtk.write_field(folder, outcome.field)
     vtk.write_tracks(folder, outcome.tracks)
     csv.write_tables(folder, outcome.result)

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.files import atomic_write
+from ..core.links import link_or_copy
 
 if TYPE_CHECKING:
     from ..field import FlowField
 
-__all__ = ["write_field", "write_tracks"]
+__all__ = ["link_field", "write_field", "write_tracks"]
 
 Array = NDArray[np.float64]
 Track = Mapping[str, Array]
@@ -55,6 +56,14 @@ def write_field(folder: Path | str, field: FlowField, name: str = "field") -> Pa
         stream.write('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n')
         stream.write("\n".join(["  <Collection>", *lines, "  </Collection>", "</VTKFile>", ""]))
     return series
+
+
+def link_field(source: Path, folder: Path, name: str = "field") -> None:
+    """Show in ``folder`` what :func:`write_field` has left in ``source``, without copying it where that can be."""
+    found = [*sorted((source / name).glob("*.vtu")), source / f"{name}.vtu", source / f"{name}.pvd"]
+    for file in found:  # the index last, so that it never names files that are not there
+        if file.exists():
+            link_or_copy(file, folder / file.relative_to(source))
 
 
 def write_tracks(folder: Path | str, tracks: Mapping[str, Sequence[Track]], name: str = "tracks") -> Path:

@@ -1,0 +1,208 @@
+"""The commands for many scenes and for what runs leave: sweep, compare, bins, clean; and options of several."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from .core.errors import SceneError
+from .scene.overrides import share_of, switches_of
+from .scene.rungs import rungs
+
+__all__ = [
+    "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Target", "Threads", "bins", "clean", "compare",
+    "sweep",
+]  # fmt: skip
+
+if TYPE_CHECKING:
+    RungName = str
+else:
+    RungName = Literal[tuple(rungs)]
+Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/, the scene's name, its changes.")]
+Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
+Settings = Annotated[
+    list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
+]
+Forced = Annotated[
+    list[str],
+    Parameter(name="--force", negative="", help="Switch a term: lift=on, chaff.basset-history=off. Repeatable."),
+]
+Target = Annotated[
+    float | None,
+    Parameter(
+        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%.",
+        converter=lambda _, tokens: share_of(tokens[0].value),
+    ),
+]
+Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
+Quiet = Annotated[bool, Parameter(help="Print nothing but errors.")]
+
+Axes = Annotated[
+    list[str],
+    Parameter(
+        name="--set",
+        negative="",
+        help="Values of a key of the scene: air.speed=3,4,5, or start:stop:count as in air.speed='3:5:3 m/s'. "
+        "Repeatable; a single value is the same for all.",
+    ),
+]
+SOME_FAILED = 1  # exit code of a sweep with scenes that failed
+
+
+def sweep(
+    scene: Path,
+    *,
+    out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and the changed keys.")] = None,
+    settings: Axes = [],  # noqa: B006
+    design: Literal["grid", "list", "latin-hypercube", "sobol"] = "grid",
+    count: int | None = None,
+    seed: int = 0,
+    rung: Fidelity = None,
+    force: Forced = [],  # noqa: B006
+    target_error: Target = None,
+    workers: Annotated[int | None, Parameter(help="Processes; default one a core.")] = None,
+    report: bool = False,
+    dry_run: bool = False,
+    quiet: Quiet = False,
+) -> int:
+    """Compute many scenes, each stage once, into one table: sweep.csv, scenes.csv and figures in one folder.
+
+    The same command goes on where an interrupted one ended. Exit code 1 where scenes failed; the table says why.
+
+    Parameters
+    ----------
+    scene
+        A scene file with --set KEY=VALUES, or a sweep file with a [sweep] table.
+    design
+        grid: every combination; list: the first values together, then the second; latin-hypercube, sobol: drawn.
+    count
+        How many scenes latin-hypercube and sobol draw.
+    seed
+        Of what is drawn.
+    report
+        Draw the report of every scene too.
+    dry_run
+        Only say how many scenes there are, what they share, and what they will cost.
+    """
+    from .core.process import cores
+    from .sweeps.compute import look_ahead
+    from .sweeps.compute import sweep as compute
+    from .sweeps.show import show_estimate, show_sweep
+    from .sweeps.variant import asked_for
+    from .terminal import live
+
+    found, name = asked_for(scene, settings, design, count, seed)
+    folder, switches = out or Path("runs", name), switches_of(force)
+    if dry_run:
+        seen = look_ahead(found, folder, rung=rung, force=switches, target_error=target_error)
+        show_estimate(seen, workers or cores())
+        return 0
+    with live(enabled=not quiet) as listener:
+        done = compute(
+            found, folder, workers=workers, rung=rung, force=switches, target_error=target_error, report=report,
+            listener=listener,
+        )  # fmt: skip
+    if not quiet:
+        show_sweep(done)
+    return SOME_FAILED if done.failed else 0
+
+
+def compare(
+    run_folders: Annotated[list[Path], Parameter(negative="")],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(help="Write the tables and figures there.")] = None,
+) -> None:
+    """Set finished runs side by side: what differs in their scenes, their answers, and by how much these differ.
+
+    Parameters
+    ----------
+    run_folders
+        Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with.
+    """
+    from .sweeps.comparison import compare as side_by_side
+    from .sweeps.show import show_comparison
+
+    found = side_by_side(run_folders)
+    show_comparison(found)
+    if out is not None:
+        found.write(out)
+        print(f"tables and figures: {out}")
+
+
+def bins(
+    run_folder: Path,
+    *,
+    purity: Annotated[
+        str,
+        Parameter(help="The wanted fraction and its part of the product: wheat=0.99; wheat alone: every purity."),
+    ],
+    stretches: int = 1,
+    on: str = "floor",
+) -> None:
+    """Place the dividers that give the most recovery at a purity, from the landings of a finished run; flies nothing.
+
+    Parameters
+    ----------
+    run_folder
+        A folder that ``wakeflow run`` wrote.
+    stretches
+        Of the line that the product may be made of; two dividers each.
+    on
+        The line: floor, top, left, right, or a bin of the scene.
+    """
+    from .results.dividers import dividers, purities, trade_off
+    from .sweeps.show import show_dividers
+
+    fraction, sign, asked = purity.partition("=")
+    if sign:
+        show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
+        return
+    from .report.trade_off import draw_dividers, write_dividers
+
+    levels = purities(run_folder, fraction, on)
+    curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
+    show_dividers(curve, on)
+    figure, table = run_folder / "figures" / f"bins-{fraction}-{on}.png", run_folder / f"bins-{fraction}-{on}.csv"
+    draw_dividers(figure, curve)
+    write_dividers(table, curve)
+    print(f"{figure}\n{table}")
+
+
+def _portion(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SceneError(f"--purity {option!r}: write it as FRACTION=0.99, or FRACTION for every purity") from None
+
+
+def clean(
+    *,
+    everything: bool = False,
+    keep: Annotated[str | None, Parameter(help="Remove what was used longest ago until this is left: 10GB.")] = None,
+) -> None:
+    """Remove unfinished stages from the cache, and say what the others take on disk and would take to make again.
+
+    Parameters
+    ----------
+    everything
+        Remove finished stages as well.
+    """
+    from .core.cleaning import bytes_of, kept_stages, remove_oldest
+    from .core.store import Store, cache_root
+    from .sweeps.show import show_stages
+
+    most, root = None if keep is None else bytes_of(keep), cache_root()
+    removed, size = Store(root).clean(everything=everything)
+    print(f"{removed} folders removed from {root}, {size / 1e6:.1f} MB freed")
+    stages = kept_stages(root)
+    if most is not None:
+        gone = remove_oldest(stages, most)
+        print(f"{len(gone)} stages removed, {sum(one.size for one in gone) / 1e6:.1f} MB freed")
+        stages = [one for one in stages if one not in gone]
+    show_stages(stages)
+
+
+MANY = (sweep, compare, bins, clean)

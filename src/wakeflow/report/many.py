@@ -1,0 +1,284 @@
+"""Figures of many results at once: lines with bands over an input, maps over two, purity against recovery."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import SceneError
+from ..results.quantities import TableQuantity
+from ..results.table import Entry, ResultTable
+from ..scene.messages import unit_of
+from .canvas import INK, fraction_colours, new_figure, save
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "draw_lines",
+    "draw_map",
+    "draw_table_figures",
+    "draw_trade_off",
+    "main_quantities",
+    "numeric_inputs",
+    "on_front",
+]
+
+Array = NDArray[np.float64]
+STYLES = ("-", "--", ":", "-.")
+MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
+CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
+MAPS_ACROSS = 3  # in a row of a figure
+MARKERS = "osD^vP*X"
+
+
+def main_quantities(table: ResultTable) -> list[str]:
+    """What a table is made for: recovery and purity of fractions with a target; without one all shares in bins."""
+    wanted = [f"recovery.{fraction}" for fraction in table.targets]
+    wanted += [f"purity.{place}.{fraction}" for fraction, places in table.targets.items() for place in places]
+    found = [name for name in wanted if name in table.names]
+    return found or [name for name in table.names if name.startswith("share.") and not name.endswith(".elsewhere")]
+
+
+def numeric_inputs(table: ResultTable) -> list[str]:
+    """The inputs that are numbers and take more than one value among the scenes that are done."""
+    return [key for key in table.inputs if len({_number(entry, key) for entry in table.done} - {None}) > 1]
+
+
+def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
+    """Draw what suits the inputs of a table: a figure of lines for each, a map for each two that form a grid, and
+    purity against recovery. Returns the files; those of an earlier table are removed.
+    """
+    for pattern in ("lines-*.png", "map-*.png", "trade-off.png"):
+        for old in folder.glob(pattern):
+            old.unlink()
+    names, keys = main_quantities(table), numeric_inputs(table)
+    files: list[Path] = []
+    if not names or not table.done:
+        return files
+    for key in keys:
+        files.append(folder / f"lines-{key}.png")
+        draw_lines(files[-1], table, names, key)
+    for x, y in itertools.combinations(keys, 2):
+        if _grid(table, x, y) is not None:
+            files.append(folder / f"map-{x}-{y}.png")
+            draw_map(files[-1], table, names, x, y)
+    if any(_pairs(table)):
+        files.append(folder / "trade-off.png")
+        draw_trade_off(files[-1], table)
+    return files
+
+
+def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
+    """Draw quantities over the input ``key``, with bands for their 95 % intervals: a panel each kind of quantity, a
+    line each combination of the other inputs, or points with bars where these are many.
+
+    Raises SceneError where a quantity or the input is not in the table.
+    """
+    names = [table.quantity(name) for name in names]
+    if key not in numeric_inputs(table):
+        raise SceneError(f"{key}: takes no two numbers in this table (inputs: {', '.join(numeric_inputs(table))})")
+    panels = _panels(names)
+    figure = new_figure(1.2 + 4.4 * len(panels), 3.8)
+    for axes, (kind, members) in zip(_row(figure, len(panels)), panels.items(), strict=True):
+        colours = fraction_colours(members)
+        for name in members:
+            _lines(axes, table, name, key, colours[name])
+        axes.set_xlabel(_head(key))
+        axes.set_ylabel(_label(kind, table.names[members[0]]))
+        axes.legend(fontsize=7, frameon=False)
+    save(figure, path)
+
+
+def _lines(axes: Axes, table: ResultTable, name: str, key: str, colour: str) -> None:
+    groups = _groups(table, name, key)
+    if len(groups) > MOST_LINES:
+        points = sorted(itertools.chain(*groups.values()))
+        low, high = _arms(points)
+        axes.errorbar(
+            [p.x for p in points], [p.value for p in points], [low, high], fmt="o", ms=3, lw=0.8, color=colour,
+            label=name,
+        )  # fmt: skip
+        return
+    for style, (rest, points) in zip(STYLES, groups.items(), strict=False):
+        points.sort()
+        x, values = [p.x for p in points], np.array([p.value for p in points])
+        low, high = _arms(points)
+        label = name if not rest else f"{name}, {rest}"
+        axes.plot(x, values, style, marker="o", ms=3, lw=1.2, color=colour, label=label)
+        axes.fill_between(x, values - low, values + high, color=colour, alpha=0.18, linewidth=0)
+
+
+class _Point(NamedTuple):
+    x: float
+    value: float
+    low: float
+    high: float
+
+
+def _groups(table: ResultTable, name: str, key: str) -> dict[str, list[_Point]]:
+    """Points of a quantity over ``key``, by the text of what the other inputs are that vary."""
+    others = [k for k in table.inputs if k != key and len({str(e.inputs.get(k)) for e in table.done}) > 1]
+    groups: dict[str, list[_Point]] = {}
+    for entry in table.done:
+        found, x = entry.by_name.get(name), _number(entry, key)
+        if found is not None and x is not None:
+            rest = ", ".join(f"{k.rpartition('.')[2]} {_short(entry.inputs.get(k))}" for k in others)
+            scale = _scale(name, table.names[name])
+            groups.setdefault(rest, []).append(_Point(x, *(scale * one for one in (found.value, *_ends(found)))))
+    return groups
+
+
+def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
+    """Draw quantities as colours over two inputs that form a grid, with the numbers where there is room. Raises
+    SceneError where they form none: a value of each input for every scene, and no two scenes at one place.
+    """
+    grid = _grid(table, x, y)
+    if grid is None:
+        raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
+    across = min(len(names), MAPS_ACROSS)
+    down = -(-len(names) // across)
+    figure = new_figure(0.8 + 3.4 * across, 3.2 * down)
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for axes in panels[len(names) :]:
+        axes.set_visible(False)
+    for axes, name in zip(panels, names, strict=False):
+        unit = table.names[table.quantity(name)]
+        values = _scale(name, unit) * np.array([[_value(entry, name) for entry in row] for row in grid.rows])
+        drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis")
+        figure.colorbar(drawn, ax=axes, label=_label(name, unit))
+        if values.size <= CELLS_WITH_TEXT:
+            middle = 0.5 * (np.nanmin(values) + np.nanmax(values))
+            for (row, column), value in np.ndenumerate(values):
+                ink = INK if value > middle else "white"
+                axes.text(grid.x[column], grid.y[row], f"{value:.3g}", ha="center", va="center", fontsize=7, color=ink)
+        axes.set_xlabel(_head(x))
+        axes.set_ylabel(_head(y))
+    save(figure, path)
+
+
+class _Grid(NamedTuple):
+    x: list[float]
+    y: list[float]
+    rows: list[list[Entry | None]]
+
+
+def _grid(table: ResultTable, x: str, y: str) -> _Grid | None:
+    """The scenes by their places in two inputs; None where two scenes stand at one place or half of it is empty."""
+    places: dict[tuple[float, float], Entry] = {}
+    for entry in table.done:
+        at = (_number(entry, x), _number(entry, y))
+        if at[0] is None or at[1] is None or at in places:
+            return None
+        places[at[0], at[1]] = entry
+    columns, lines = sorted({at[0] for at in places}), sorted({at[1] for at in places})
+    if min(len(columns), len(lines)) < 2 or 2 * len(places) <= len(columns) * len(lines):
+        return None
+    return _Grid(columns, lines, [[places.get((column, line)) for column in columns] for line in lines])
+
+
+def draw_trade_off(path: Path, table: ResultTable) -> None:
+    """Draw purity against recovery of every fraction and target, a point a scene, and the front: scenes of which none
+    other is better in both.
+    """
+    pairs = _pairs(table)
+    if not pairs:
+        raise SceneError("no fraction of these scenes has a target; there is no purity against recovery to draw")
+    figure = new_figure(5.6, 4.2)
+    axes, colours = figure.add_subplot(), fraction_colours(sorted({fraction for fraction, _ in pairs}))
+    for marker, (fraction, place) in zip(itertools.cycle(MARKERS), pairs, strict=False):
+        found = [
+            (entry.by_name[f"recovery.{fraction}"], entry.by_name[f"purity.{place}.{fraction}"])
+            for entry in table.done
+            if {f"recovery.{fraction}", f"purity.{place}.{fraction}"} <= set(entry.by_name)
+        ]
+        if not found:
+            continue
+        spots = np.array([(recovery.value, purity.value) for recovery, purity in found])
+        arms = [np.array([_arm(one) for one in side]).T for side in zip(*found, strict=True)]
+        axes.errorbar(
+            100 * spots[:, 0], 100 * spots[:, 1], xerr=100 * arms[0], yerr=100 * arms[1], fmt=marker, ms=4, lw=0.7,
+            color=colours[fraction], label=f"{fraction} in {place}",
+        )  # fmt: skip
+        front = spots[on_front(spots)]
+        axes.plot(*(100 * front[np.argsort(front[:, 0])].T), color=colours[fraction], lw=1.2, alpha=0.6)
+    axes.set_xlabel("recovery (%)")
+    axes.set_ylabel("purity (%)")
+    axes.legend(fontsize=7, frameon=False)
+    save(figure, path)
+
+
+def on_front(spots: Array) -> NDArray[np.bool_]:
+    """Which of ``spots`` (n, 2), both better the larger, no other beats in one without losing in the other."""
+    no_worse = np.all(spots[None] >= spots[:, None], axis=2)
+    better = np.any(spots[None] > spots[:, None], axis=2)
+    return np.asarray(~np.any(no_worse & better, axis=1))
+
+
+def _pairs(table: ResultTable) -> list[tuple[str, str]]:
+    names: Mapping[str, str] = table.names
+    wanted = [(fraction, place) for fraction, places in table.targets.items() for place in places]
+    return [(f, place) for f, place in wanted if f"recovery.{f}" in names and f"purity.{place}.{f}" in names]
+
+
+def _panels(names: Sequence[str]) -> dict[str, list[str]]:
+    """Quantities by what they are: the first part of the name, of the airflow's and the funnel's numbers the whole."""
+    panels: dict[str, list[str]] = {}
+    for name in names:
+        kind = name.partition(".")[0]
+        panels.setdefault(name if kind in ("airflow", "funnel") else kind, []).append(name)
+    return panels
+
+
+def _row(figure: Any, count: int) -> list[Axes]:
+    return list(figure.subplots(1, count, squeeze=False)[0])
+
+
+def _head(key: str) -> str:
+    unit = unit_of(key)
+    return f"{key} ({unit})" if unit else key
+
+
+def _scale(name: str, unit: str) -> float:
+    """Parts of a whole are drawn in percent."""
+    return 100.0 if unit == "1" and not name.startswith(("airflow.", "funnel.")) else 1.0
+
+
+def _label(name: str, unit: str) -> str:
+    if unit == "1":
+        return name if _scale(f"{name}.", unit) == 1.0 else f"{name} (%)"
+    return f"{name} ({unit})"
+
+
+def _number(entry: Entry, key: str) -> float | None:
+    value = entry.inputs.get(key)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _value(entry: Entry | None, name: str) -> float:
+    found = None if entry is None else entry.by_name.get(name)
+    return np.nan if found is None else found.value
+
+
+def _ends(found: TableQuantity) -> tuple[float, float]:
+    return (found.value if found.low is None else found.low, found.value if found.high is None else found.high)
+
+
+def _arm(found: TableQuantity) -> tuple[float, float]:
+    low, high = _ends(found)
+    return max(0.0, found.value - low), max(0.0, high - found.value)
+
+
+def _arms(points: Sequence[_Point]) -> tuple[Array, Array]:
+    value = np.array([p.value for p in points])
+    low, high = np.array([p.low for p in points]), np.array([p.high for p in points])
+    return np.maximum(value - low, 0.0), np.maximum(high - value, 0.0)
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

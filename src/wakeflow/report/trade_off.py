@@ -1,0 +1,56 @@
+"""The figure of the dividers: recovery against purity, with bands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..core.files import atomic_write
+from ..results.dividers import Dividers
+from ..results.measured import Measured
+from .canvas import COLOURS, new_figure, save
+
+__all__ = ["draw_dividers", "write_dividers"]
+
+HEADS = (
+    "purity asked (%)", "purity (%)", "purity low (%)", "purity high (%)", "recovery (%)", "recovery low (%)",
+    "recovery high (%)", "from, to along the line (m)",
+)  # fmt: skip
+
+
+def draw_dividers(path: Path, found: Sequence[Dividers]) -> None:
+    """Draw what dividers give at every purity asked: recovery over purity, both on granules that did not choose."""
+    figure = new_figure(5.6, 4.0)
+    axes = figure.add_subplot(xlabel="purity (%)", ylabel=f"recovery of {found[0].fraction} (%)")
+    able = [one for one in found if one.possible and one.purity.value is not None]
+    pure, got = (np.array([_numbers(part) for part in side]).T for side in zip(*map(_both, able), strict=True))
+    axes.fill_between(pure[0], got[1], got[2], color=COLOURS[0], alpha=0.18, linewidth=0)
+    axes.fill_betweenx(got[0], pure[1], pure[2], color=COLOURS[0], alpha=0.18, linewidth=0)
+    axes.plot(pure[0], got[0], "o-", ms=3, color=COLOURS[0])
+    save(figure, path)
+
+
+def write_dividers(path: Path, found: Sequence[Dividers]) -> None:
+    """Write the same as CSV, with the stretches at each purity; empty where none reaches it."""
+    import csv
+
+    with atomic_write(path) as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(HEADS)
+        for one in found:
+            numbers = [*_numbers(one.purity), *_numbers(one.recovery)] if one.possible else [None] * 6
+            cells = ["" if number is None or np.isnan(number) else f"{number:.6g}" for number in numbers]
+            places = "; ".join(f"{low:.6g} {high:.6g}" for low, high in one.stretches)
+            writer.writerow([f"{100 * one.asked:.6g}", *cells, places])
+
+
+def _both(one: Dividers) -> tuple[Measured, Measured]:
+    return one.purity, one.recovery
+
+
+def _numbers(found: Measured) -> tuple[float, float, float]:
+    """Percent, nan where unknown."""
+    value, low, high = (np.nan if one is None else 100.0 * one for one in (found.value, found.low, found.high))
+    return value, low, high

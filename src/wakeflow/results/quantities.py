@@ -1,0 +1,80 @@
+"""The numbers of a result as one flat list: name, unit, value, 95 % interval and the whole error.
+
+Read off the types of the result: what a record there gains is in the list, in every table and figure made of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, is_dataclass
+from typing import Any
+
+from ..core.record import columns
+from .landing_results import Separation
+from .measured import Measured, Share
+from .result import Result
+
+__all__ = ["SECONDS", "TableQuantity", "quantities_of"]
+
+SECONDS = "seconds"
+RENAMED = {"fractions": "share"}  # as the rows of the budget are called
+
+
+@dataclass(frozen=True)
+class TableQuantity:
+    """One number of a result: ``value`` in ``unit`` ("1" for plain numbers), ends of its 95 % interval, None where none
+    is known, and ``error``, the total of its budget, None where parts are unknown or there is none.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float | None = None
+    high: float | None = None
+    error: float | None = None
+
+
+def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
+    """Shares (share.FRACTION.BIN), purity.BIN.FRACTION, recovery.FRACTION, throughput.BIN; the airflow's and the
+    funnel's numbers (airflow.cd, ...); seconds, the run time of all stages when they were computed.
+    """
+    errors = {row.quantity: row.total.error for row in result.budget}
+    found: list[TableQuantity] = []
+    if result.landings is not None:
+        for one in columns(type(result.landings)):
+            part = getattr(result.landings, one.name)
+            if isinstance(part, Separation):
+                found += _inside(part, "" if one.name == "separation" else f"{one.key}.", errors)
+    if result.airflow is not None:
+        found += _measured(result.airflow, "airflow.")
+    if result.funnel is not None:
+        found += _measured(result.funnel, "funnel.")
+    spent = sum(stage.seconds for stage in result.seconds.values())
+    return (*found, TableQuantity(SECONDS, "s", spent))
+
+
+def _inside(record: Any, prefix: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+    for one in columns(type(record)):
+        name = prefix + RENAMED.get(one.key, one.key)
+        yield from _numbers(getattr(record, one.name), name, one.unit, errors)
+
+
+def _measured(record: Any, prefix: str) -> Iterator[TableQuantity]:
+    """The numbers of a record, not those of records inside it, which say how it was computed."""
+    for one in columns(type(record)):
+        value = getattr(record, one.name)
+        if isinstance(value, Measured | float):
+            yield from _numbers(value, prefix + one.key, one.unit, {})
+
+
+def _numbers(value: Any, name: str, unit: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+    if isinstance(value, Mapping):
+        for key, member in value.items():
+            yield from _numbers(member, f"{name}.{key}", unit, errors)
+    elif isinstance(value, Measured | Share):
+        if value.value is not None:
+            yield TableQuantity(name, unit, value.value, value.low, value.high, errors.get(name))
+    elif is_dataclass(value):
+        yield from _inside(value, f"{name}.", errors)
+    elif isinstance(value, float):
+        yield TableQuantity(name, unit, value, error=errors.get(name))

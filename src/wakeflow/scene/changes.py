@@ -1,0 +1,73 @@
+"""What differs between scenes: their keys and values, and names of folders made of them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from .scene import Scene
+
+__all__ = ["differing", "flat", "folder_name", "run_folder"]
+
+LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
+PARTS = "+"  # between the changes in a name
+
+
+def flat(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested tables as dotted keys and their values.
+
+    >>> flat({"air": {"speed": 5.0}, "fraction": {"husk": {"size": {"mean": 1e-3}}}})
+    {'air.speed': 5.0, 'fraction.husk.size.mean': 0.001}
+    """
+    found: dict[str, Any] = {}
+    for key, value in tables.items():
+        if isinstance(value, Mapping) and value:
+            found |= {f"{key}.{below}": member for below, member in flat(value).items()}
+        else:
+            found[key] = value
+    return found
+
+
+def differing(scenes: Sequence[Scene]) -> dict[str, list[Any]]:
+    """The dotted keys, defaults counted, in which scenes differ: for each the value in every scene, SI; None where a
+    scene has no such key.
+    """
+    every = [flat(scene.model_dump(mode="json", by_alias=True)) for scene in scenes]
+    keys = dict.fromkeys(key for one in every for key in one)
+    columns = {key: [one.get(key) for one in every] for key in keys}
+    return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
+
+
+def folder_name(changes: Mapping[str, Any]) -> str:
+    """A name for the folder of what was changed: its keys and values, safe on every file system.
+
+    Numbers have six digits. A name that would be long ends in a fingerprint of all changes instead.
+
+    >>> folder_name({"air.speed": 7.0, "numerics.rung": "draft"})
+    'air.speed=7+numerics.rung=draft'
+    """
+    name = PARTS.join(f"{key}={_text(value)}" for key, value in changes.items())
+    if len(name) <= LONGEST:
+        return name
+    mark = hashlib.sha256(json.dumps(dict(changes), default=str).encode()).hexdigest()[:8]
+    return f"{name[: LONGEST - len(mark) - 1]}-{mark}"
+
+
+def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping[str, Any]) -> str:
+    """The name of a run's folder: that of its scene file, and what was ``changed`` in it, in SI, with the ``options``
+    that are given; so that variants of a scene do not overwrite each other.
+    """
+    tables = flat(scene.tables())
+    values = {key: value for key, value in tables.items() if any(f"{key}.".startswith(f"{one}.") for one in changed)}
+    given = {name: value for name, value in options.items() if value is not None}
+    return PARTS.join(filter(None, (stem, folder_name({**values, **given}))))
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = value if isinstance(value, str) else json.dumps(value)
+    return re.sub(r"[^A-Za-z0-9.,_-]+", "-", text).strip("-")

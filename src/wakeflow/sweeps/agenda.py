@@ -1,0 +1,164 @@
+"""The agenda of a sweep: which stages its scenes share, what waits for what, what it will cost.
+
+Scenes that fly in one airflow wait for it, and it is solved once. Of scenes whose flights are the same (they differ in
+mass shares, targets or the feed's rate) one flies and the others wait for it. Both are told from plans alone, before
+anything is computed. Where two stages turn out equal beyond that, the lock of the cache makes one wait for the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import wakeflow
+
+from ..core.errors import SceneError
+from ..core.record import to_json
+from ..core.store import content_key, digest_files
+from ..pipeline.airflow_kinds import CaseAir
+from ..pipeline.pipeline import Pipeline
+from ..planning.cost import airflow_cost
+from ..planning.make import make_plan
+from ..planning.plan import Plan
+from ..results.result import Request
+from ..runs import versions
+from ..scene import Scene
+from .variant import Variant
+from .work import Job, finished
+
+__all__ = ["Agenda", "Step", "make_agenda"]
+
+AIRFLOWS = "airflows"  # folder of the airflows' own results
+WEIGHED = ("mass_share", "target")  # of a fraction: they weigh landings, and move none
+FED = ("rate", "depth")  # of the feed: likewise
+
+
+@dataclass(frozen=True)
+class Step:
+    """One job of the agenda: for a scene, or for the airflow of several; ``needs`` the step of that name before it."""
+
+    name: str
+    job: Job
+    airflow: bool
+    needs: str | None
+    seconds: float  # expected
+    disk: float  # bytes, expected
+
+
+@dataclass(frozen=True)
+class Agenda:
+    """All steps in the order in which they are begun, the folders of the scenes by name with their stamps, and what
+    cannot be planned with the reason.
+    """
+
+    steps: tuple[Step, ...]
+    stamps: Mapping[str, str]
+    problems: Mapping[str, str]
+
+    @property
+    def seconds(self) -> float:
+        """Expected core-seconds of all steps."""
+        return sum(step.seconds for step in self.steps)
+
+    @property
+    def disk(self) -> float:
+        """Expected bytes that all steps leave."""
+        return sum(step.disk for step in self.steps)
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """One scene under its plan."""
+
+    variant: Variant
+    scene: Scene
+    plan: Plan
+    request: Request
+    stamp: str
+
+    @cached_property
+    def airflow(self) -> str | None:
+        """What tells its airflow from others; None where it costs nothing."""
+        flown = Pipeline(self.plan.airflow.flown(self.scene), self.plan)
+        if flown.kind.at_once:
+            return None
+        spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
+        return content_key(repr(self.plan.airflow), spec)
+
+    @cached_property
+    def flight(self) -> str:
+        """What tells its flights from others in the same airflow."""
+        tables = self.scene.model_dump(mode="json", by_alias=True)
+        for fraction in tables["fraction"].values():
+            for key in WEIGHED:
+                del fraction[key]
+        for key in FED:
+            del tables["feed"][key]
+        del tables["picture"]
+        how = {name: repr(row.tracked) for name, row in self.plan.fractions.items()}
+        return content_key(tables, list(self.scene.bin), how)
+
+
+def make_agenda(
+    variants: Sequence[Variant], out: Path, request: Request, *, threads: int = 1, report: bool = False
+) -> Agenda:
+    """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing."""
+    planned: list[_Planned] = []
+    problems: dict[str, str] = {}
+    code, found = digest_files([Path(wakeflow.__file__).parent]), versions()
+    for variant in variants:
+        scene = variant.scene
+        if scene is None:
+            problems[variant.name] = variant.problem
+            continue
+        order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
+        stamp = content_key(scene.tables(), order, to_json(request), code, found)
+        try:
+            plan = make_plan(scene, rung=request.rung, force=request.force, target_error=request.target_error)
+        except SceneError as problem:
+            problems[variant.name] = str(problem)
+            continue
+        planned.append(_Planned(variant, scene, plan, request, stamp))
+    stamps = {one.variant.name: one.stamp for one in planned}
+    open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
+    jobs = _Jobs(out, threads, report)
+    airflows = list(_airflow_steps(open_ones, jobs))
+    return Agenda((*airflows, *_flight_steps(open_ones, jobs)), stamps, problems)
+
+
+@dataclass(frozen=True)
+class _Jobs:
+    out: Path
+    threads: int
+    report: bool
+
+    def of(self, one: _Planned, folder: str, *, report: bool) -> Job:
+        tracked = one.plan.flown_by == "tracker"
+        return Job(one.scene.tables(), one.request, self.out / folder, one.stamp, tracked, self.threads, report)
+
+
+def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
+    """One step for each airflow, the longest first, so that none is left alone at the end."""
+    first: dict[str, _Planned] = {}
+    for one in planned:
+        if one.airflow is not None:
+            first.setdefault(one.airflow, one)
+    steps = []
+    for key, one in first.items():
+        cost, folder = airflow_cost(one.scene, one.plan.airflow), f"{AIRFLOWS}/{key[:12]}"
+        steps.append(Step(folder, jobs.of(one, folder, report=False), True, None, cost.seconds, cost.disk))
+    return sorted(steps, key=lambda step: -step.seconds)
+
+
+def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
+    leaders: dict[tuple[str | None, str], str] = {}
+    for one in planned:
+        same, name = (one.airflow, one.flight), one.variant.name
+        before = None if one.airflow is None else f"{AIRFLOWS}/{one.airflow[:12]}"
+        air = airflow_cost(one.scene, one.plan.airflow)
+        needs, estimate = leaders.get(same, before), one.plan.estimate
+        leaders.setdefault(same, name)
+        job = jobs.of(one, name, report=jobs.report)
+        yield Step(name, job, False, needs, estimate["seconds"] - air.seconds, estimate["disk"] - air.disk)

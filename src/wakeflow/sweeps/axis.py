@@ -1,0 +1,150 @@
+"""An axis of a sweep: one key of the scene and the values that it takes, read from text or from TOML."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import SceneError
+from ..scene.overrides import changes_of
+
+__all__ = ["Axis", "axes_of", "axis_of_text"]
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+UNIT = r"([^\d\s:,][^:,]*?)?"
+QUANTITY = re.compile(rf"\s*({NUMBER})\s*{UNIT}\s*")
+RANGE = re.compile(rf"\s*({NUMBER})\s*{UNIT}\s*:\s*({NUMBER})\s*{UNIT}\s*:\s*(\d+)\s*{UNIT}\s*")
+DIGITS = 12  # of a value between two ends: 0.3, not 0.30000000000000004
+SCALES = ("linear", "log")
+HOW = "write values a,b,c or a range start:stop:count, as in air.speed=3:5:3 or feed.width='20 mm:40 mm:5'"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """``key`` of a scene and its ``values``, as a scene file would have them.
+
+    A range has ``ends`` and a ``unit`` too: a design that draws from it takes any number between them, by their
+    logarithms where ``log``.
+    """
+
+    key: str
+    values: tuple[Any, ...]
+    ends: tuple[float, float] | None = None
+    unit: str = ""
+    log: bool = False
+
+    def at(self, place: float) -> Any:
+        """The value at a ``place`` from 0 to 1 of a range; of listed values the one in whose equal part it lies."""
+        if self.ends is None:
+            return self.values[min(int(place * len(self.values)), len(self.values) - 1)]
+        low, high = self.ends
+        number = low * (high / low) ** place if self.log else low + (high - low) * place
+        rounded = float(f"{number:.{DIGITS}g}")
+        return f"{rounded!r} {self.unit}" if self.unit else rounded
+
+
+def axis_of_text(text: str) -> Axis:
+    """The axis KEY=VALUES of ``--set``: values with commas between them, or start:stop:count; a unit may follow.
+
+    >>> axis_of_text("air.speed=3:5:3 m/s").values
+    ('3.0 m/s', '4.0 m/s', '5.0 m/s')
+    >>> axis_of_text("fraction.chaff.restitution=0.2,0.4").values
+    (0.2, 0.4)
+
+    Raises SceneError for any other text.
+    """
+    key, sign, given = text.partition("=")
+    if not sign or not key or not given:
+        raise SceneError(f"--set {text!r}: write it as KEY=VALUES")
+    found = RANGE.fullmatch(given)
+    if found:
+        low, low_unit, high, high_unit, count, unit = found.groups()
+        last = (unit or high_unit or low_unit or "").strip()
+        if any(one and one.strip() != last for one in (low_unit, high_unit)):
+            raise SceneError(f"--set {text!r}: both ends in one unit, please")
+        return _range(key, float(low), float(high), int(count), last)
+    return Axis(key, tuple(changes_of([f"{key}={piece.strip()}"])[key] for piece in _pieces(given)))
+
+
+def _pieces(text: str) -> list[str]:
+    """The text cut at commas outside of brackets and quotes."""
+    pieces, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        elif letter in "[{":
+            depth += 1
+        elif letter in "]}":
+            depth -= 1
+        if letter == "," and not depth and not quote:
+            pieces.append("")
+        else:
+            pieces[-1] += letter
+    return pieces
+
+
+def axes_of(table: Mapping[str, Any], where: str) -> list[Axis]:
+    """The axes of a TOML table: dotted keys, each a list of values or { from, to, count, scale = "log" }.
+
+    Raises SceneError, naming ``where`` and the key, for anything else.
+    """
+    return list(_axes(table, where, ()))
+
+
+def _axes(table: Mapping[str, Any], where: str, above: tuple[str, ...]) -> Sequence[Axis]:
+    found: list[Axis] = []
+    for name, value in table.items():
+        key = ".".join((*above, name))
+        if isinstance(value, list):
+            if not value:
+                raise SceneError(f"{where}: {key} = []: give at least one value")
+            found.append(Axis(key, tuple(value)))
+        elif not isinstance(value, Mapping):
+            found.append(Axis(key, (value,)))
+        elif {"from", "to"} <= set(value) and not isinstance(value["from"], list | Mapping):
+            found.append(_table_range(key, value, where))
+        else:
+            found += _axes(value, where, (*above, name))
+    return found
+
+
+def _table_range(key: str, table: Mapping[str, Any], where: str) -> Axis:
+    unknown = set(table) - {"from", "to", "count", "scale"}
+    if unknown:
+        raise SceneError(f"{where}: {key}.{unknown.pop()}: unknown key (known: from, to, count, scale)")
+    scale, count = table.get("scale", "linear"), table.get("count", 2)
+    if scale not in SCALES:
+        raise SceneError(f"{where}: {key}.scale = {scale!r}: choose linear or log")
+    if not isinstance(count, int) or isinstance(count, bool):
+        raise SceneError(f"{where}: {key}.count = {count!r}: give a whole number")
+    (low, low_unit), (high, unit) = (_quantity(f"{where}: {key}.{end}", table[end]) for end in ("from", "to"))
+    if low_unit != unit:
+        raise SceneError(f"{where}: {key}: both ends in one unit, please")
+    return _range(key, low, high, count, unit, log=scale == "log")
+
+
+def _quantity(where: str, value: Any) -> tuple[float, str]:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value), ""
+    found = QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if found is None:
+        raise SceneError(f"{where} = {value!r}: give a number, or one with a unit such as '5 m/s'")
+    return float(found[1]), (found[2] or "").strip()
+
+
+def _range(key: str, low: float, high: float, count: int, unit: str, *, log: bool = False) -> Axis:
+    """``count`` values from ``low`` to ``high``, both taken. Raises SceneError where there is no such range."""
+    if count < 2 or not math.isfinite(low) or not math.isfinite(high) or low == high:
+        raise SceneError(f"{key} = {low:g}:{high:g}:{count}: needs two different ends and a count of at least 2; {HOW}")
+    if log and min(low, high) <= 0:
+        raise SceneError(f"{key}: a range on scale log needs ends above 0")
+    axis = Axis(key, (), (low, high), unit, log)
+    values = tuple(axis.at(place) for place in np.linspace(0.0, 1.0, count).tolist())
+    return Axis(key, values, (low, high), unit, log)

@@ -1,0 +1,239 @@
+"""sweep(): many scenes, each stage once, one table and its figures in one folder."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import SceneError
+from ..core.process import cores
+from ..core.store import cache_root
+from ..core.workers import Workers
+from ..pipeline.cache import Listener, silent
+from ..results.quantities import quantities_of
+from ..results.result import Request, Result
+from ..results.table import DONE, FAILED, OPEN, Entry, ResultTable
+from ..scene import Scene
+from .agenda import Agenda, Step, make_agenda
+from .run_agenda import do_agenda
+from .variant import Variant, of_scenes, read_sweep_file
+from .work import JobEnd, finished
+
+__all__ = ["Sweep", "SweepEstimate", "look_ahead", "sweep"]
+
+WRITE_EVERY = 30.0  # s between tables on disk while scenes are computed
+TABLE, WIDE, PARQUET = "sweep.csv", "scenes.csv", "sweep.parquet"
+
+Scenes = Iterable[Scene | Variant] | Mapping[str, Scene] | Path | str
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The answers of many scenes: their ``table``, also in sweep.csv of ``folder`` (scenes.csv: a row a scene)."""
+
+    folder: Path
+    table: ResultTable
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why each scene failed that did, by its name."""
+        return {entry.name: entry.reason for entry in self.table.entries if entry.state == FAILED}
+
+    def frame(self, *, wide: bool = False) -> Any:
+        """A row for each number of each scene, with its interval and the scene's inputs; ``wide``: a row a scene.
+
+        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. An input's unit stands behind its
+        key, a number's in the column ``unit``.
+        """
+        return self.table.frame(wide=wide)
+
+    def plot(self, quantity: str, over: str, and_over: str | None = None, path: Path | str | None = None) -> Path:
+        """Draw a quantity over the input ``over`` as lines with bands, or with ``and_over`` as a map over two inputs.
+
+        Returns the PNG, by default in the folder's figures. Raises SceneError for names that the table does not have.
+        """
+        from ..report.many import draw_lines, draw_map
+
+        name = "-".join(filter(None, (quantity, over, and_over)))
+        target = self.folder / "figures" / f"{name}.png" if path is None else Path(path)
+        if and_over is None:
+            draw_lines(target, self.table, [quantity], over)
+        else:
+            draw_map(target, self.table, [quantity], over, and_over)
+        return target
+
+    def result(self, name: str) -> Result:
+        """The whole result of one scene. Raises SceneError where it has none."""
+        return Result.load(self.folder / name)
+
+
+@dataclass(frozen=True)
+class SweepEstimate:
+    """What a sweep will cost from now on: ``scenes`` in all, those ``finished`` before, ``failed`` ones that cannot be
+    planned with the reason, ``airflows`` and ``flights`` to compute, core-seconds on one core, bytes of disk.
+    """
+
+    scenes: int
+    finished: int
+    failed: Mapping[str, str]
+    airflows: int
+    flights: int
+    seconds: float
+    disk: float
+
+
+def look_ahead(
+    scenes: Scenes,
+    out: Path | str = Path("runs", "sweep"),
+    *,
+    rung: str | None = None,
+    force: Mapping[str, bool] | None = None,
+    target_error: float | None = None,
+) -> SweepEstimate:
+    """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
+    found = _variants(scenes)
+    agenda = make_agenda(found, Path(out), Request(None, rung, dict(force or {}), target_error))
+    airflows = sum(step.airflow for step in agenda.steps)
+    flights = len(agenda.steps) - airflows
+    before = len(found) - flights - len(agenda.problems)
+    return SweepEstimate(len(found), before, agenda.problems, airflows, flights, agenda.seconds, agenda.disk)
+
+
+def sweep(
+    scenes: Scenes,
+    out: Path | str = Path("runs", "sweep"),
+    *,
+    scheduler: Executor | None = None,
+    workers: int | None = None,
+    rung: str | None = None,
+    force: Mapping[str, bool] | None = None,
+    target_error: float | None = None,
+    report: bool = False,
+    listener: Listener = silent,
+) -> Sweep:
+    """Compute many scenes and write one table to the folder ``out``; each stage is computed once.
+
+    ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
+    ``scheduler``: any ``concurrent.futures.Executor`` whose workers see the same folders; by default ``workers``
+    processes on this machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.run``; with
+    ``report`` each scene's is drawn too. The same call goes on where an interrupted or killed one ended; a scene that
+    fails is in the table with its reason, and is tried again by the next call.
+
+    Raises SceneError where there is nothing to compute, another sweep writes to ``out``, or the disk is too small.
+    """
+    from filelock import FileLock, Timeout
+
+    folder, found = Path(out), _variants(scenes)
+    count = workers or cores()
+    if workers is not None and workers < 1:
+        raise SceneError(f"workers = {workers}: at least 1")
+    folder.mkdir(parents=True, exist_ok=True)
+    request, threads = Request(None, rung, dict(force or {}), target_error), max(1, cores() // count)
+    try:
+        with FileLock(folder / ".lock", timeout=0):
+            listener("sweep", "planning")
+            agenda = make_agenda(found, folder, request, threads=threads, report=report)
+            _check_disk(agenda, folder)
+            rows = _Rows(folder, found, agenda)
+            if agenda.steps:
+                with _executor(scheduler, min(count, len(agenda.steps)), folder) as executor:
+                    do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
+            return rows.finish()
+    except Timeout:
+        raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None
+
+
+def _variants(scenes: Scenes) -> list[Variant]:
+    return read_sweep_file(scenes) if isinstance(scenes, Path | str) else of_scenes(scenes)
+
+
+@contextmanager
+def _executor(given: Executor | None, count: int, folder: Path) -> Iterator[Executor]:
+    """The caller's executor, left open, or workers of this sweep's own, ended with it."""
+    if given is not None:
+        yield given
+    else:
+        with Workers(count, folder / "workers") as own:
+            yield own
+
+
+def _check_disk(agenda: Agenda, folder: Path) -> None:
+    """Raise SceneError where what is to be computed would not fit on the disk."""
+    root = cache_root()
+    root.mkdir(parents=True, exist_ok=True)
+    free = min(shutil.disk_usage(place).free for place in (root, folder))
+    if agenda.disk > free:
+        raise SceneError(
+            f"the sweep needs about {agenda.disk / 1e9:.1f} GB in {root}, where {free / 1e9:.1f} GB are free; "
+            "make room (wakeflow clean --keep 10GB), choose another WAKEFLOW_CACHE, or sweep fewer airflows"
+        )
+
+
+@dataclass
+class _Rows:
+    """The table while it grows."""
+
+    folder: Path
+    variants: list[Variant]
+    agenda: Agenda
+
+    def __post_init__(self) -> None:
+        self.entries: dict[str, Entry] = {}
+        self.targets: dict[str, tuple[str, ...]] = {}
+        self.written = time.monotonic()
+        todo = {step.name for step in self.agenda.steps}
+        for one in self.variants:
+            problem = self.agenda.problems.get(one.name)
+            if problem is not None:
+                self.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
+            elif one.name in todo:
+                self.entries[one.name] = Entry(one.name, one.inputs, OPEN)
+            else:
+                self._read(one)
+
+    def ended(self, step: Step, outcome: JobEnd) -> None:
+        """Take in what a step has left."""
+        one = next((variant for variant in self.variants if variant.name == step.name), None)
+        if step.airflow or one is None:
+            return
+        if outcome.problem:
+            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, outcome.problem)
+        else:
+            self._read(one)
+        if time.monotonic() - self.written >= WRITE_EVERY:
+            self.table.write_csv(self.folder / TABLE)
+            self.written = time.monotonic()
+
+    def _read(self, one: Variant) -> None:
+        result = finished(self.folder / one.name, self.agenda.stamps[one.name])
+        if result is None:
+            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, f"its result in {one.name} cannot be read")
+            return
+        for fraction in result.scene["fraction"]:
+            self.targets.setdefault(fraction, result.targets(fraction))
+        self.entries[one.name] = Entry(one.name, one.inputs, DONE, "", quantities_of(result))
+
+    @property
+    def table(self) -> ResultTable:
+        return ResultTable(tuple(self.entries.values()), self.targets)
+
+    def finish(self) -> Sweep:
+        """Write the tables and draw the figures."""
+        from ..report.many import draw_table_figures
+
+        table = self.table
+        before = (self.folder / TABLE).read_text() if (self.folder / WIDE).exists() else None
+        table.write_csv(self.folder / TABLE)
+        table.write_wide_csv(self.folder / WIDE)
+        table.write_parquet(self.folder / PARQUET)
+        drawn = any((self.folder / "figures").glob("*.png"))
+        if not drawn or before != (self.folder / TABLE).read_text():
+            draw_table_figures(self.folder / "figures", table)
+        return Sweep(self.folder, table)

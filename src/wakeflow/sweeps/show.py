@@ -1,0 +1,166 @@
+"""What a person at a terminal sees of many runs and of what they leave: costs, tables, differences, dividers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..core.cleaning import KeptStage
+from ..report.many import main_quantities
+from ..report.words import NO_VALUE, percent
+from ..results.dividers import Dividers, cut
+from ..results.measured import Measured
+from ..results.quantities import TableQuantity
+from ..results.table import DONE, ResultTable
+from .comparison import Difference, RunComparison
+from .compute import Sweep, SweepEstimate
+from .run_agenda import duration
+
+__all__ = ["show_comparison", "show_dividers", "show_estimate", "show_stages", "show_sweep", "show_table"]
+
+MOST_ROWS = 50  # of a table on a terminal; all are in the file
+
+
+def show_estimate(estimate: SweepEstimate, workers: int) -> None:
+    """Print how many scenes there are, what they share, and the cost."""
+    from rich.console import Console
+
+    console = Console()
+    before = f", {estimate.finished} finished before" if estimate.finished else ""
+    spent = duration(estimate.seconds / workers)
+    lines = [
+        f"{estimate.scenes} scenes{before}: {estimate.airflows} airflows and {estimate.flights} flights to compute",
+        f"about {spent} on {workers} cores ({duration(estimate.seconds)} of one), {estimate.disk / 1e6:.0f} MB of disk",
+        *(f"! {name}: {reason}" for name, reason in estimate.failed.items()),
+    ]
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def show_sweep(found: Sweep) -> None:
+    """Print the table of a sweep, what failed, and where everything is."""
+    from rich.console import Console
+
+    console = Console()
+    show_table(found.table)
+    for name, reason in found.failed.items():
+        console.print(f"! {name}: {reason}", highlight=False, markup=False, style="yellow", soft_wrap=True)
+    console.print(f"results: {found.folder}", highlight=False, soft_wrap=True)
+
+
+def show_table(table: ResultTable) -> None:
+    """Print a row a scene: its inputs and the quantities that it is made for, with half their 95 % intervals."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    names = main_quantities(table)
+    drawn = Table(
+        title="percent, with 95 % interval",
+        title_justify="left",
+        pad_edge=False,
+        collapse_padding=True,
+        box=SIMPLE_HEAD,
+    )
+    heads = _heads(table)
+    for head in heads:
+        drawn.add_column(head, justify="right", overflow="fold")
+    for name in names:
+        drawn.add_column(name.replace(".", "\n"), justify="right", overflow="fold")
+    for entry in table.entries[:MOST_ROWS]:
+        inputs = [entry.name] if heads == ["scene"] else [_text(entry.inputs.get(key)) for key in table.inputs]
+        cells = [_cell(entry.by_name.get(name)) for name in names]
+        drawn.add_row(*inputs, *(cells if entry.state == DONE else [entry.state] * len(names)))
+    console = Console()
+    console.print(drawn)
+    if len(table.entries) > MOST_ROWS:
+        console.print(f"{len(table.entries) - MOST_ROWS} more scenes are in the file")
+
+
+def show_comparison(found: RunComparison) -> None:
+    """Print what differs in the scenes, the answers, and the differences from the first run."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    show_table(found.table)
+    first, names = found.table.entries[0].name, set(main_quantities(found.table))
+    names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
+    table = Table("less " + first, title="differences", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
+    others = [entry.name for entry in found.table.entries[1:]]
+    for name in others:
+        table.add_column(name, justify="right", overflow="fold")
+    rows: dict[str, dict[str, Difference]] = {}
+    for one in found.differences:
+        rows.setdefault(one.quantity, {})[one.scene] = one
+    for quantity, row in rows.items():
+        if quantity in names:
+            table.add_row(quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others))
+    table.caption, table.caption_justify = "bold: zero lies outside of the 95 % interval", "left"
+    Console().print(table)
+
+
+def _difference(one: Difference) -> str:
+    share = one.unit == "1" and not one.quantity.startswith("airflow.")
+    scale, unit = (100.0, "points") if share else (1.0, "" if one.unit == "1" else one.unit)
+    text = f"{scale * one.value:+.3g} {unit}".rstrip()
+    if one.low is not None and one.high is not None:
+        text += f" \\[{scale * one.low:+.3g}, {scale * one.high:+.3g}]"
+    return f"[bold]{text}[/]" if one.clear else text
+
+
+def show_dividers(found: Sequence[Dividers], on: str) -> None:
+    """Print what dividers give at each purity asked; of a single one also the tables for a scene file."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    console, fraction = Console(), found[0].fraction
+    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice"
+    table = Table(title=title, title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
+    for head in ("purity asked", "purity", "recovery", "stretches (mm along the line)"):
+        table.add_column(head, justify="right")
+    for one in found:
+        places = ", ".join(f"{1e3 * low:.1f} to {1e3 * high:.1f}" for low, high in one.stretches)
+        judged = [percent(one.purity), percent(one.recovery)] if one.possible else [NO_VALUE, NO_VALUE]
+        table.add_row(f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it")
+    console.print(table)
+    if len(found) > 1 or not found[0].possible:
+        return
+    for number, (low, high) in enumerate(found[0].stretches, 1):
+        points = ", ".join(f"[{x:.6g}, {y:.6g}]" for x, y in cut(found[0].line, low, high))
+        console.print(f"[bin.{fraction}-{number}]\npoints = [{points}]", markup=False, highlight=False, soft_wrap=True)
+
+
+def show_stages(stages: Sequence[KeptStage]) -> None:
+    """Print what the cache holds, the one that was used longest ago first: size, time to make it again."""
+    from datetime import UTC, datetime
+
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("used", "stage", "key", title="in the cache", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
+    table.add_column("MB", justify="right")
+    table.add_column("to make again", justify="right")
+    for one in stages[:MOST_ROWS]:
+        used = datetime.fromtimestamp(one.used, UTC).strftime("%Y-%m-%d")
+        again = NO_VALUE if one.seconds is None else duration(one.seconds)
+        table.add_row(used, one.stage, one.folder.name[:12], f"{one.size / 1e6:.1f}", again)
+    table.add_section()
+    total, spent = sum(one.size for one in stages), sum(one.seconds or 0.0 for one in stages)
+    table.add_row("all", f"{len(stages)} stages", "", f"{total / 1e6:.1f}", duration(spent))
+    Console().print(table)
+
+
+def _heads(table: ResultTable) -> Sequence[str]:
+    """Keys with their parts below each other, so that columns stay narrow."""
+    heads = {key: key.replace(".", "\n") for key in table.inputs}
+    return [f"{heads[key]}\n({unit})" if unit else heads[key] for key, unit in table.inputs.items()] or ["scene"]
+
+
+def _cell(found: TableQuantity | None) -> str:
+    return NO_VALUE if found is None else percent(Measured(found.value, found.low, found.high))
+
+
+def _text(value: object) -> str:
+    return NO_VALUE if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,173 @@
+"""The scenes of a sweep: one base changed along axes, a sweep file, or scenes of the caller's own."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import SceneError
+from ..scene import Scene
+from ..scene.changes import differing, flat, folder_name
+from ..scene.overrides import changes_of
+from .axis import Axis, axes_of, axis_of_text
+from .design import designs
+
+__all__ = ["Variant", "asked_for", "named", "of_scenes", "read_sweep_file", "variants"]
+
+KNOWN = ("scene", "design", "count", "seed", "over", "set")
+UNCHANGED = "base"  # name of a scene in which nothing was changed
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One scene of a sweep: its ``name``, which its folder has too; ``inputs``, dotted keys with their values in SI.
+
+    Where the scene cannot be made ``scene`` is None and ``problem`` says why.
+    """
+
+    name: str
+    inputs: Mapping[str, Any]
+    scene: Scene | None
+    problem: str = ""
+
+
+def variants(
+    scene: Scene | Path | str,
+    over: Mapping[str, Any] | Sequence[str],
+    *,
+    design: str = "grid",
+    count: int | None = None,
+    seed: int = 0,
+    fixed: Mapping[str, Any] | None = None,
+) -> list[Variant]:
+    """``scene``, or the one in a file, changed along axes.
+
+    ``over``: dotted keys, each a list of values or a range {"from": ..., "to": ..., "count": ...}; or texts as of
+    ``--set``. ``design``: grid, list, latin-hypercube or sobol, the last two with ``count`` scenes and a ``seed``.
+    ``fixed``: dotted keys that are the same in all. A variant that is no valid scene says so itself. Raises SceneError
+    where the axes or the design are wrong.
+    """
+    axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
+    if not axes:
+        raise SceneError("a sweep needs a key to change: --set KEY=a,b,c, or [sweep.over] in a file")
+    keys = [axis.key for axis in axes]
+    if twice := {key for key in keys if keys.count(key) > 1}:
+        raise SceneError(f"{twice.pop()} is swept twice; give all its values at once")
+    base = scene if isinstance(scene, Scene) else Path(scene)
+    before = {**(fixed or {}), **{axis.key: axis.values[0] for axis in axes if len(axis.values) == 1}}
+    axes = [axis for axis in axes if len(axis.values) > 1]
+    load: Callable[[dict[str, Any]], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
+    load(before)  # a base that is wrong is the caller's mistake, not a variant's
+    return named([_variant(load, before, changes, axes) for changes in designs[design](axes, count, seed)])
+
+
+def asked_for(
+    file: Path, settings: Sequence[str], design: str, count: int | None, seed: int
+) -> tuple[list[Variant], str]:
+    """The scenes of a sweep file, or of a scene file changed by ``settings``; and a name for the folder: the file's,
+    with the keys of the settings. Of a sweep file settings are values that all scenes have.
+
+    Raises SceneError as :func:`variants` and :func:`read_sweep_file` do.
+    """
+    keys = [axis_of_text(text).key for text in settings]
+    if sweep_table(file) is None:
+        found = variants(file, settings, design=design, count=count, seed=seed)
+    else:
+        found = read_sweep_file(file, changes_of(settings))
+    return found, "+".join((file.stem, *keys))
+
+
+def _variant(
+    load: Callable[[dict[str, Any]], Scene], fixed: Mapping[str, Any], changes: dict[str, Any], axes: Sequence[Axis]
+) -> Variant:
+    try:
+        scene = load({**fixed, **changes})
+    except SceneError as problem:
+        return Variant("", changes, None, str(problem))
+    set_now = flat(scene.tables())
+    inputs: dict[str, Any] = {}
+    for axis in axes:  # a value that is a table, such as a law of restitution, is more than one input
+        inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{axis.key}.")}
+        inputs |= inside or {axis.key: changes[axis.key]}
+    return Variant("", inputs, scene)
+
+
+def named(found: Sequence[Variant]) -> list[Variant]:
+    """The same variants, those without a name called after their inputs; no name is taken twice."""
+    result: list[Variant] = []
+    taken: set[str] = set()
+    for one in found:
+        wanted = one.name or folder_name(one.inputs) or UNCHANGED
+        name, number = wanted, 1
+        while name in taken:
+            number += 1
+            name = f"{wanted}-{number}"
+        taken.add(name)
+        result.append(replace(one, name=name))
+    return result
+
+
+def of_scenes(scenes: Iterable[Scene | Variant] | Mapping[str, Scene]) -> list[Variant]:
+    """Variants of scenes that are there already: what they differ in is their inputs. Raises SceneError without any."""
+    if isinstance(scenes, Mapping):
+        names, members = list(scenes), list(scenes.values())
+    else:
+        given = list(scenes)
+        made = [one for one in given if isinstance(one, Variant)]
+        if made and len(made) == len(given):
+            return named(made)
+        members = [one for one in given if isinstance(one, Scene)]
+        names = [""] * len(members)
+        if len(members) != len(given):
+            raise SceneError("a sweep takes scenes, or what wf.variants made, not both together")
+    if not members:
+        raise SceneError("a sweep needs at least one scene")
+    columns = differing(members)
+    rows = [{key: values[place] for key, values in columns.items()} for place in range(len(members))]
+    return named([Variant(*row) for row in zip(names, rows, members, strict=True)])
+
+
+def read_sweep_file(path: Path | str, fixed: Mapping[str, Any] | None = None) -> list[Variant]:
+    """The scenes of a sweep file: [sweep] with scene (a path beside the file), design, count, seed, and the tables
+    [sweep.over] of keys to change and [sweep.set] of keys that are the same in all; ``fixed`` overrides the latter.
+
+    Raises SceneError where the file is no sweep.
+    """
+    path = Path(path)
+    table = sweep_table(path)
+    if table is None:
+        raise SceneError(f"{path}: has no [sweep] table; give keys to change with --set KEY=a,b,c")
+    if unknown := [key for key in table if key not in KNOWN]:
+        raise SceneError(f"{path}: sweep.{unknown[0]}: unknown key (known: {', '.join(KNOWN)})")
+    if not isinstance(table.get("scene"), str):
+        raise SceneError(f"{path}: sweep.scene is missing: name the scene file to change, relative to this one")
+    for key in ("over", "set"):
+        if not isinstance(table.get(key, {}), Mapping):
+            raise SceneError(f"{path}: sweep.{key} must be a table")
+    count, seed = table.get("count"), table.get("seed", 0)
+    if not all(value is None or (isinstance(value, int) and value >= 0) for value in (count, seed)):
+        raise SceneError(f"{path}: sweep.count and sweep.seed are whole numbers")
+    try:
+        return variants(
+            path.parent / table["scene"], table.get("over", {}), design=table.get("design", "grid"), count=count,
+            seed=seed, fixed={**flat(table.get("set", {})), **(fixed or {})},
+        )  # fmt: skip
+    except SceneError as problem:
+        raise SceneError(f"{path}: {problem}") from None
+
+
+def sweep_table(path: Path) -> Mapping[str, Any] | None:
+    """The [sweep] table of a TOML file; None where it has none, as a scene. Raises SceneError for other files."""
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, IsADirectoryError):
+        raise SceneError(f"no scene or sweep file {str(path)!r}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise SceneError(f"{path}: not valid TOML: {problem}") from None
+    table = found.get("sweep")
+    if table is not None and set(found) != {"sweep"}:
+        raise SceneError(f"{path}: a sweep file holds [sweep] only; keys of the scene belong into [sweep.set]")
+    return table if isinstance(table, Mapping) else None

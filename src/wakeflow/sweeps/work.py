@@ -1,0 +1,114 @@
+"""What a worker does for a sweep: solve an airflow, or finish one scene in its folder. Other processes know it by name.
+
+Nothing is raised for a scene that fails: the outcome says why, and the sweep goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import ProgramError, WakeflowError
+from ..core.files import atomic_write, write_json
+from ..core.store import cache_root
+from ..results.result import Request, Result
+from ..runs import run
+from ..scene import Scene
+
+__all__ = ["Job", "JobEnd", "finished", "fly_scene", "solve_airflow_of"]
+
+STAMP = "point.json"  # written last into a scene's folder: what the numbers beside it were made for
+CRASH = "failure.log"  # the traceback of a failure that is nobody's wrong input
+
+
+@dataclass(frozen=True)
+class Job:
+    """One scene to compute: plain ``tables``, how it is asked for, its folder, and the ``stamp`` of all that it was
+    made for; whether the compiled tracker flies it (``tracked``), on how many ``threads``; whether a ``report`` is due.
+    """
+
+    tables: Mapping[str, Any]
+    request: Request
+    folder: Path
+    stamp: str
+    tracked: bool = True
+    threads: int = 1
+    report: bool = False
+
+
+@dataclass(frozen=True)
+class JobEnd:
+    """How a job ended: an empty ``problem`` where it went well."""
+
+    problem: str = ""
+
+
+def finished(folder: Path, stamp: str) -> Result | None:
+    """The result in a folder, where it was made for the same ``stamp``; None where it was not, or is not there."""
+    try:
+        noted = json.loads((folder / STAMP).read_text())
+    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError):
+        return None
+    if noted.get("stamp") != stamp:
+        return None
+    try:
+        return Result.load(folder)
+    except WakeflowError:  # removed by hand, or written by another version
+        return None
+
+
+def solve_airflow_of(job: Job) -> JobEnd:
+    """Solve the airflow that a scene flies in, the grids beside it and the airflow that it starts from."""
+    return _tried(job, until="airflow")
+
+
+def fly_scene(job: Job) -> JobEnd:
+    """Compute a scene to its end; the stamp goes last into its folder, so that a killed job is none that was done."""
+    outcome = _tried(job, until=None)
+    if not outcome.problem:
+        write_json(job.folder / STAMP, {"stamp": job.stamp})
+    return outcome
+
+
+def _tried(job: Job, until: str | None) -> JobEnd:
+    asked = job.request
+    try:
+        (job.folder / STAMP).unlink(missing_ok=True)
+        if job.tracked and until is None:
+            _compile()
+        run(
+            Scene.parse(job.tables), job.folder, until=until, rung=asked.rung, force=asked.force,
+            target_error=asked.target_error, workers=job.threads, report=job.report,
+        )  # fmt: skip
+    except ProgramError as problem:
+        _note(job.folder, f"{problem}\n{problem.tail}\n")
+        return JobEnd(str(problem))
+    except (WakeflowError, OSError) as problem:
+        return JobEnd(str(problem))
+    except Exception as problem:  # a mistake of the program: the other scenes go on, the traceback is kept and named
+        file = _note(job.folder, traceback.format_exc())
+        return JobEnd(f"{type(problem).__name__}: {problem} (traceback: {file})")
+    (job.folder / CRASH).unlink(missing_ok=True)
+    return JobEnd()
+
+
+def _compile() -> None:
+    """Have the tracker compiled by one worker for all: the others wait and read it from the cache."""
+    from filelock import FileLock
+
+    from ..pipeline.tracks import compile_tracker
+
+    root = cache_root()
+    root.mkdir(parents=True, exist_ok=True)
+    with FileLock(root / "compile.lock"):
+        compile_tracker()
+
+
+def _note(folder: Path, text: str) -> Path:
+    with atomic_write(folder / CRASH) as stream:
+        stream.write(text)
+    return folder / CRASH

@@ -1,0 +1,92 @@
+"""What the cache holds, what goes first, and links to it."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from wakeflow.cli import main
+from wakeflow.core.cleaning import bytes_of, kept_stages, remove_oldest
+from wakeflow.core.errors import SceneError
+from wakeflow.core.files import write_json
+from wakeflow.core.links import link_or_copy
+from wakeflow.core.store import Store
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """Four stages of 1 MB, the first used longest ago; the second is also shown in a run's folder."""
+    store = Store(tmp_path / "cache")
+    for number in range(4):
+
+        def work(part: Path, number: int = number) -> None:
+            (part / "data").write_bytes(bytes(1_000_000))
+            write_json(part / "seconds.json", 10.0 * number)
+
+        folder, _ = store.make("airflow", f"key{number}", work)
+        os.utime(folder / "manifest.json", (1e9 + number, 1e9 + number))
+    link_or_copy(tmp_path / "cache" / "airflow" / "key1" / "data", tmp_path / "run" / "data")
+    return store
+
+
+def test_stages_are_listed_by_age_with_what_they_cost(store: Store) -> None:
+    stages = kept_stages(store.root)
+    assert [one.folder.name for one in stages] == ["key0", "key1", "key2", "key3"]
+    assert [one.seconds for one in stages] == [0.0, 10.0, 20.0, 30.0]
+    assert stages[0].size > 1_000_000 > stages[1].size  # a shared file stays on the disk
+
+
+def test_the_oldest_go_until_little_enough_is_left(store: Store, tmp_path: Path) -> None:
+    gone = remove_oldest(kept_stages(store.root), 2.1e6)
+    assert [one.folder.name for one in gone] == ["key0"]
+    gone = remove_oldest(kept_stages(store.root), 1.1e6)
+    assert [one.folder.name for one in gone] == ["key1", "key2"]
+    assert (tmp_path / "run" / "data").stat().st_size == 1_000_000
+    assert [one.folder.name for one in kept_stages(store.root)] == ["key3"]
+
+
+def test_a_stage_that_is_worked_on_stays(store: Store) -> None:
+    from filelock import FileLock
+
+    with FileLock(store.root / "airflow" / "key0.lock"):
+        gone = remove_oldest(kept_stages(store.root), 0.0)
+    assert [one.folder.name for one in gone] == ["key1", "key2", "key3"]
+
+
+def test_clean_prints_and_keeps(
+    store: Store, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(store.root))
+    assert main(["clean"]) == 0
+    out = capsys.readouterr().out
+    assert "4 stages" in out
+    assert "60 s" in out
+    assert main(["clean", "--keep", "1.1MB"]) == 0
+    assert "1 stages" in capsys.readouterr().out
+    assert main(["clean", "--keep", "much"]) == 2
+
+
+@pytest.mark.parametrize(("text", "size"), [("10GB", 1e10), ("500 MB", 5e8), ("12", 12.0), ("1.5k", 1500.0)])
+def test_sizes(text: str, size: float) -> None:
+    assert bytes_of(text) == size
+    with pytest.raises(SceneError, match="no size"):
+        bytes_of(f"-{text}")
+
+
+def test_a_link_is_one_file_and_a_copy_where_there_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source, target = tmp_path / "a", tmp_path / "b" / "c"
+    source.write_text("first")
+    link_or_copy(source, target)
+    assert target.samefile(source)
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EXDEV, "another disk")
+
+    monkeypatch.setattr(os, "link", refuse)
+    link_or_copy(source, target)
+    assert target.read_text() == "first"
+    assert not target.samefile(source)
+    assert not list(target.parent.glob(".*"))

@@ -1,0 +1,65 @@
+"""Runs side by side: what differs, by how much, and how surely."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.cli import main
+from wakeflow.core.errors import SceneError
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[wf.Result]:
+    folder = tmp_path_factory.mktemp("runs")
+    scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 1024})
+    bouncy = scene.replace({"fraction.wheat.restitution": 0.6, "bin.middle.from": "-13 mm"})
+    return [wf.run(scene, folder / "as-it-is", report=False), wf.run(bouncy, folder / "bouncy", report=False)]
+
+
+def test_inputs_are_what_differs(runs: list[wf.Result]) -> None:
+    found = wf.compare(runs)
+    first, second = found.table.entries
+    assert (first.name, second.name) == ("as-it-is", "bouncy")
+    assert second.inputs["fraction.wheat.restitution"] == 0.6
+    assert second.inputs["bin.middle.from"] == pytest.approx(-0.013)
+    assert set(first.inputs) == {"fraction.wheat.restitution", "bin.middle.from"}
+    assert found.table.inputs["bin.middle.from"] == "m"
+
+
+def test_differences_have_intervals_that_hold_both(runs: list[wf.Result]) -> None:
+    found = {one.quantity: one for one in wf.compare(runs).differences}
+    clear = found["recovery.wheat"]
+    assert clear.clear
+    a, b = (run.landings.separation.recovery["wheat"] for run in runs)
+    assert clear.value == pytest.approx(b.value - a.value)
+    assert clear.low < clear.value < clear.high
+    assert max(a.half, b.half) < 0.5 * (clear.high - clear.low) < a.half + b.half
+    assert not found["share.dust.elsewhere"].clear  # the same dust in both
+    assert found["throughput.middle"].low is None
+    assert not found["throughput.middle"].clear
+
+
+def test_the_command_prints_and_writes(
+    runs: list[wf.Result], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["compare", *(str(run.folder) for run in runs), "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "bouncy" in out
+    assert "recovery.wheat" in out
+    assert (tmp_path / "compare.csv").read_text().startswith("scene,state,")
+    lines = (tmp_path / "differences.csv").read_text().splitlines()
+    assert any(line.startswith("bouncy,as-it-is,recovery.wheat,") and ",yes,1" in line for line in lines)
+    assert (tmp_path / "figures" / "trade-off.png").exists()
+
+
+def test_what_cannot_be_compared(runs: list[wf.Result], tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="at least two"):
+        wf.compare(runs[:1])
+    with pytest.raises(SceneError, match="given twice"):
+        wf.compare([runs[0], runs[0]])
+    with pytest.raises(SceneError, match="holds no finished run"):
+        wf.compare([runs[0], tmp_path])

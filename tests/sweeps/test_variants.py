@@ -1,0 +1,132 @@
+"""Axes, designs and sweep files: which scenes a sweep is made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from support import CASES, shipped
+from wakeflow.core.errors import SceneError
+from wakeflow.scene.changes import differing, folder_name, run_folder
+from wakeflow.sweeps.axis import axes_of, axis_of_text
+from wakeflow.sweeps.design import designs
+from wakeflow.sweeps.variant import read_sweep_file
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("air.speed=3,4,5", (3, 4, 5)),
+        ("air.speed=3 m/s, 400 cm/s", ("3 m/s", "400 cm/s")),
+        ("air.speed=3:5:3 m/s", ("3.0 m/s", "4.0 m/s", "5.0 m/s")),
+        ("air.speed=3 m/s:5 m/s:2", ("3.0 m/s", "5.0 m/s")),
+        ("fraction.chaff.restitution=0.2:0.4:5", (0.2, 0.25, 0.3, 0.35, 0.4)),
+        ("feed.height=-1e-1:1e-1:3", (-0.1, 0.0, 0.1)),
+        ('fraction.wheat.target=["a", "b"],"c"', (["a", "b"], "c")),
+        ("numerics.rung=draft,standard", ("draft", "standard")),
+    ],
+)
+def test_values_of_a_text(text: str, values: tuple[object, ...]) -> None:
+    assert axis_of_text(text).values == values
+
+
+@pytest.mark.parametrize("text", ["air.speed", "=3", "air.speed=", "air.speed=3:5:1", "x=3 m/s:5 km/h:3", "x=4:4:3"])
+def test_a_text_that_is_no_axis(text: str) -> None:
+    with pytest.raises(SceneError):
+        axis_of_text(text)
+
+
+def test_axes_of_a_table_take_dotted_keys_and_units() -> None:
+    table = {
+        "air": {"speed": {"from": "2 m/s", "to": "8 m/s", "count": 3, "scale": "log"}},
+        "bin": {"near": {"from": [0.0, 0.1], "to": [0.2, 0.3]}},  # keys of the scene, no range
+    }
+    speed, start, to = axes_of(table, "a file")
+    assert (speed.key, speed.values) == ("air.speed", ("2.0 m/s", "4.0 m/s", "8.0 m/s"))
+    assert (start.key, start.values, to.key) == ("bin.near.from", (0.0, 0.1), "bin.near.to")
+    for wrong in ({"from": 1, "to": 2, "step": 1}, {"from": 0, "to": 2, "scale": "log"}, {"from": "1 m", "to": "2 s"}):
+        with pytest.raises(SceneError, match=r"air\.speed"):
+            axes_of({"air": {"speed": wrong}}, "a file")
+
+
+def test_designs_cover_their_ranges_and_say_what_they_need() -> None:
+    axes = axes_of({"a": {"from": 0.0, "to": 1.0, "count": 3}, "b": {"from": 1.0, "to": 100.0, "scale": "log"}}, "x")
+    assert [tuple(row.values()) for row in designs["grid"](axes, None, 0)][:3] == [(0.0, 1.0), (0.0, 100.0), (0.5, 1.0)]
+    with pytest.raises(SceneError, match="as many values"):
+        designs["list"](axes, None, 0)
+    for name in ("latin-hypercube", "sobol"):
+        rows = designs[name](axes, 16, 1)
+        assert rows == designs[name](axes, 16, 1) != designs[name](axes, 16, 2)
+        a, b = np.array([row["a"] for row in rows]), np.log10([row["b"] for row in rows]) / 2
+        for places in (a, b):  # one in each sixteenth: what tells these designs from random numbers
+            assert sorted(np.floor(16 * places).tolist()) == list(range(16))
+    with pytest.raises(SceneError, match="power of two"):
+        designs["sobol"](axes, 12, 0)
+    with pytest.raises(SceneError, match="count"):
+        designs["latin-hypercube"](axes, None, 0)
+    with pytest.raises(SceneError, match="leave count out"):
+        designs["grid"](axes, 4, 0)
+
+
+def test_variants_are_named_after_what_is_changed_in_si() -> None:
+    found = wf.variants(CASES / "rhombus.toml", ["air.speed=360 cm/s,7.2 km/h", "feed.count=64"])
+    assert [one.name for one in found] == ["air.speed=3.6", "air.speed=2"]
+    assert [one.inputs for one in found] == [{"air.speed": 3.6}, {"air.speed": 2.0}]
+    assert all(one.scene is not None and one.scene.feed.count == 64 for one in found)
+    same = wf.variants(shipped("rhombus"), {"air.speed": [3.6, 3.6000000001]})
+    assert [one.name for one in same] == ["air.speed=3.6", "air.speed=3.6-2"]
+
+
+def test_a_variant_that_is_no_scene_says_why_and_the_others_stand() -> None:
+    good, bad = wf.variants(shipped("rhombus"), {"fraction.wheat.restitution": [0.5, 1.5]})
+    assert good.scene is not None
+    assert bad.scene is None
+    assert "fraction.wheat.restitution = 1.5" in bad.problem
+    with pytest.raises(SceneError, match=r"air\.spead"):
+        wf.variants(CASES / "rhombus.toml", ["feed.count=64,128", "air.spead=3"])
+
+
+def test_folders_of_runs_tell_variants_apart() -> None:
+    scene = shipped("rhombus", {"air.speed": "7 m/s"})
+    assert run_folder("rhombus", scene, [], {}) == "rhombus"
+    assert run_folder("rhombus", scene, ["air.speed"], {"rung": "draft"}) == "rhombus+air.speed=7+rung=draft"
+    long = {f"fraction.f{number}.restitution": 0.1 for number in range(9)}
+    assert len(folder_name(long)) <= 100
+    assert folder_name(long) != folder_name({**long, "fraction.f8.restitution": 0.2})
+    assert "/" not in folder_name({"air.case": "../there/case"})
+
+
+def test_what_differs_counts_defaults() -> None:
+    scenes = [shipped("vacuum"), shipped("vacuum", {"numerics.tolerance": 1e-3}), shipped("rhombus")]
+    assert differing(scenes[:2]) == {"numerics.tolerance": [1e-4, 1e-3]}
+    assert differing(scenes)["fraction.chaff.material"] == [None, None, "chaff"]
+
+
+def test_the_shipped_sweep_is_five_speeds() -> None:
+    found = read_sweep_file(CASES / "sweep-air-speed.toml")
+    assert [one.inputs for one in found] == [{"air.speed": speed} for speed in (4.0, 5.0, 6.0, 7.0, 8.0)]
+    assert {one.scene.feed.count for one in found if one.scene is not None} == {4096}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[sweep]\nover.air.speed = [1, 2]", "sweep.scene is missing"),
+        ("[air]\nspeed = 3", "no \\[sweep\\] table"),
+        ("[sweep]\nscene = 'vacuum.toml'\nspeed = 2", "sweep.speed: unknown key"),
+        ("[sweep]\nscene = 'vacuum.toml'", "needs a key to change"),
+        ("[sweep]\nscene = 'vacuum.toml'\n[air]\nspeed = 2", "belong into"),
+        ("[sweep]\nscene = 'no.toml'\nover.air.speed = [1, 2]", "no scene file"),
+        ("[sweep]\nscene = 'vacuum.toml'\ndesign = 'cube'\nover.feed.count = [64, 128]", "unknown design of a sweep"),
+        ("[sweep", "not valid TOML"),
+    ],
+)
+def test_a_wrong_sweep_file_is_one_line(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "vacuum.toml").write_text((CASES / "vacuum.toml").read_text())
+    (tmp_path / "sweep.toml").write_text(text)
+    with pytest.raises(SceneError, match=message) as caught:
+        read_sweep_file(tmp_path / "sweep.toml")
+    assert "\n" not in str(caught.value)
