@@ -71,7 +71,7 @@ def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str])
         (["run", "{cases}/rhombus.toml", "--force", "chaf.lift=on"], "no fraction 'chaf'"),
         (["run", "{cases}/rhombus.toml", "--force", "drag=off"], "always acts"),
         (["run", "{cases}/vacuum.toml", "--force", "lift=on"], "add an [air] table"),
-        (["run", "{cases}/rhombus.toml", "--target-error", "0.002"], "--force chaff.basset-history=off"),
+        (["run", "{cases}/rhombus.toml", "--target-error", "0.002"], "--force dust.basset-history=off"),
         (["run", "{cases}/rhombus.toml", "--force", "buoyancy=maybe"], "write on or off"),
         (["run", "{cases}/vacuum.toml", "--out", "{cases}/vacuum.toml"], "is a file"),
         (["plan", "{cases}/rhombus.toml", "--set", "fraction.wheat.terminal_velocity=100"], "times a sphere's drag"),

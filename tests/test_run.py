@@ -82,7 +82,7 @@ def check_contract(result: wf.Result) -> None:
         assert {part["how"] for part in row["parts"]} <= {"measured", "companion", "calibrated", "unknown"}
         assert row["total"]["error"] is None  # parts are unknown: no sum is claimed
     page = (result.folder / "report.html").read_text()
-    assert ('id="bounds"' in page) == (table["airflow"] is not None)
+    assert ('id="bounds"' in page) == any(row["bounds"] for row in table["plan"]["fractions"].values())
     assert 'id="impact"' in page
     for file in ("separation.csv", "budget.csv", "impact.csv", "granules.npz", "report.html", "tracks.vtp"):
         assert (result.folder / file).stat().st_size > 200, file

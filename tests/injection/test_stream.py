@@ -32,7 +32,7 @@ def plan(scene: Scene) -> Plan:
 
 @pytest.fixture(scope="module")
 def stream(scene: Scene, plan: Plan) -> SlabFeed:
-    return slab_stream(scene, plan, 0, **TIMING)
+    return slab_stream(scene, plan, None, 0, **TIMING)
 
 
 def test_it_brings_the_true_rate_in_the_order_of_time(scene: Scene, stream: SlabFeed) -> None:
@@ -69,7 +69,7 @@ def test_sizes_are_drawn_by_number_and_weigh_by_mass(stream: SlabFeed) -> None:
 
 def test_nobody_is_born_inside_another(scene: Scene, plan: Plan) -> None:
     dense = scene.replace({"feed.rate": 0.5})
-    stream = slab_stream(dense, make_plan(dense), 0, **(TIMING | {"operation": 0.2, "start_up": 0.1}))
+    stream = slab_stream(dense, make_plan(dense), None, 0, **(TIMING | {"operation": 0.2, "start_up": 0.1}))
     grains = stream.granules
     speed = -grains.velocity[:, 1]
     assert speed == pytest.approx(np.sqrt(2 * G * FALLEN * 0.1), rel=1e-9)
@@ -92,14 +92,14 @@ def test_what_is_too_fine_comes_as_tracers_of_equal_mass(scene: Scene) -> None:
     plan = make_plan(fine)
     assert plan.crowd is not None
     assert dict(plan.crowd.tracers) == {"soft": 1.0, "hard": 0.0}
-    stream = slab_stream(fine, plan, 1, **(TIMING | {"operation": plan.crowd.operation}))
+    stream = slab_stream(fine, plan, None, 1, **(TIMING | {"operation": plan.crowd.operation}))
     assert stream.tracers == (2,)
     tracers = stream.granules.fraction == 2
     np.testing.assert_array_equal(tracers, stream.fraction == 0)
     assert (tracers & stream.counted).sum() == pytest.approx(plan.crowd.count / plan.crowd.replicates, abs=3)
     assert np.ptp(stream.mass[tracers]) == 0.0
     half = replace(plan, crowd=replace(plan.crowd, tracers={"soft": 0.25, "hard": 0.0}))
-    mixed = slab_stream(fine.replace({"fraction.soft.size": "2 mm"}), half, 1, **TIMING)
+    mixed = slab_stream(fine.replace({"fraction.soft.size": "2 mm"}), half, None, 1, **TIMING)
     soft = mixed.fraction == 0
     assert mixed.mass[soft & (mixed.granules.fraction == 2)].sum() == pytest.approx(
         0.25 * mixed.mass[soft].sum(), rel=0.1
@@ -107,7 +107,7 @@ def test_what_is_too_fine_comes_as_tracers_of_equal_mass(scene: Scene) -> None:
 
 
 def test_the_same_replicate_is_the_same_feed_and_another_is_another(scene: Scene, plan: Plan, stream: SlabFeed) -> None:
-    again = slab_stream(scene, plan, 0, **TIMING)
+    again = slab_stream(scene, plan, None, 0, **TIMING)
     np.testing.assert_array_equal(again.granules.position, stream.granules.position)
-    other = slab_stream(scene, plan, 1, **TIMING)
+    other = slab_stream(scene, plan, None, 1, **TIMING)
     assert not np.array_equal(other.granules.time[:10], stream.granules.time[:10])

@@ -5,8 +5,8 @@ that mixes well and neither doses nor clogs. Sizes, given by mass, are drawn by 
 real one. What is too fine for that comes as tracers, of which each stands for many granules and for the same mass.
 
 A curtain that starts at rest is infinitely dense where it starts. The slab begins where it has fallen FALLEN of its way
-down to the body, each granule with the speed that it has there when it falls alone; no two overlap where they are born.
-A fraction's law of restitution is taken at that speed.
+down to the body, each granule as it comes there alone, spread by the air's turbulence; no two overlap
+where they are born. A fraction's law of restitution is taken at that speed.
 """
 
 from __future__ import annotations
@@ -17,19 +17,24 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import tracking
+from ..field import FlowField
 from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
 from ..planning.crowd import MASS_LEVELS, CrowdPlan, number_rates
 from ..planning.plan import Plan
 from ..scene import Scene
 from ..tracking import Granules
-from .feed import arrival, entering, fall_start, granules_of
+from .feed import entering, fall_start, granules_of
 
 __all__ = ["SlabFeed", "slab_stream"]
 
 Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body; shares do not depend on it (docs/throughput.md)
-FALLS = 32  # granules of a fraction whose fall to the slab's beginning is computed; the others lie between
+FALLS = (
+    2048  # granules of a fraction whose fall to the slab's beginning is computed; more of them begin as one of these
+)
+LONGEST, TOLERANCE = 10.0, 1e-3  # s, and body widths, of that fall
 ROUNDS = 200  # in which granules that overlap at birth are given other places, before the feed counts as too dense
 
 
@@ -50,7 +55,15 @@ class SlabFeed:
 
 
 def slab_stream(
-    scene: Scene, plan: Plan, replicate: int, *, begin: float, start_up: float, operation: float, depth: float
+    scene: Scene,
+    plan: Plan,
+    field: FlowField | None,
+    replicate: int,
+    *,
+    begin: float,
+    start_up: float,
+    operation: float,
+    depth: float,
 ) -> SlabFeed:
     """The feed of one ``replicate`` of a slab of ``depth`` (m): from ``begin`` (s) on for the ``start_up`` (s), the
     ``operation`` (s) that counts, and as long again as the start-up, until what counts has landed among others.
@@ -61,13 +74,15 @@ def slab_stream(
     whole = operation + 2.0 * start_up
     parts = []
     for number, name in enumerate(scene.fraction):
-        parts += [_fed(scene, plan, name, number, rng, whole, depth, tracers=tracers) for tracers in (False, True)]
+        parts += [
+            _fed(scene, plan, field, name, number, rng, whole, depth, tracers=tracers) for tracers in (False, True)
+        ]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
     tracers = tuple(len(scene.fraction) + i for i, name in enumerate(scene.fraction) if crowd.tracers[name] > 0.0)
     solid = np.flatnonzero(granules.fraction < len(scene.fraction))
-    x, across = _apart(scene, rng, granules, solid, depth)
+    x, across = _apart(rng, granules, solid, depth)
     since = granules.time
     position = np.stack([x, granules.position[:, 1]], axis=1)
     granules = granules.replace(position=position, time=begin + since, depth=across)
@@ -76,21 +91,24 @@ def slab_stream(
 
 
 def _fed(
-    scene: Scene, plan: Plan, name: str, number: int, rng: np.random.Generator, whole: float, depth: float, *,
-    tracers: bool,
+    scene: Scene, plan: Plan, field: FlowField | None, name: str, number: int, rng: np.random.Generator, whole: float,
+    depth: float, *, tracers: bool,
 ) -> SlabFeed:  # fmt: skip
     """The real granules, or the tracers, of one fraction over ``whole`` (s); times from 0, unsorted."""
     fraction, crowd = scene.fraction[name], plan.crowd
     assert crowd is not None
     time, p = (_tracers if tracers else _singles)(scene, crowd, name, rng, whole, depth)
-    diameter = fraction.diameters(p)
+    drawn = rng.permutation(len(p))[:FALLS] if len(p) > FALLS else np.arange(len(p))
+    diameter = fraction.diameters(p[drawn])
     spreads = fraction.settling(np.zeros(0)) is not None
-    settling = fraction.settling(rng.random(len(p))) if spreads else None
+    settling = fraction.settling(rng.random(len(drawn))) if spreads else None
     grains = granules_of(fraction, plan.fractions[name], diameter, settling)
-    x = scene.feed.places(rng.random(len(p)))
-    grains = _born(scene, plan, name, grains, x).replace(
-        time=time, fraction=number + (len(scene.fraction) if tracers else 0)
-    )
+    x = scene.feed.places(rng.random(len(drawn)))
+    grains = _born(scene, plan, field, name, grains, x, int(rng.integers(2**62)))
+    if len(p) > FALLS:
+        grains = grains[rng.integers(FALLS, size=len(p))]
+    diameter = grains.diameter
+    grains = grains.replace(time=time, fraction=number + (len(scene.fraction) if tracers else 0))
     if isinstance(grains.restitution, Restitution):
         grains = grains.replace(restitution=restitution_at(grains.restitution, np.abs(grains.velocity[:, 1])))
     mass = np.pi / 6.0 * grains.density * diameter**3
@@ -132,35 +150,35 @@ def _tracers(
     return time, fine * rng.random(count)
 
 
-def _born(scene: Scene, plan: Plan, name: str, grains: Granules, x: Array) -> Granules:
-    """Granules where the slab begins, with the velocities that they have there."""
+def _born(
+    scene: Scene, plan: Plan, field: FlowField | None, name: str, grains: Granules, x: Array, seed: int
+) -> Granules:
+    """Granules where the slab begins, as they come there alone from where the feed does."""
     if not scene.body:
         return entering(scene, grains, x)
     top = scene.channel.top - 1e-6 * scene.width
     level, speed = fall_start(scene, 0.5 * grains.diameter)
+    high = np.minimum(level, top)
+    position, velocity = np.stack([x, high], axis=1), np.stack([np.zeros(len(x)), -speed], axis=1)
     start = np.minimum(level - FALLEN * (level - scene.level), top)
-    fall = _speeds(scene, plan, name, grains, level - start, speed)
-    carried = np.isnan(fall)  # upward air does not let them come so far: they begin where the feed does
-    y = np.where(carried, np.minimum(level, top), start)
-    velocity = np.stack([np.zeros(len(x)), -np.where(carried, speed, fall)], axis=1)
-    return grains.replace(position=np.stack([x, y], axis=1), velocity=velocity)
-
-
-def _speeds(scene: Scene, plan: Plan, name: str, grains: Granules, drop: Array, speed: Array) -> Array:
-    """Fall speeds (n,) m/s after a ``drop`` (n,) m from ``speed`` (n,) m/s; NaN where the air carries them up."""
+    if field is None or not len(x):
+        velocity[:, 1] = -np.sqrt(speed**2 + 2.0 * GRAVITY * (level - start))
+        return grains.replace(position=np.stack([x, start], axis=1), velocity=velocity)
+    low = float(start.min())
+    line = np.array([(-scene.channel.width, low), (scene.channel.width, low)])
     how = plan.fractions[name]
-    if len(grains) <= FALLS or scene.air is None:
-        return arrival(scene, how, grains, drop, speed)
-    response = np.log(grains.diameter**2 / grains.drag_scale)  # of a granule to the air: what its fall depends on
-    order = np.argsort(response)
-    some = order[np.linspace(0, len(order) - 1, FALLS).astype(int)]
-    found = arrival(scene, how, grains[some], drop[some], speed[some])
-    return np.asarray(np.interp(response, response[some], found))
+    whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
+    found = tracking.track(
+        field, grains.replace(position=position, velocity=velocity, time=whole), until=LONGEST, tolerance=TOLERANCE,
+        length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), gravity=(0.0, -GRAVITY), seed=seed,
+    )  # fmt: skip
+    comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
+    return grains.replace(
+        position=np.where(comes, found.position, position), velocity=np.where(comes, found.velocity, velocity)
+    )
 
 
-def _apart(
-    scene: Scene, rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64], depth: float
-) -> tuple[Array, Array]:
+def _apart(rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64], depth: float) -> tuple[Array, Array]:
     """Places x (n,) and across the slab (n,) m such that no two of the ``solid`` granules overlap when they are born.
 
     The later one of a pair that would is given another place, as often as it takes.
@@ -175,8 +193,14 @@ def _apart(
         later = _overlapping(np.stack([x[solid], ahead, z[solid]], axis=1), width, depth)
         if not len(later):
             break
-        x[solid[later]], z[solid[later]] = scene.feed.places(rng.random(len(later))), depth * rng.random(len(later))
+        x[solid[later]] = x[_alike(rng, grains.fraction, solid[later])]
+        z[solid[later]] = depth * rng.random(len(later))
     return x, z
+
+
+def _alike(rng: np.random.Generator, fraction: NDArray[np.int64], some: NDArray[np.int64]) -> NDArray[np.int64]:
+    """For each of ``some`` granules any one of the same ``fraction``."""
+    return np.array([rng.choice(np.flatnonzero(fraction == fraction[one])) for one in some], dtype=np.int64)
 
 
 def _overlapping(points: Array, width: Array, depth: float) -> NDArray[np.int64]:

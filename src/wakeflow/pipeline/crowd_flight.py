@@ -89,7 +89,7 @@ class SlabFlight:
         period = self.airs.period
         operation = self.operation if period is None else period * math.ceil(self.operation / period)
         timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
-        stream = slab_stream(self.scene, self.plan, number, **timing)
+        stream = slab_stream(self.scene, self.plan, field, number, **timing)
         tracks = self._track(field, stream, number)
         kept = stream.counted
         binned = (tracks.line >= 0) & (tracks.line < len(self.scene.bin))

@@ -61,10 +61,8 @@ def make_plan(
     known = approaches(flown, airflow)
     obstacle = LOOK if flown is not given else why_no_crowd(flown)
     crowd = _crowd(flown, known, switches, target, obstacle)
-    whole = [term for term, used in ((VIBRATION, airflow.moving), (COLLISIONS, crowd is not None)) if used]
-    decided = {
-        name: _decide(flown, name, one, airflow, switches, target, whole, obstacle) for name, one in known.items()
-    }
+    rest = _whole(airflow, crowd), obstacle
+    decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
     fractions = {name: one.plan for name, one in decided.items()}
     gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
     validity = _validity(flown, decided, known, target)
@@ -145,6 +143,11 @@ def _crowd(
         asked = obstacle is None and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
     laws = {name: (one.law, one.scale) for name, one in approaches.items()}
     return plan_crowd(scene, laws, target) if asked else None
+
+
+def _whole(airflow: AirflowPlan, crowd: CrowdPlan | None) -> list[str]:
+    """The terms that are computed for the run as a whole, of all fractions together."""
+    return [term for term, used in ((VIBRATION, airflow.moving), (COLLISIONS, crowd is not None)) if used]
 
 
 class _Decided(NamedTuple):
