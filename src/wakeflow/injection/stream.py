@@ -30,10 +30,8 @@ from .feed import entering, fall_start, granules_of
 __all__ = ["SlabFeed", "slab_stream"]
 
 Array = NDArray[np.float64]
-FALLEN = 0.4  # of the way to the body; shares do not depend on it (docs/throughput.md)
-FALLS = (
-    2048  # granules of a fraction whose fall to the slab's beginning is computed; more of them begin as one of these
-)
+FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen
+FALLS = 2048  # granules of a fraction whose fall to the slab is computed; more of them begin as one of these
 LONGEST, TOLERANCE = 10.0, 1e-3  # s, and body widths, of that fall
 ROUNDS = 200  # in which granules that overlap at birth are given other places, before the feed counts as too dense
 
@@ -100,9 +98,9 @@ def _fed(
     time, p = (_tracers if tracers else _singles)(scene, crowd, name, rng, whole, depth)
     drawn = rng.permutation(len(p))[:FALLS] if len(p) > FALLS else np.arange(len(p))
     diameter = fraction.diameters(p[drawn])
-    spreads = fraction.settling(np.zeros(0)) is not None
-    settling = fraction.settling(rng.random(len(drawn))) if spreads else None
-    grains = granules_of(fraction, plan.fractions[name], diameter, settling)
+    traits = rng.random((len(drawn), 3))
+    settling = fraction.settling(traits[:, 2])
+    grains = granules_of(fraction, plan.fractions[name], diameter, settling, traits[:, :2])
     x = scene.feed.places(rng.random(len(drawn)))
     grains = _born(scene, plan, field, name, grains, x, int(rng.integers(2**62)))
     if len(p) > FALLS:

@@ -42,6 +42,19 @@ def test_in_a_vacuum_every_granule_lands_where_the_tracker_says(shaken: bool, in
     assert crowd.crowd.step_error < 1e-4
 
 
+def test_rebounds_scatter_and_slip_comes_back_as_the_tracker_has_it() -> None:
+    """The random angle of an impact is that of the granule and the number of its impact, alone or in a crowd."""
+    laws: dict[str, Any] = {"until": 3.0, "bodies": [RHOMBUS], "lines": BELOW, "tolerance": 1e-4, "seed": 4}
+    plain = _curtain(60, 1, inertia=0.4, friction=0.4)
+    grains = plain.replace(scatter=0.15, tangential_restitution=0.3)
+    alone = wf.track(None, grains, **laws)
+    crowd = wf.track(None, grains, collisions=_lonely(), **laws)
+    away = np.linalg.norm(crowd.position - alone.position, axis=1) / np.ptp(RHOMBUS[:, 0])
+    assert np.quantile(away, 0.9) < 1e-4
+    other = wf.track(None, plain, **laws)
+    assert np.median(np.abs(alone.position[:, 0] - other.position[:, 0])) > 1e-3
+
+
 def _stirred(cells: int = 30, **more: Any) -> wf.FlowField:
     """Cells of a Taylor-Green flow on top of a rising stream: shear and strain everywhere."""
     points, triangles = box(cells, low=-0.2, high=0.2)

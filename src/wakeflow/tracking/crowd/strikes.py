@@ -20,6 +20,7 @@ from ..kernel.dispersion import mirror
 from ..kernel.events import wall_displacement
 from ..kernel.jit import compiled, inlined
 from ..kernel.restitution import restitution_of
+from ..kernel.scatter import tilted
 from ..kernel.walls import grasp, inside, overlap
 from . import layout as of
 
@@ -45,7 +46,7 @@ def _kick(state, own, grain, nx, ny, wx, wy, e, f):
     arm = r if q > 0.0 else 0.0
     jx, jy, jz, jn = pair_law(
         state[at.VX] - wx, state[at.VY] - wy, own[of.VZ], arm * own[of.WX], arm * own[of.WY], arm * state[at.SPIN],
-        nx, ny, 0.0, light, 0.0, q, 0.0, e, f, 0.0,
+        nx, ny, 0.0, light, 0.0, q, 0.0, e, f, grain[at.GIVES_BACK],
     )  # fmt: skip
     state[at.VX] += light * jx
     state[at.VY] += light * jy
@@ -73,7 +74,10 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     if grain[at.NOISE] != 0.0:
         mirror(state, ints, nx, ny)
-    if _kick(state, own, grain, nx, ny, wx, wy, e, _friction(grain, walls, body)) > 0.0:
+    f, mx, my = _friction(grain, walls, body), nx, ny
+    if grain[at.SCATTER] != 0.0:  # in the plane alone, as the tracker's; what lies on a wall comes to ``press``
+        mx, my = tilted(state, ints, hold, grain, wx, wy, e, f, rules.seed)
+    if _kick(state, own, grain, mx, my, wx, wy, e, f) > 0.0:
         ints[at.IMPACTS] += 1
     rx, ry = state[at.VX] - wx, state[at.VY] - wy
     rebound, slide = rx * nx + ry * ny, nx * ry - ny * rx
