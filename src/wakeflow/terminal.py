@@ -13,7 +13,7 @@ from .report.words import (
     NO_VALUE,
     TERMS,
     budget_columns,
-    changed,
+    change_of,
     condensed,
     error_text,
     expected,
@@ -183,10 +183,10 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
         table.add_column(name, justify="right")
     for place in separation.bins:
         pairs = ((alone.fractions[name][place], found[place]) for name, found in separation.fractions.items())
-        table.add_row(place, *(f"{percent(one)}  ({changed(one, met)})" for one, met in pairs))
+        table.add_row(place, *(f"{percent(one)}  ({change_of(one, met)})" for one, met in pairs))
     table.add_section()
     recoveries = ((alone.recovery.get(name), separation.recovery.get(name)) for name in separation.fractions)
-    table.add_row("recovery", *(f"{percent(one)}  ({changed(one, met)})" for one, met in recoveries))
+    table.add_row("recovery", *(f"{percent(one)}  ({change_of(one, met)})" for one, met in recoveries))
     return table
 
 

@@ -290,7 +290,7 @@ def test_rung_none_starts_no_compiler(cases: Path, tmp_path: Path) -> None:
         f" 'feed.count=64', '--out', {str(tmp_path / 'run')!r}])\n"
         f"table = json.load(open({str(tmp_path / 'run' / 'result.json')!r}))\n"
         "assert code == 0 and table['airflow'] is None and table['scene']['air']['speed'] == 3.0\n"
-        "assert table['plan']['flown_by'] == 'chain' and (table['plan']['left_out'][0]['name'] == 'air')\n"
+        "assert table['plan']['flown_by'] == 'chain' and 'air' in [one['name'] for one in table['plan']['left_out']]\n"
         "assert not {'numba', 'gmsh', 'foamlib'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

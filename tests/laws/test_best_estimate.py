@@ -150,5 +150,5 @@ def test_the_shipped_data_say_something_for_every_shape_and_hold_their_own_entri
 
 def test_what_is_left_out_is_told_by_the_others_but_for_what_the_documentation_names() -> None:
     missed = {one.name for one, own, others in left_one_out() if own.low > others.high or own.high < others.low}
-    # a lift that asks for a third of what moves across on the axis, and a duct whose walls hold the wake two-dimensional
+    # a lift that asks for a third of what moves across on the axis; a duct whose walls hold the wake two-dimensional
     assert missed == {"rhombus-3d-lift", "volvo-length"}

@@ -16,7 +16,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.scene import Scene
 from wakeflow.scene.schema import scene_schema
 
-SCENES = sorted(CASES.rglob("*.toml"))
+SCENES = sorted(path for path in CASES.rglob("*.toml") if not path.name.startswith("sweep-"))  # of many scenes
 
 
 @cache

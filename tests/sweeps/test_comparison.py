@@ -15,7 +15,7 @@ from wakeflow.core.errors import SceneError
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[wf.Result]:
     folder = tmp_path_factory.mktemp("runs")
-    scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 1024})
+    scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 1024, "fraction.*.impact": "paper"})
     bouncy = scene.replace({"fraction.wheat.restitution": 0.6, "bin.middle.from": "-13 mm"})
     return [wf.run(scene, folder / "as-it-is", report=False), wf.run(bouncy, folder / "bouncy", report=False)]
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 __all__ = ["case_template", "scene_templates", "verification_scenes"]
 
+SWEEP = "sweep-"  # begins the names of files that describe many scenes
+
 
 def _cases() -> Path:
     """``cases`` of the repository in an editable install, the copy inside the package in a wheel."""
@@ -15,7 +17,7 @@ def _cases() -> Path:
 
 def scene_templates() -> dict[str, Path]:
     """The shipped scenes by name."""
-    return {path.stem: path for path in sorted(_cases().glob("*.toml"))}
+    return {path.stem: path for path in sorted(_cases().glob("*.toml")) if not path.name.startswith(SWEEP)}
 
 
 def verification_scenes() -> dict[str, Path]:

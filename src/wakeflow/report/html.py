@@ -16,7 +16,7 @@ from .words import (
     NO_VALUE,
     UNKNOWN_ERROR,
     budget_columns,
-    changed,
+    change_of,
     condensed,
     error_text,
     expected,
@@ -137,7 +137,7 @@ def render(
         lstrip_blocks=True,
     )
     environment.filters.update(percent=percent, number=_number, seconds=_seconds)
-    environment.globals.update(changed=changed)
+    environment.globals.update(change_of=change_of)
     shown = captions() if texts is None else texts
     return environment.get_template("report.html.j2").render(
         result=result,

@@ -18,7 +18,7 @@ __all__ = [
     "TERMS",
     "UNKNOWN_ERROR",
     "budget_columns",
-    "changed",
+    "change_of",
     "condensed",
     "error_text",
     "expected",
@@ -47,7 +47,7 @@ def percent(number: Measured | Share | None) -> str:
     return f"{100 * number.value:.{digits}f} ± {half:.{digits}f}"
 
 
-def changed(before: Measured | Share | None, after: Measured | Share | None) -> str:
+def change_of(before: Measured | Share | None, after: Measured | Share | None) -> str:
     """``"-17.2"``: what a share in 0..1 changes by, in percentage points; a dash where either is not known."""
     if before is None or after is None or before.value is None or after.value is None:
         return NO_VALUE
