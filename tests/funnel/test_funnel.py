@@ -102,7 +102,7 @@ def test_the_feed_takes_the_funnels_rate(cases: Path) -> None:
     assert scene.feed.rate is None
     assert scene.fed(0.02).feed.mass_flow == 0.02
     assert scene.fed().feed.mass_flow == scene.funnel.expected_rate  # type: ignore[union-attr]
-    own = scene.replace({"feed.rate": 0.5})
+    own = scene.replace({"feed.rate": 0.2})
     assert own.fed(0.02) is own
     assert any("LIGGGHTS" in line for line in make_plan(scene).used)
 
