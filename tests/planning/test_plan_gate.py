@@ -29,7 +29,6 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import bounds
-from wakeflow.planning.flight_scales import flights
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.terms import TYPICAL, LeftOutTerm
@@ -413,50 +412,6 @@ def test_the_bound_on_the_vibration_of_the_air_holds_for_a_quasi_steady_wake(nam
     still, moving = (replace(tried, field=shaken(s)).fly(name, BASE, 1e-5) for s in (np.ones(24), relative))
     measured = float(np.percentile(moved(still, moving, tried.scene.width), 95))
     assert measured <= tried.plan.fractions[name].bounds["vibration-of-the-air"] <= IDLE * measured
-
-
-def meetings_counted(tried: Trial) -> dict[str, float]:
-    """Meetings of a granule of each fraction with all others, weighted by m_j / (m_i + m_j), counted along tracks.
-
-    Tracks carry their share of the feed; in a cell, the tracks that cross it give number densities and velocities.
-    """
-    cell, step, rows = 8e-3, 2e-4, []
-    mass = tried.scene.mass_shares()
-    for k, name in enumerate(FRACTIONS):
-        grains = tried.granules(name)[:: COUNT // 64]
-        plan = tried.plan.with_forces(BASE)
-        tracks = Flight(tried.scene, plan, Realisations(tried.field), 1e-3).fly(name, grains, record=True)
-        for i in range(len(grains)):
-            t, x, v = tracks.path(i)
-            time = np.arange(t[0] + step / 2, t[-1], step)
-            heavy = np.pi / 6 * grains.density[i] * grains.diameter[i] ** 3
-            flow = tried.scene.feed.mass_flow * mass[name] / len(grains) / heavy
-            columns = [np.interp(time, t, a[:, c]) for a in (x, v) for c in (0, 1)]
-            constants = [np.full(len(time), q) for q in (flow * step, grains.diameter[i], heavy, 1000.0 * k + i, k)]
-            rows.append(np.stack([*columns, *constants], axis=1))
-    table = np.concatenate(rows)
-    place = np.floor(table[:, :2] / cell).astype(int) @ np.array([100_000, 1])
-    total = np.zeros(len(FRACTIONS))
-    for inside in np.unique(place):
-        here = table[place == inside]
-        one, other = here[:, None], here[None]
-        speed = np.hypot(one[..., 2] - other[..., 2], one[..., 3] - other[..., 3])
-        rate = (
-            other[..., 4] / (cell**2 * tried.scene.feed.depth) * speed * np.pi / 4 * (one[..., 5] + other[..., 5]) ** 2
-        )
-        weight = other[..., 6] / (one[..., 6] + other[..., 6]) * (one[..., 7] != other[..., 7])
-        np.add.at(total, here[:, 8].astype(int), (rate * weight).sum(axis=1) * step)
-    return dict(zip(FRACTIONS, total / 64, strict=True))
-
-
-@pytest.mark.openfoam
-def test_the_meetings_of_granules_are_not_underestimated() -> None:
-    tried = trial()
-    for name, counted in meetings_counted(tried).items():
-        how = tried.plan.fractions[name]
-        straight = how.impaction is not None and how.impaction.straight
-        found = flights(tried.scene, name, how.drag, how.drag_scale, straight=straight, turbulent=True)
-        assert counted <= max(f.meetings for f in found) <= IDLE * counted
 
 
 # -- shifts as shares --------------------------------------------------------------------------------------------------
