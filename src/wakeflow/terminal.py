@@ -112,7 +112,9 @@ def _bounds_table(plan: Plan) -> Table:
     terms = list(next(iter(plan.fractions.values())).bounds)
     for term in terms:
         cells = [
-            f"[bold]{how.bounds[term]:.2g}[/]" if term in how.forces else f"{how.bounds[term]:.2g}"
+            f"[bold]{how.bounds[term]:.2g}[/]"
+            if term in how.forces or term in plan.airflow.effects
+            else f"{how.bounds[term]:.2g}"
             for how in plan.fractions.values()
         ]
         table.add_row(term, *cells)

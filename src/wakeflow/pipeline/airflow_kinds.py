@@ -300,14 +300,22 @@ class SolvedAir(CaseAir):
         table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
         return table
 
+    @cached_property
+    def solved_spec(self) -> FlowSpec:
+        """The airflow that the plan wants, with its number of ranks: by the mesh alone, so that every machine computes
+        the same.
+        """
+        spec = self.flow_spec
+        if spec.ranks:
+            return spec
+        return replace(spec, ranks=1 if spec.vibration else ranks_for(self.mesh_quality["cells"])[0])
+
     def make_solution(self) -> tuple[str, Path]:
         from ..foam import solve_airflow
         from ..foam.version import openfoam_version
 
-        (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
+        (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
         code = content_key(code_of("airflow"), digest_files([case_template()]), openfoam_version())
-        if not spec.ranks:  # by the mesh alone, so that every machine computes the same
-            spec = replace(spec, ranks=1 if spec.vibration else ranks_for(self.mesh_quality["cells"])[0])
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         start = self.start()  # by its key: the same airflow from another start would end at another moment
         key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)

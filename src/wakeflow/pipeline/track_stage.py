@@ -21,10 +21,11 @@ from .stages import StageKey, StageTime
 
 if TYPE_CHECKING:
     from ..scene import Picture
+    from .air_loading import AirLoading
     from .landings import Tracked
     from .realisations import Realisations
 
-__all__ = ["Companion", "Compilation", "TrackStage"]
+__all__ = ["COMPILED", "Companion", "Compilation", "TrackStage"]
 
 COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
 
@@ -34,12 +35,14 @@ class Companion:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
     ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
-    wake instead of the answer's own, as in ``field.blended_wake``.
+    wake instead of the answer's own, as in ``field.blended_wake``; ``loaded``: whether the air feels the granules where
+    it does in the answer.
     """
 
     name: str
     tolerance: float | None = None
     wake: tuple[float, float] | None = None
+    loaded: bool = True
 
 
 @dataclass
@@ -82,6 +85,7 @@ class TrackStage:
     air: AirflowKind
     compilation: Compilation
     workers: int | None = None
+    loading: AirLoading | None = None
 
     @cached_property
     def key(self) -> str:
@@ -98,6 +102,8 @@ class TrackStage:
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
         flown = self.plan.flown_by, mirrored, len(airs), airs.cycles
+        if self.loading is not None:
+            upstream = content_key(upstream, self.loading.key)
         return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
 
     def fly(self, companion: Companion | None = None) -> Tracked:
@@ -108,8 +114,9 @@ class TrackStage:
         change = companion or Companion("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
         replicates = REPLICATES if companion is None else COMPARED
-        key = content_key(self.key, tolerance, change.wake, replicates)
-        airs, tell = self._blended(change.wake), partial(self.cache.tell, change.name)
+        unloaded = [] if change.loaded or self.loading is None else ["unloaded"]
+        key = content_key(self.key, tolerance, change.wake, replicates, *unloaded)
+        airs, tell = self._realised(change), partial(self.cache.tell, change.name)
         how = tolerance, self.workers, tell, replicates
         flight = Flight(self.scene, self.plan, airs.field, *how, airs.others, airs.cycles)
         if self._must_compile(change.name, key):
@@ -128,18 +135,19 @@ class TrackStage:
             return {}
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")
-        flight = Flight(self.scene, self.plan, self._blended(None).field, tolerance, self.workers, tell)
+        airs = self._realised(Companion("shown"))
+        flight = Flight(self.scene, self.plan, airs.field, tolerance, self.workers, tell)
         folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
         return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
 
-    def _blended(self, wake: tuple[float, float] | None) -> Realisations:
-        """The airflow's realisations, or the one of another ``wake`` where that is asked for."""
+    def _realised(self, change: Companion) -> Realisations:
+        """The airflow's realisations, or the one of another wake where that is asked for."""
         found = self.air.realisations
-        if wake is None or found.field is None:
-            return found
-        other = self.air.between(*wake)
-        assert other is not None
-        return replace(found, field=other[1], others=())
+        if change.wake is not None and found.field is not None:
+            other = self.air.between(*change.wake)
+            assert other is not None
+            found = replace(found, field=other[1], others=())
+        return found if self.loading is None or not change.loaded else found.mapped(self.loading.apply)
 
     def _must_compile(self, stage: str, key: str) -> bool:
         """Whether the stage will be flown by the tracker, for the first time in this run."""

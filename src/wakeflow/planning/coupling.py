@@ -7,7 +7,7 @@ the feed rate, the value up to which that holds, and the feed rate at which it i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,7 +23,9 @@ from .bounds import COLLISIONS, bounds
 from .flight_scales import CROSSED, meetings, packing
 
 Array = NDArray[np.float64]
-__all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained"]
+__all__ = [
+    "COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "TakenFromTheAir", "limits", "strained", "taken_from_the_air",
+]  # fmt: skip
 
 COUPLING, INDEPENDENT, TURBULENCE = "one-way coupling", "independent granules", "the air's own turbulence"
 COLLIDING = 1e-3  # volume fraction above which granules of a suspension collide: "four-way" in Elghobashi 1994
@@ -80,10 +82,10 @@ def limits(
         why = f"m, height to which granules bounce off the slope: {size}"
         yield Limit("layer", INDEPENDENT, layer.height, None, None, why)
     if scene.air is not None:
-        taken = _taken_from_the_air(scene, scales)
-        why = "mass of granules through the channel over that of the air"
+        taken = taken_from_the_air(scene, scales)
+        why = "mass flow of granules in the curtain over that of the air in it"
         yield row("mass-loading", COUPLING, taken.mass, LOADED, why)
-        why = "momentum that drag takes from the air over that of the air"
+        why = "momentum that drag takes from the air in the curtain, down to the body, over that of this air"
         yield row("air-momentum", COUPLING, taken.momentum, LOADED, why)
         why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
         yield row("turbulence", TURBULENCE, dense, MODULATING, why)
@@ -118,22 +120,33 @@ def _free_shift(scene: Scene, speed: float) -> float:
     return speed * math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY) / scene.width
 
 
-class _TakenFromTheAir(NamedTuple):
-    """Of the air's own flow through the channel: the ``momentum`` that granules take from it, and their ``mass``."""
+class TakenFromTheAir(NamedTuple):
+    """Of the air's own flow in the curtain's stream tube: the ``momentum`` that granules take from it, on their way to
+    the body, and their ``mass``.
+    """
 
     momentum: float
     mass: float
 
+    @property
+    def slowed(self) -> float:
+        """Largest change of the air's velocity, over that velocity: all momentum that is taken comes from this stream
+        tube, and none from a pressure that builds up before the curtain: 1 - sqrt(1 - 2 dM / M).
+        """
+        return 1.0 - math.sqrt(max(0.0, 1.0 - 2.0 * self.momentum))
 
-def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> _TakenFromTheAir:
-    """An upper bound: every granule slips at the largest slip of a median one."""
+
+def taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> TakenFromTheAir:
+    """By what drag gives the median granule of each fraction down to the body; without a body, where the curtain is a
+    jet, no more than at the largest slip all the way. The curtain is as dense as about one of its granules in the mean.
+    """
     assert scene.air is not None
-    air = scene.air.density * scene.air.speed * scene.channel.width * scene.feed.depth
-    speed = 0.0
-    for name, share in scene.mass_shares().items():
-        flight = scales[name][len(scales[name]) // 2]
-        speed += share * flight.slip * flight.reach(flight.whole) / flight.tau
-    return _TakenFromTheAir(scene.feed.mass_flow * speed / (air * scene.air.speed), scene.feed.mass_flow / air)
+    air, feed = scene.air, scene.feed
+    stream = air.density * air.speed * min(feed.width, scene.channel.width) * feed.depth  # kg/s
+    mass = feed.crowding * feed.mass_flow / stream
+    shares = scene.mass_shares().items()
+    given = sum(share * abs(scales[name][len(scales[name]) // 2].given) for name, share in shares)
+    return TakenFromTheAir(mass * given / air.speed, mass)
 
 
 @dataclass(frozen=True)
@@ -196,10 +209,12 @@ def _share_on(scene: Scene, outline: Array) -> float:
     return float(np.mean((places > x.min()) & (places < x.max())))
 
 
-def strained(rows: Sequence[Limit]) -> Iterator[str]:
-    """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds."""
+def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[str]:
+    """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds; none for
+    those that are ``lifted``, since what they leave out is computed.
+    """
     for about in (COUPLING, INDEPENDENT):
-        beyond = [row for row in rows if row.about == about and not row.holds]
+        beyond = [row for row in rows if row.about == about and about not in lifted and not row.holds]
         if beyond:
             numbers = ", ".join(f"{row.name} {row.value:.2g} (limit {row.limit:.2g})" for row in beyond)
             least = min(row.feed_rate or 0.0 for row in beyond)

@@ -53,6 +53,10 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
         stays = 0.0
         if scene.body and upward and fall.settling < air.speed:  # it falls into the wake, and leaves with the air
             stays = NEAR * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
+        pull = GRAVITY * (1.0 - air.density / density)
+        given = times.arrival - scene.release[1] - pull * (times.whole - times.time)
+        if not scene.body:  # no more than drag at the largest slip all the way
+            given = -slip * np.expm1(-times.whole / times.tau)
         thrown = arrival * _thrown(scene, fraction, arrival) if scene.body else abs(float(scene.entry[0]))
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body,
@@ -62,7 +66,7 @@ def flights(scene: Scene, name: str, law: str, scale: float, *, straight: bool, 
             sideways_bins=sideways,
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
-            omega=omega, meetings=meetings(scene, diameter, density),
+            omega=omega, meetings=meetings(scene, diameter, density), given=float(given),
         ))  # fmt: skip
     return scales
 

@@ -23,12 +23,13 @@ from ..laws.drag import (
 )
 from ..laws.forces import FlightScales, forces
 from ..scene import Scene
+from .air_loading import feels_granules, with_slowed_air
 from .airflow import AirflowPlan, choose_airflow
-from .bounds import VIBRATION, moved_by_air
+from .bounds import LOADING, VIBRATION, moved_by_air
 from .cost import estimate_cost
 from .coupling import Limit, limits
 from .flight_scales import flights
-from .impaction import deflection
+from .impaction import Deflection, deflection
 from .lock_in import AirMotion, vibration_of_scene
 from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan
@@ -66,7 +67,10 @@ def make_plan(
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
-    decided = {name: _decide(flown, name, airflow, switches, target) for name in flown.fraction}
+    scaled = _scaled(flown, airflow)
+    limit, switched = limit_of(flown, target), switches.get(LOADING)
+    airflow = replace(airflow, loaded=feels_granules(flown, airflow, scaled.flights, limit, switched))
+    decided = {name: _decide(flown, name, airflow, scaled, switches, target) for name in flown.fraction}
     fractions = {name: one.plan for name, one in decided.items()}
     gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
     validity = _validity(flown, decided, target)
@@ -140,22 +144,42 @@ class _Decided(NamedTuple):
     scales: Sequence[FlightScales] = ()
 
 
-def _decide(scene: Scene, name: str, airflow: AirflowPlan, switches: Mapping[str, bool], target: float) -> _Decided:
+class _Scaled(NamedTuple):
+    """Of every fraction: the factor on its drag law; in air, how that turns it aside and the scales of its flights."""
+
+    drag: Mapping[str, float]
+    turned: Mapping[str, Deflection | None]
+    flights: Mapping[str, Sequence[FlightScales]]
+
+
+def _scaled(scene: Scene, airflow: AirflowPlan) -> _Scaled:
+    drag = {name: _drag_scale(scene, name) for name in scene.fraction}
+    if scene.air is None:
+        return _Scaled(drag, {}, {})
+    laws = {name: (scene.fraction[name].drag_law, drag[name]) for name in scene.fraction}
+    turned = {name: deflection(scene, name, *law) for name, law in laws.items()}
+    straight = {name: one is not None and one.straight and not scene.obstacles for name, one in turned.items()}
+    found = {
+        name: flights(scene, name, *law, straight=straight[name], turbulent=airflow.turbulent)
+        for name, law in laws.items()
+    }
+    return _Scaled(drag, turned, with_slowed_air(scene, found))
+
+
+def _decide(
+    scene: Scene, name: str, airflow: AirflowPlan, scaled: _Scaled, switches: Mapping[str, bool], target: float
+) -> _Decided:
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
-    law, scale = scene.fraction[name].drag_law, _drag_scale(scene, name)
+    law, scale = scene.fraction[name].drag_law, scaled.drag[name]
     if scene.air is None:
         weight = tuple(force for force in forces if forces[force].always and forces[force].needs == "nothing")
         mode = _mode(scene, clear=bool(scene.body))
         return _Decided(
             FractionPlan(mode, law, scale, None, math.inf, math.inf, scene.feed.fall_speed, forces=weight)
         )  # fmt: skip
-    turned = deflection(scene, name, law, scale)
-    scales = flights(
-        scene, name, law, scale, straight=turned is not None and turned.straight and not scene.obstacles,
-        turbulent=airflow.turbulent,
-    )  # fmt: skip
-    gate = open_gate(scene, name, scales, switches, target, airflow.turbulence, moving=airflow.moving)
-    small = turned is not None and turned.missed <= target and turned.shift <= gate.limit
+    turned, scales = scaled.turned[name], scaled.flights[name]
+    gate = open_gate(scene, name, scales, switches, target, airflow.turbulence, effects=airflow.effects)
+    small = not airflow.loaded and turned is not None and turned.missed <= target and turned.shift <= gate.limit
     arrival = _arrival(scene, name, law, scale)
     plan = FractionPlan(
         mode=_mode(scene, clear=small),

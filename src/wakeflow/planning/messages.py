@@ -10,7 +10,7 @@ import numpy as np
 from ..funnel import summary
 from ..scene import Scene
 from .airflow import AirflowPlan, ranks_for, span_cost, typical_cells
-from .coupling import Limit, strained
+from .coupling import COUPLING, Limit, strained
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
 from .span import span_lines
@@ -117,6 +117,8 @@ def _airflow_lines(airflow: AirflowPlan, bodies: int, ranks: int | str) -> Itera
             f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in "
             f"{len(beside)} other wakes: {', '.join(beside)}"
         )
+    if airflow.loaded:
+        yield "the air feels the granules: their force on it, gathered along tracks, is given to the steady airflow"
     if len(airflow.scales) > 1:
         sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)
         yield f"beside it, for the error of the mesh: grids with cell edges of {sizes} times the usual"
@@ -152,7 +154,7 @@ def warning_lines(
             yield f"{name}: falls faster than a sphere of its size and density; check its terminal velocity"
         yield from _injected_beyond(name, plan, target)
     yield from standing(scene)
-    yield from strained(validity)
+    yield from strained(validity, [COUPLING] if airflow.loaded else [])
     yield from airflow.warnings(scene)
 
 

@@ -10,7 +10,7 @@ of that together; the budget turns the bounds into shares with the landing densi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -22,7 +22,7 @@ from ..core.registry import did_you_mean
 from ..laws.forces import FlightScales, forces
 from ..laws.turbulence_models import has_no_turbulence
 from ..scene import Fraction, Scene
-from .bounds import VIBRATION, bounds
+from .bounds import LOADING, VIBRATION, bounds
 
 __all__ = [
     "TYPICAL", "Gate", "LeftOut", "LeftOutTerm", "check_switches", "limit_of", "open_gate",
@@ -86,8 +86,8 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
             continue
         if scene.air is None:
             raise SceneError(f"--force {key}=on: a term of the air; add an [air] table")
-        if term == VIBRATION and not fraction:
-            continue  # a switch of the airflow, for all fractions
+        if term in (VIBRATION, LOADING) and not fraction:
+            continue  # switches of the airflow, for all fractions
         if term not in forces or not forces[term].computed:
             raise SceneError(f"--force {key}=on: this version cannot compute it; its bound is in the plan")
         if forces[term].needs == "turbulence" and has_no_turbulence(turbulence):
@@ -112,10 +112,10 @@ def open_gate(
     target: float,
     turbulence: str | None,
     *,
-    moving: bool = False,
+    effects: Collection[str] = (),
 ) -> Gate:
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
-    share; ``moving``: the airflow is computed round bodies that vibrate.
+    share; ``effects``: terms that the airflow is computed with, for all fractions.
 
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
@@ -125,7 +125,7 @@ def open_gate(
     small = _small(shifts, blocked, limit)
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
-        if moving and term == VIBRATION:
+        if term in effects:
             continue
         switched, obstacle = _switch(force, name, term), blocked[term]
         if switched or (switched is None and term not in small and obstacle is None):
@@ -183,6 +183,8 @@ def _blocked(fraction: Fraction, term: str, turbulence: str | None) -> str | Non
     """Why a term cannot be computed for a fraction; None where it can."""
     if term == VIBRATION:
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
+    if term == LOADING:
+        return "the air does not feel the granules; rungs draft and standard compute it where feed.rate is given"
     if term not in forces:
         return "not computed in this version"
     return forces[term].blocked(laminar=has_no_turbulence(turbulence), point_mass=fraction.inertia is None)

@@ -53,6 +53,8 @@ class FlightScales:
     shaking: float  # peak speed of the body, m/s
     omega: float  # of the vibration, rad/s
     meetings: float  # with other granules, weighted by the share of its momentum that each takes away
+    given: float = 0.0  # m/s, velocity that drag gives it in the curtain, on its way to the body
+    slowed: float = 0.0  # largest change of the air's velocity by the drag of all granules, over the air speed
     calm: bool = False  # no body: the air neither turns nor changes its speed
 
     @property
