@@ -25,18 +25,19 @@ from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 
 COUNT = 2048
+OFF = {"air-loading": False}  # tests/pipeline/test_air_loading.py has what it does
 
 
 @pytest.fixture(scope="session")
 def rhombus_run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
     scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft"})
-    return wf.run(scene, tmp_path_factory.mktemp("rhombus"))
+    return wf.run(scene, tmp_path_factory.mktemp("rhombus"), force=OFF)
 
 
 @pytest.fixture(scope="session")
 def prism_run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
     scene = shipped("prism", {"feed.count": COUNT})
-    return wf.run(scene, tmp_path_factory.mktemp("prism"))
+    return wf.run(scene, tmp_path_factory.mktemp("prism"), force=OFF)
 
 
 @pytest.fixture(scope="session")
@@ -161,7 +162,7 @@ def test_vacuum_flight_is_the_papers_parabola(cases: Path, tmp_path: Path) -> No
 def test_the_second_run_answers_from_the_cache(rhombus_run: wf.Result) -> None:
     scene = Scene.parse(rhombus_run.table["scene"])
     started = time.monotonic()
-    again = wf.run(scene, rhombus_run.folder)
+    again = wf.run(scene, rhombus_run.folder, force=OFF)
     assert time.monotonic() - started < 8.0
     assert all(stage["cached"] for stage in again.table["seconds"].values())
     assert again.table["separation"] == rhombus_run.table["separation"]
@@ -170,14 +171,14 @@ def test_the_second_run_answers_from_the_cache(rhombus_run: wf.Result) -> None:
 @pytest.mark.openfoam
 def test_changing_a_target_keeps_airflow_and_tracks(rhombus_run: wf.Result, tmp_path: Path) -> None:
     changed = Scene.parse(rhombus_run.table["scene"]).replace({"fraction.dust.target": "inner-left", "feed.rate": 0.1})
-    result = wf.run(changed, tmp_path)
+    result = wf.run(changed, tmp_path, force=OFF)
     assert all(stage["cached"] for stage in result.table["seconds"].values())
 
 
 @pytest.mark.openfoam
 def test_pressure_gradient_can_be_switched_off_and_matters_to_chaff(rhombus_run: wf.Result, tmp_path: Path) -> None:
     scene = Scene.parse(rhombus_run.table["scene"])
-    without = wf.run(scene, tmp_path, force={"pressure-gradient": False})
+    without = wf.run(scene, tmp_path, force={**OFF, "pressure-gradient": False})
     assert "pressure-gradient" in [row["name"] for row in without.table["plan"]["left_out"]]
     moved = {}
     for name in ("chaff", "wheat"):
@@ -286,7 +287,10 @@ def test_dust_past_a_body_that_swings_sideways_flies_with_the_air(cases: Path, t
         "vibration": {"frequency": 25, "gamma": 8.0, "direction": "0 deg"},
         "feed.count": 256,
     }
-    scene, calm = Scene.load(cases / "prism.toml", changes), {"dispersion": False}  # gusts may stop a grain of dust
+    scene, calm = (
+        Scene.load(cases / "prism.toml", changes),
+        {**OFF, "dispersion": False},
+    )  # gusts may stop a grain of dust
     result = wf.run(scene, tmp_path, force=calm)
     pipeline = Pipeline(scene, make_plan(scene, force=calm))
     _, field = pipeline.field
@@ -335,7 +339,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
         def hear(stage: str, text: str, told: list[str] = told) -> None:
             told.append(stage + text[:4])
 
-        done = wf.run(scene, tmp_path / f"{cores}", listener=hear)
+        done = wf.run(scene, tmp_path / f"{cores}", listener=hear, force=OFF)
         case = next((tmp_path / f"cache-{cores}" / "airflow").glob("*/case/loop.json")).parent
         measured = json.loads((case / "airflow.json").read_text()) | {"seconds": None}
         found[cores] = (done.table["separation"], measured)

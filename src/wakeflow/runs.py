@@ -21,6 +21,7 @@ from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
 from .planning.make import Planner
+from .results.air_loading import loading_of
 from .results.airflow_summary import (
     Airflow,
     FieldDivergence,
@@ -39,7 +40,7 @@ from .results.plan_summary import summary_of
 from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, Result, asked_in, key_in
 from .results.separation import separate
 from .results.source import Flights
-from .results.sources import MODEL
+from .results.sources import MODEL, UNLOADED
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -135,7 +136,8 @@ class _Run:
                 flown = Flights(self.pipeline, tracked)
                 fly_again(flown)
         if tracked is not None and airflow is not None:
-            airflow = airflow.extended(divergence=_divergence(self.pipeline), truncation=_truncation(self.pipeline))
+            told = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
+            airflow = airflow.extended(**told, loading=loading_of(self.pipeline))
             airflow = with_residence(airflow, self.pipeline.residence)
         flights = None if tracked is None else self._flights(tracked)
         landings = None if flown is None else self._landings(flown)
@@ -200,7 +202,9 @@ class _Run:
         separation = separate(scene, flights.tracked.landings)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
-        return LandingResults(separation, bracket, make_budget(flights, separation))
+        unloaded = flights.of(UNLOADED)
+        effects = None if unloaded is None else unloaded.effects(separation.bins)
+        return LandingResults(separation, bracket, effects, make_budget(flights, separation))
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""

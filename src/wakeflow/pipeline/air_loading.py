@@ -22,7 +22,7 @@ from ..scene import Scene
 from .airflow_kinds import CaseAir, SolvedAir
 from .cache import StageCache, code_of, version_of
 from .case_field import case_field
-from .track_stage import COMPILED, Compilation
+from .compilation import COMPILED, Compilation
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -119,6 +119,11 @@ class AirLoading:
             "sources": laid["sources"],
         }
 
+    def last_change(self, name: str, place: int) -> float:
+        """What the last pass changed of a fraction's share in bin number ``place``, in the steady airflow."""
+        before = self.passes[-2].gathered if len(self.passes) > 1 else self.first
+        return self.passes[-1].gathered.shares[name][place] - before.shares[name][place]
+
     def _passes(self) -> Iterator[Pass]:
         before = self.first
         force, start = before.force.above(self.least), self.steady.solution
@@ -134,7 +139,7 @@ class AirLoading:
 
     def _gathered(self, key: str, field: FlowField) -> Gathered:
         """What granules exert on the air of a field and its key, from the cache or gathered now."""
-        from .gather import gather, gathered_in, resolved
+        from .gather import gather_force, gathered_in, resolved
 
         tables = self.scene.model_dump(mode="json", by_alias=True)
         for name in ("numerics", "picture", "funnel"):
@@ -148,7 +153,9 @@ class AirLoading:
         def work(part: Path) -> None:
             if COMPILED not in self.cache.seconds:
                 self.compilation.finish(self.cache)
-            gather(self.scene, self.plan, field, self.workers, lambda text: self.cache.tell("momentum", text), part)
+            gather_force(
+                self.scene, self.plan, field, self.workers, lambda text: self.cache.tell("momentum", text), part
+            )
 
         return gathered_in(self.cache.make("momentum", made, work))
 

@@ -22,7 +22,7 @@ from ..tracking import Granules, Tracks
 from ..tracking.momentum import force_on_the_air
 from .tracks import Flight
 
-__all__ = ["Gathered", "gather", "gathered_in", "resolved"]
+__all__ = ["Gathered", "gather_force", "gathered_in", "resolved"]
 
 Array = NDArray[np.float64]
 GRANULES = 2048  # of each fraction, whatever feed.count is. Chosen: a hundred and more pass every box of the curtain
@@ -52,7 +52,7 @@ def resolved(plan: Plan) -> Plan:
     return replace(plan, fractions={name: replace(how, mode="resolved") for name, how in plan.fractions.items()})
 
 
-def gather(
+def gather_force(
     scene: Scene, plan: Plan, field: FlowField, workers: int | None, tell: Callable[[str], None], folder: Path
 ) -> None:
     """Fly GRANULES of each fraction through the steady ``field`` and keep what they exert on the air in ``folder``.
@@ -96,7 +96,7 @@ def _lost(tracks: Tracks, grains: Granules, air_density: float, forces: tuple[st
 
 
 def gathered_in(folder: Path) -> Gathered:
-    """What :func:`gather` kept in a folder."""
+    """What :func:`gather_force` kept in a folder."""
     with np.load(folder / "force.npz") as data:
         density, lost, (left, bottom, pitch) = data["density"], data["lost"], data["boxes"].tolist()
     boxes = Boxes(left, bottom, pitch, density.shape[1], density.shape[0])

@@ -21,8 +21,9 @@ from . import blended_air, span_air  # noqa: F401 - their imports register kinds
 from .air_loading import AirLoading
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
+from .compilation import Compilation
 from .stages import StageKey, StageTime
-from .track_stage import Companion, Compilation, TrackStage
+from .track_stage import Companion, TrackStage
 
 if TYPE_CHECKING:
     from ..field import FlowField

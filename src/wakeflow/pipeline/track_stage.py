@@ -1,23 +1,17 @@
-"""The stage of the tracks: every granule's landing from the cache, or flown; and the tracker's compilation."""
+"""The stage of the tracks: every granule's landing from the cache, or flown."""
 
 from __future__ import annotations
 
-import contextlib
-import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import ProgramError
-from ..core.process import call_in_child, cores
 from ..core.store import content_key
 from ..planning.plan import COMPARED, REPLICATES, Plan
 from ..scene import Scene
 from .airflow_kinds import AirflowKind
 from .cache import StageCache, code_of, version_of
-from .stages import StageKey, StageTime
+from .compilation import COMPILED, Compilation
 
 if TYPE_CHECKING:
     from ..scene import Picture
@@ -25,9 +19,7 @@ if TYPE_CHECKING:
     from .landings import Tracked
     from .realisations import Realisations
 
-__all__ = ["COMPILED", "Companion", "Compilation", "TrackStage"]
-
-COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+__all__ = ["Companion", "TrackStage"]
 
 
 @dataclass(frozen=True)
@@ -43,36 +35,6 @@ class Companion:
     tolerance: float | None = None
     wake: tuple[float, float] | None = None
     loaded: bool = True
-
-
-@dataclass
-class Compilation:
-    """The tracker's compilation, which a run waits for at most once: beside OpenFOAM, or before the first tracks."""
-
-    children: list[Thread] = field(default_factory=list)
-
-    def begin(self, log: Path) -> None:
-        """Have the tracker compiled into its cache by another process, where a core is free for it."""
-        if not self.children and cores() > 1:
-            self.children.append(Thread(target=_compile_in_child, args=(log,), daemon=True))
-            self.children[0].start()
-
-    def finish(self, cache: StageCache) -> None:
-        """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
-        from .tracks import compile_tracker
-
-        started = time.monotonic()
-        cache.tell("compile", "the tracker is compiled, once for each version of it")
-        for child in self.children:
-            child.join()
-        compile_tracker()
-        cache.seconds[COMPILED] = StageTime(time.monotonic() - started, cached=False)
-
-
-def _compile_in_child(log: Path) -> None:
-    log.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.suppress(ProgramError):  # only time is lost: the tracker compiles where it is first used
-        call_in_child("wakeflow.pipeline.tracks:compile_tracker", None, log=log)
 
 
 @dataclass

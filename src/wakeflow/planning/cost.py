@@ -18,6 +18,7 @@ __all__ = ["estimate_cost"]
 
 STARTED = 5.0  # s: importing, reading, writing the report
 SECONDS_A_GRANULE = 150e-6  # s of both cores: one flight with drag and weight
+LOADED = 60.0  # s: three passes of the air that feels the granules
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
 BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
 BYTES_LANDED = 120.0  # bytes of memory a granule: its row of landings
@@ -36,11 +37,12 @@ def estimate_cost(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, Fr
     again = 1 + times_again(airflow) * COMPARED / REPLICATES
     tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
     cells = typical_cells(airflow, len(scene.body))
+    loaded = LOADED if airflow.loaded else 0.0
     poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
     kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
     deep = span_cost(scene, airflow)
     return {
-        "seconds": STARTED + typical_seconds(airflow) + deep.core_seconds + tracks + poured,
+        "seconds": STARTED + loaded + typical_seconds(airflow) + deep.core_seconds + tracks + poured,
         "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
         "disk": FILES + cells * (BYTES_A_CELL + kept) + deep.disk + BYTES_STORED * count * len(fractions),
     }

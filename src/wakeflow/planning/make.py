@@ -23,16 +23,16 @@ from ..laws.drag import (
 )
 from ..laws.forces import FlightScales, forces
 from ..scene import Scene
-from .air_loading import feels_granules, with_slowed_air
+from .air_loading import feels_granules
 from .airflow import AirflowPlan, choose_airflow
 from .bounds import LOADING, VIBRATION, moved_by_air
 from .cost import estimate_cost
 from .coupling import Limit, limits
 from .flight_scales import flights
-from .impaction import Deflection, deflection
 from .lock_in import AirMotion, vibration_of_scene
 from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan
+from .scaled import Scaled, scaled_flights
 from .terms import Gate, LeftOut, check_switches, limit_of, open_gate
 from .uniform_fall import arrival_speed
 
@@ -67,7 +67,7 @@ def make_plan(
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
-    scaled = _scaled(flown, airflow)
+    scaled = scaled_flights(flown, airflow, {name: _drag_scale(flown, name) for name in flown.fraction})
     limit, switched = limit_of(flown, target), switches.get(LOADING)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, scaled.flights, limit, switched))
     decided = {name: _decide(flown, name, airflow, scaled, switches, target) for name in flown.fraction}
@@ -144,30 +144,8 @@ class _Decided(NamedTuple):
     scales: Sequence[FlightScales] = ()
 
 
-class _Scaled(NamedTuple):
-    """Of every fraction: the factor on its drag law; in air, how that turns it aside and the scales of its flights."""
-
-    drag: Mapping[str, float]
-    turned: Mapping[str, Deflection | None]
-    flights: Mapping[str, Sequence[FlightScales]]
-
-
-def _scaled(scene: Scene, airflow: AirflowPlan) -> _Scaled:
-    drag = {name: _drag_scale(scene, name) for name in scene.fraction}
-    if scene.air is None:
-        return _Scaled(drag, {}, {})
-    laws = {name: (scene.fraction[name].drag_law, drag[name]) for name in scene.fraction}
-    turned = {name: deflection(scene, name, *law) for name, law in laws.items()}
-    straight = {name: one is not None and one.straight and not scene.obstacles for name, one in turned.items()}
-    found = {
-        name: flights(scene, name, *law, straight=straight[name], turbulent=airflow.turbulent)
-        for name, law in laws.items()
-    }
-    return _Scaled(drag, turned, with_slowed_air(scene, found))
-
-
 def _decide(
-    scene: Scene, name: str, airflow: AirflowPlan, scaled: _Scaled, switches: Mapping[str, bool], target: float
+    scene: Scene, name: str, airflow: AirflowPlan, scaled: Scaled, switches: Mapping[str, bool], target: float
 ) -> _Decided:
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
     law, scale = scene.fraction[name].drag_law, scaled.drag[name]

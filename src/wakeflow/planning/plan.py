@@ -80,10 +80,10 @@ class Plan:
         return replace(self, fractions=fractions)
 
     def as_computed(self) -> Plan:
-        """The same plan in the airflow as it is computed, where the answer would be a best estimate: for comparisons
-        with what is published of such airflows.
+        """The same plan in the airflow as it is computed, where the answer would be a best estimate, and without
+        granules that drag on it: for comparisons with what is published of such airflows.
         """
-        return replace(self, airflow=replace(self.airflow, wake=None))
+        return replace(self, airflow=replace(self.airflow, wake=None, loaded=False))
 
     def summary(self) -> dict[str, Any]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""

@@ -161,6 +161,7 @@ def _shares(result: Result) -> dict[str, Any]:
     return {
         "separation": None if landings is None else landings.separation,
         "bracket": {} if landings is None else landings.bracket or {},
+        "air_loading": {} if landings is None else landings.air_loading or {},
         "answers": list(_answers(result)),
         "targets": {name: result.targets(name) for name in result.scene["fraction"]},
         "expected": lambda place: expected(result, place),

@@ -32,6 +32,7 @@ __all__ = [
     "FINER",
     "Comparison",
     "Grid",
+    "Shares",
     "airflow_on_grids",
     "airflows",
     "compared",
@@ -40,6 +41,7 @@ __all__ = [
     "grids",
     "mesh_error",
     "on_other_grids",
+    "shares_of",
     "steady_wake",
 ]
 
@@ -85,7 +87,8 @@ def compared(landing: Landings) -> Landings:
     return replace(landing, **{name: values[kept] for name, values in vars(landing).items()})
 
 
-def _shares(pipeline: Pipeline, tracked: Tracked) -> Shares:
+def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:
+    """The shares of the granules that fly in comparisons."""
     landings: Mapping[str, Landings] = tracked.landings
     return {name: compared(landings[name]).counts(len(pipeline.scene.bin)) for name in landings}
 
@@ -109,9 +112,9 @@ def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
         where, change = pipeline, Companion(f"{wake} wake", wake=numbers)
         if wake is Wake.STEADY:  # on its own mesh, where a second core may have flown it already
             where, change = pipeline.draft, IN_STEADY_WAKE
-        shares[wake] = _shares(pipeline, where.tracks(change))
+        shares[wake] = shares_of(pipeline, where.tracks(change))
         seconds += where.spent(change.name)
-    return Comparison({**shares, Wake.ANSWER: _shares(pipeline, tracked)}, seconds)
+    return Comparison({**shares, Wake.ANSWER: shares_of(pipeline, tracked)}, seconds)
 
 
 def steady_wake(pipeline: Pipeline) -> list[Callable[[], object]]:
@@ -134,9 +137,9 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         return None
     shares, seconds = {}, 0.0
     for other in others:
-        shares[_grid(other)] = _shares(pipeline, other.tracks(ON_ANOTHER_GRID))
+        shares[_grid(other)] = shares_of(pipeline, other.tracks(ON_ANOTHER_GRID))
         seconds += sum(other.spent(stage) for stage in ("airflow", "tracks"))
-    return Comparison({**shares, _grid(own): _shares(pipeline, tracked)}, seconds)
+    return Comparison({**shares, _grid(own): shares_of(pipeline, tracked)}, seconds)
 
 
 def _grid(pipeline: Pipeline) -> Grid:

@@ -19,6 +19,7 @@ __all__ = [
     "BudgetRow",
     "BudgetTotal",
     "LandingResults",
+    "LoadingEffect",
     "Separation",
 ]
 
@@ -85,11 +86,22 @@ class BudgetRow:
 
 
 @dataclass(frozen=True)
+class LoadingEffect:
+    """A share of the same granules in air that does not feel them, and in air that does."""
+
+    without: float = column("1", "share in air that does not feel the granules")
+    loaded: float = column("1", "share in air that does")
+
+
+@dataclass(frozen=True)
 class LandingResults:
     """What the landings of all granules amount to."""
 
     separation: Separation = column("", "the answer")
     bracket: dict[str, dict[str, dict[str, float]]] | None = column(
         "1", "share by fraction, bin and wake, the answer's own last; null where the wakes are not compared"
+    )
+    air_loading: dict[str, dict[str, LoadingEffect]] | None = column(
+        "1", "by fraction and bin, what the granules' force on the air does; null where the air does not feel them"
     )
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")

@@ -59,7 +59,7 @@ class BenchmarkCase:
 def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Pipeline]:
     """The shipped scene, its plan and the stages that make its airflow (from the cache where they are there)."""
     scene = Scene.load(scene_templates()["rhombus"])
-    plan = make_plan(scene, rung=rung)
+    plan = make_plan(scene, rung=rung, force={"air-loading": False})
     return scene, plan, Pipeline(scene, plan, listener)
 
 
@@ -71,7 +71,7 @@ def benchmark_case(
     """
     fraction, changes = of or KINDS[kind]
     changed = scene.replace({**changes, "feed.count": count, "numerics.rung": "draft"})
-    plan = make_plan(changed)
+    plan = make_plan(changed, force={"air-loading": False})
     feed = feedstock(changed, plan, fraction, None)
     grains = feed.granules
     motion = motion_of(changed)
