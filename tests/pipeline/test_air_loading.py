@@ -10,26 +10,17 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import shipped
+from support import loaded_scene, shipped
 from wakeflow.core.errors import SceneError
+from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import LOADING
 from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 
-COARSE = {"numerics.rung": "draft", "numerics.mesh_scale": 2.5, "feed.count": 512, "numerics.tolerance": 1e-3}
-# One fraction, a wide accuracy: few passes, few bounds
-WHEAT: dict[str, Any] = {"numerics.target_error": 0.05}
-TRUE = {"basset-history": False}
-
-
-def scene(**changes: Any) -> Scene:
-    """The shipped rhombus with chaff alone, which drags most for its mass, on a coarse mesh."""
-    tables = shipped("rhombus", {**COARSE, **WHEAT, **changes}).tables()
-    tables["fraction"] = {"chaff": {**tables["fraction"]["chaff"], "mass_share": 1.0}}
-    tables["feed"]["rate"] = 0.02  # kg/s
-    return Scene.parse(tables)
+CALM = {"basset-history": False}  # of chaff: it would refuse the accuracy
 
 
 # -- the decision ------------------------------------------------------------------------------------------------------
@@ -80,7 +71,7 @@ def test_switches() -> None:
 def test_where_it_cannot_be_had_it_says_so(name: str, changes: dict[str, Any], rung: str | None, message: str) -> None:
     asked = shipped(name, changes)
     with pytest.raises(SceneError, match=f"--force {LOADING}=on: {message}"):
-        make_plan(asked, rung=rung, force={**TRUE, LOADING: True})
+        make_plan(asked, rung=rung, force={**CALM, LOADING: True})
 
 
 def test_without_a_feed_rate_nobody_knows_how_dense_the_curtain_is() -> None:
@@ -103,7 +94,7 @@ def test_air_that_cannot_be_solved_on_keeps_its_bound_and_a_warning() -> None:
 
 @pytest.fixture(scope="module")
 def loaded(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    return wf.run(scene(), tmp_path_factory.mktemp("loaded"), force=TRUE)
+    return wf.run(loaded_scene(), tmp_path_factory.mktemp("loaded"), force=CALM)
 
 
 @pytest.mark.openfoam
@@ -137,7 +128,7 @@ def test_the_result_says_what_it_does(loaded: wf.Result) -> None:
 @pytest.mark.openfoam
 def test_left_out_the_shares_are_those_without(loaded: wf.Result, tmp_path: Path) -> None:
     """The companion's air is the one of a run in which the term is off; the granules of a comparison are among all."""
-    off = wf.run(scene(), tmp_path, force={**TRUE, LOADING: False, "pressure-gradient": True}, until="airflow")
+    off = wf.run(loaded_scene(), tmp_path, force={**CALM, LOADING: False, "pressure-gradient": True}, until="airflow")
     assert loaded.airflow is not None
     assert off.airflow is not None
     assert loaded.airflow.loading is not None
@@ -147,8 +138,8 @@ def test_left_out_the_shares_are_those_without(loaded: wf.Result, tmp_path: Path
 
 @pytest.mark.openfoam
 def test_the_loaded_air_is_slower_above_the_body_and_its_own_mirror_image(loaded: wf.Result) -> None:
-    asked = scene()
-    pipeline = Pipeline(asked, make_plan(asked, force=TRUE))
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
     assert pipeline.loading is not None
     bare, field = pipeline.kind.field, pipeline.field[1]
     assert bare is not None
@@ -164,11 +155,11 @@ def test_the_loaded_air_is_slower_above_the_body_and_its_own_mirror_image(loaded
 
 @pytest.mark.openfoam
 def test_it_comes_from_the_cache_and_its_keys_follow_the_feed(loaded: wf.Result) -> None:
-    again = wf.run(scene(), loaded.folder, force=TRUE)
+    again = wf.run(loaded_scene(), loaded.folder, force=CALM)
     assert all(stage.cached for stage in again.seconds.values())
     assert again.table["separation"] == loaded.table["separation"]
-    asked = scene()
-    pipeline = Pipeline(asked, make_plan(asked, force=TRUE))
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
     assert pipeline.loading is not None
     keys = {path.name for path in (pipeline.store.root / "loaded-airflow").iterdir() if path.is_dir()}
     assert {one.key for one in pipeline.loading.passes} <= keys
@@ -179,8 +170,8 @@ def test_it_comes_from_the_cache_and_its_keys_follow_the_feed(loaded: wf.Result)
 @pytest.mark.openfoam
 def test_an_airflow_in_time_gets_the_change_of_the_steady_one(loaded: wf.Result) -> None:
     """Added to any field of the channel: the same change of the mean, nothing of the fluctuation."""
-    asked = scene()
-    pipeline = Pipeline(asked, make_plan(asked, force=TRUE))
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
     bare = pipeline.kind.field
     assert bare is not None
     assert pipeline.loading is not None
@@ -193,3 +184,19 @@ def test_an_airflow_in_time_gets_the_change_of_the_steady_one(loaded: wf.Result)
     changed = pipeline.loading.apply(moving)
     change = pipeline.field[1].velocity - steady.velocity
     np.testing.assert_allclose(changed.velocity - moving.velocity, np.broadcast_to(change, moving.velocity.shape))
+
+
+@pytest.mark.openfoam
+def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
+    """As tests/planning/test_plan_gate.py has it of the other terms, without random forces."""
+    asked = loaded_scene()
+    plan = make_plan(asked, force=CALM)
+    pipeline = Pipeline(asked, plan)
+    bare = pipeline.kind.field
+    assert bare is not None
+    calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
+    grains = feedstock(asked, calm, "chaff", None).granules
+    ends = [Flight(asked, calm, air, 1e-6).fly("chaff", grains).position for air in (bare[1], pipeline.field[1])]
+    shift = np.percentile(np.linalg.norm(ends[1] - ends[0], axis=1) / asked.width, 95)
+    bound = plan.fractions["chaff"].bounds[LOADING]
+    assert shift <= bound <= 30.0 * shift

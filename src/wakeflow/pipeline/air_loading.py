@@ -8,6 +8,7 @@ another but whose approach, where the curtain takes the most from the air, is th
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -88,7 +89,7 @@ class AirLoading:
 
     @cached_property
     def _loaded(self) -> FlowField:
-        return self._field(self.passes[-1].folder)
+        return self.field_in(self.passes[-1].folder)
 
     @property
     def least(self) -> float:
@@ -129,7 +130,7 @@ class AirLoading:
         force, start = before.force.above(self.least), self.steady.solution
         for number in range(MOST_PASSES):
             key, folder = self._solved(force, *start)
-            after = self._gathered(key, self._field(folder))
+            after = self._gathered(key, self.field_in(folder))
             change = _farthest(before, after)
             yield Pass(force, key, folder, after, change)
             if change <= self.plan.target_error:
@@ -183,7 +184,8 @@ class AirLoading:
 
         return key, self.cache.make("loaded-airflow", key, work)
 
-    def _field(self, folder: Path) -> FlowField:
+    def field_in(self, folder: Path) -> FlowField:
+        """The steady airflow of the pass whose ``folder`` that is."""
         assert self.scene.air is not None
         case = folder / "case"
         time = json.loads((case / "airflow.json").read_text())["field_time"]
@@ -192,8 +194,6 @@ class AirLoading:
 
 def _digest(force: ForceDensity) -> str:
     """sha256 (hex) of the force's values."""
-    import hashlib
-
     return hashlib.sha256(force.density.tobytes()).hexdigest()
 
 

@@ -32,8 +32,8 @@ def _shift_by_collisions(flight: FlightScales) -> float:
 
 
 def _shift_by_loading(flight: FlightScales) -> float:
-    change = flight.slowed * flight.air_speed
-    return flight.widths(flight.steady(change / flight.tau, flight.time))
+    change = flight.slowed * flight.air_speed  # as wide as the curtain: the wake stretches no neighbours apart by it
+    return flight.steady(change / flight.tau, flight.whole) / flight.width
 
 
 # Terms that are no force on a single granule in air at rest with its body
