@@ -112,7 +112,7 @@ class AirLoading:
             "force": last.gathered.force.total.tolist(),
             "given": whole,
             "imbalance": last.gathered.imbalance,
-            "unanswered": abs(last.gathered.force.above(self.least).total[1] - whole) / max(abs(whole), 1e-300),
+            "unanswered": float(abs(last.gathered.force.above(self.least).total[1] - whole) / max(abs(whole), 1e-300)),
             "cd_without": before["cd"],
             "cd": after["cd"],
             "verdict": after["verdict"],

@@ -102,6 +102,7 @@ class LandingResults:
         "1", "share by fraction, bin and wake, the answer's own last; null where the wakes are not compared"
     )
     air_loading: dict[str, dict[str, LoadingEffect]] | None = column(
-        "1", "by fraction and bin, what the granules' force on the air does; null where the air does not feel them"
-    )
+        "1", "by fraction and bin, what the granules' force on the air does; left out where the air does not feel them",
+        absent=True,
+    )  # fmt: skip
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")
