@@ -51,8 +51,9 @@ __all__ = [
 ]
 
 Parts = Mapping[str, Sequence[BudgetPart]]
-# Of what the force moves: error of taking the steady end's change for that of both ends. Measured in the shipped rhombus
-OTHER_WAKE = 1.2  # (cases/studies/air_loading.py --both): 1.2 for dust, 0.1 for chaff and wheat; the largest counts
+# Of what the force moves: the error of taking the steady end's change for that of both ends. Measured in the shipped
+# rhombus (cases/studies/air_loading.py --both): 1.2 for dust, 0.1 for chaff and wheat; the largest counts
+OTHER_WAKE = 1.2
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
 INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
 
