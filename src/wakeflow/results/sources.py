@@ -145,8 +145,8 @@ class AirflowModel(Source[Comparison[Wake]]):
 
 
 class LoadedAir(Source[Unloaded]):
-    """The granules' force on the air: what the last pass changed, and of an airflow in time a part of what the force
-    does, since the change is that of the steady wake.
+    """The granules' force on the air: what the last pass changed, and of an airflow in time OTHER_WAKE of what the
+    force does, since the change is that of the steady wake.
     """
 
     name, how, place = LOADING, COMPANION, 55
