@@ -25,7 +25,8 @@ from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 
 COUNT = 2048
-ALONE = {"collisions": False}  # the slab's own runs are in tests/pipeline/test_crowd_stage.py
+# The slab's own runs are in tests/pipeline/test_crowd_stage.py, those of air that feels granules in test_air_loading.py
+ALONE = {"collisions": False, "air-loading": False}
 
 
 @pytest.fixture(scope="session")
@@ -326,7 +327,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     """The steady wake's granules fly while the time-resolved airflow is solved; on one core they fly after it."""
     scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard"})
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
-    for nothing in ("track_stage.Compilation.begin", "track_stage.Compilation.finish"):
+    for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
         monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_: None)
     monkeypatch.setattr("wakeflow.runs._Run._drawn", lambda _run, result, *_: result)
     monkeypatch.setattr(Pipeline, "residence", None)  # of tracers, which the tracker flies too

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import air_loading
 import aspirator_curve
 import best_estimate
 import crowd_speed
@@ -24,7 +25,7 @@ import slope_angles
 import throughput
 import time_resolved_cost
 import wakeflow as wf
-from support import CASES, ROOT, shipped
+from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
 
 # tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
@@ -33,8 +34,9 @@ ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimension
 HERE = {
     study.__name__
     for study in (
-        aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved, kernel_speed,
-        labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, throughput, time_resolved_cost,
+        air_loading, aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved,
+        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, throughput,
+        time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -75,6 +77,20 @@ def test_best_estimate(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:
     impaction.cylinder()
     assert len(table_rows(capsys.readouterr().out)) == len(impaction.K)
+
+
+@pytest.mark.openfoam
+def test_air_loading(capsys: pytest.CaptureFixture[str]) -> None:
+    """The scene of tests/pipeline/test_air_loading.py, whose airflow is in the cache."""
+    air_loading.main(loaded_scene(), force={"basset-history": False})
+    rows = table_rows(capsys.readouterr().out)
+    passes = [row for row in rows if row[0] in "0123"]
+    assert [int(row[0]) for row in passes] == list(range(len(passes)))
+    assert float(passes[0][1]) == 0.0
+    assert all(float(row[1]) > 0.0 for row in passes[1:])  # on the air, against its flow
+    assert float(passes[-1][2]) < float(passes[0][2])  # the body's drag
+    assert float(passes[-1][3]) < float(passes[0][3])  # the air before it
+    assert [row[0] for row in rows if row[0].startswith("with")] == ["without", "with the steady end's change"]
 
 
 @pytest.mark.openfoam

@@ -22,7 +22,7 @@ from wakeflow.planning.terms import limit_of
 from wakeflow.results.separation import separate
 
 CASES = Path(__file__).parents[1]
-FORCE = {COLLISIONS: True, "basset-history": False}
+FORCE = {COLLISIONS: True, "basset-history": False, "air-loading": False}
 SCENES: dict[str, dict[str, Any]] = {
     "rhombus": {"numerics.rung": "draft", "numerics.mesh_scale": 2.0},
     "prism": {"numerics.mesh_scale": 2.0},

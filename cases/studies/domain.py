@@ -44,7 +44,7 @@ Shares = dict[str, np.ndarray]
 
 def moved(scene: wf.Scene, rung: str, distances: tuple[float, float] | None) -> Pipeline:
     """The scene with its inlet and outlet at ``distances`` (body widths) from the body."""
-    plan = make_plan(scene, rung=rung)
+    plan = make_plan(scene, rung=rung, force={"air-loading": False})
     plan = replace(plan, airflow=replace(plan.airflow, accuracy=ACCURACY))
     made = Pipeline(scene, plan)
     for pipeline in (made, made.draft):

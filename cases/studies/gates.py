@@ -29,7 +29,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 
 CASES = Path(__file__).parents[1]
-OFF = {"basset-history": False}
+OFF = {"basset-history": False, "air-loading": False}
 SCENES: dict[str, tuple[str, dict[str, Any]]] = {
     "prism": ("prism", {"numerics.mesh_scale": 2.0}),
     "labyrinth": ("labyrinth", {"numerics.mesh_scale": 2.5}),

@@ -73,7 +73,7 @@ def scene_with(body: dict[str, object], scale: float) -> wf.Scene:
 
 def in_the_airflow(scene: wf.Scene) -> list[tuple[float, float, float]]:
     """Of each kind: K = tau v / h; efficiency by the ideal flow; by the tracker in the solved airflow."""
-    plan = make_plan(scene)
+    plan = make_plan(scene, force={"air-loading": False})
     pipeline = Pipeline(scene, plan)
     flow = pipeline.field[1]
     body = wf.Body(next(iter(scene.body.values())).outline(), capture=True)

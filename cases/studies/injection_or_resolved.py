@@ -25,6 +25,7 @@ from wakeflow.results.measured import Share
 from wakeflow.results.separation import separate
 
 CASES = Path(__file__).parents[1]
+BARE = {"air-loading": False}  # the same air for all ways
 
 
 def straight(plan: Plan) -> Plan:
@@ -50,10 +51,10 @@ def rows(path: Path, count: int) -> Iterator[str]:
     scene = wf.Scene.load(path)
     scene = scene.replace({"feed.count": count} | ({"numerics.rung": "draft"} if scene.air else {}))
     ways = {mode: scene.replace({"feed.mode": mode}) for mode in ("injected", "resolved")}
-    chosen, injected = make_plan(scene), make_plan(ways["injected"])
-    forces = {name: how.forces for name, how in make_plan(ways["resolved"]).fractions.items()}
+    chosen, injected = make_plan(scene, force=BARE), make_plan(ways["injected"], force=BARE)
+    forces = {name: how.forces for name, how in make_plan(ways["resolved"], force=BARE).fractions.items()}
     same = {name: replace(how, forces=forces[name]) for name, how in injected.fractions.items()}
-    weighed, resolved = replace(injected, fractions=same), make_plan(ways["resolved"])
+    weighed, resolved = replace(injected, fractions=same), make_plan(ways["resolved"], force=BARE)
     found = [
         shares(ways["injected"], straight(weighed)),
         shares(ways["injected"], weighed),

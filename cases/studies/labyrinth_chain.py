@@ -61,7 +61,7 @@ def with_air(scene: wf.Scene, mesh_scale: float) -> None:
     """Shares by the chain and in the airflow of all bodies, and how far the air moves a granule's landing."""
     chained, spent = timed(lambda: wf.chain(scene))
     asked = scene.replace({"numerics.mesh_scale": mesh_scale})
-    whole = Pipeline(asked, make_plan(asked, rung="draft"))
+    whole = Pipeline(asked, make_plan(asked, rung="draft", force={"air-loading": False}))
     landed = whole.tracks().landings
     print("\n| fraction | bin | chain | in the airflow |\n|---|---|---|---|")
     from wakeflow.results.separation import separate

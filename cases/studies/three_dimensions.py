@@ -111,7 +111,7 @@ def tell(stage: str, text: str) -> None:
 
 def pipeline_at(scene: wf.Scene, rung: str) -> Pipeline:
     """The scene's pipeline at a rung; what it makes stands in the cache afterwards."""
-    return Pipeline(scene, wf.plan(scene, rung=rung), tell, store=Store(cache_root()))
+    return Pipeline(scene, wf.plan(scene, rung=rung, force={"air-loading": False}), tell, store=Store(cache_root()))
 
 
 def plane(scene: wf.Scene) -> Iterator[Column]:
@@ -137,7 +137,7 @@ def shares(scene: wf.Scene, fields: Sequence[FlowField]) -> Shares:
     """Share of every fraction in every bin with its 95 % interval. Pairs of replicates fly in turn in ``fields``, the
     second of each pair in the mirror image; all airflows get the same granules, forces and random numbers.
     """
-    plan = wf.plan(scene, rung="standard")
+    plan = wf.plan(scene, rung="standard", force={"air-loading": False})
     bins = [*scene.bin, "elsewhere"]
     found: Shares = {}
     for name in scene.fraction:

@@ -22,6 +22,7 @@ from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
 from .planning.make import Planner
+from .results.air_loading import loading_of
 from .results.airflow_summary import (
     Airflow,
     FieldDivergence,
@@ -41,7 +42,7 @@ from .results.plan_summary import summary_of
 from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, Result, asked_in, key_in
 from .results.separation import separate
 from .results.source import Flights
-from .results.sources import MODEL
+from .results.sources import MODEL, UNLOADED
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -143,7 +144,8 @@ class _Run:
                 flown = Flights(self.pipeline, tracked, self.pipeline.crowd())
                 fly_again(flown)
         if tracked is not None and airflow is not None:
-            airflow = airflow.extended(divergence=_divergence(self.pipeline), truncation=_truncation(self.pipeline))
+            told = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
+            airflow = airflow.extended(**told, loading=loading_of(self.pipeline))
             airflow = with_residence(airflow, self.pipeline.residence)
         flights = None if tracked is None else self._flights(tracked)
         landings = None if flown is None else self._landings(flown)
@@ -212,7 +214,9 @@ class _Run:
         slab = None if crowd is None else crowd_of(self.pipeline.plan, crowd)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
-        return LandingResults(separation, bracket, make_budget(flights, separation), alone, slab)
+        unloaded = flights.of(UNLOADED)
+        effects = None if unloaded is None else unloaded.effects(separation.bins)
+        return LandingResults(separation, bracket, make_budget(flights, separation), alone, slab, effects)
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from .planning.bounds import COLLISIONS
+from .planning.plan import whole_terms
 from .report.words import (
     NO_VALUE,
     TERMS,
@@ -112,11 +112,10 @@ def _bounds_table(plan: Plan) -> Table:
     for name in plan.fractions:
         table.add_column(name, justify="right")
     terms = list(next(iter(plan.fractions.values())).bounds)
+    whole = whole_terms(plan.airflow, plan.crowd)
     for term in terms:
         cells = [
-            f"[bold]{how.bounds[term]:.2g}[/]"
-            if term in how.forces or (term == COLLISIONS and plan.crowd is not None)
-            else f"{how.bounds[term]:.2g}"
+            f"[bold]{how.bounds[term]:.2g}[/]" if term in how.forces or term in whole else f"{how.bounds[term]:.2g}"
             for how in plan.fractions.values()
         ]
         table.add_row(term, *cells)
@@ -139,6 +138,8 @@ def show_result(result: Result) -> None:
         console.print(_poured(result.funnel), highlight=False)
     if result.airflow is not None:
         console.print(_air(result.airflow), highlight=False)
+        if result.airflow.loading is not None:
+            console.print(_loading(result), highlight=False, soft_wrap=True)
     for name, picture in (result.pictures or {}).items():
         console.print(f"figures/{name}: {picture.text}", highlight=False, markup=False)
     _warn(console, result.warnings)
@@ -247,6 +248,25 @@ def _air(airflow: Airflow) -> str:
         f"airflow: {airflow.verdict}, Cd {cd.value:.3f}{interval}, "
         f"base pressure coefficient {base.value:.2f}, pressure drop {drop:.1f} Pa"
     )
+
+
+def _loading(result: Result) -> str:
+    """What the granules' force on the air does, in one line."""
+    assert result.airflow is not None
+    loading = result.airflow.loading
+    assert loading is not None
+    assert loading.cd is not None
+    assert loading.cd_without is not None
+    told = (
+        f"air loading: {loading.passes} passes, {loading.given:.2g} N/m on the air, "
+        f"steady Cd {loading.cd_without.value:.3f} to {loading.cd.value:.3f}"
+    )
+    effects = None if result.landings is None else result.landings.air_loading
+    if not effects:
+        return told
+    rows = [(name, place, found) for name, places in effects.items() for place, found in places.items()]
+    name, place, most = max(rows, key=lambda row: abs(row[2].loaded - row[2].without))
+    return f"{told}; most moved: {name} in {place}, {100 * most.without:.1f} to {100 * most.loaded:.1f} %"
 
 
 def _poured(funnel: FunnelSummary) -> str:

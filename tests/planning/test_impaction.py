@@ -92,6 +92,9 @@ def test_the_front_knows_where_its_face_is() -> None:
 # -- in a scene --------------------------------------------------------------------------------------------------------
 
 
+UNIFORM = {"air-loading": False}  # air before the body that no granules slow: injection needs it
+
+
 @cache
 def rhombus() -> Scene:
     return shipped("rhombus", {"numerics.rung": "draft", "feed.count": 512, "fraction.*.impact": "paper"})
@@ -112,13 +115,13 @@ def test_finer_and_slower_granules_and_faster_air_are_turned_more() -> None:
 
 
 def test_the_plan_injects_what_the_accuracy_lets_it() -> None:
-    modes = {target: make_plan(rhombus(), target_error=target).fractions for target in (0.01, 0.05)}
+    modes = {target: make_plan(rhombus(), target_error=target, force=UNIFORM).fractions for target in (0.01, 0.05)}
     assert {name: how.mode for name, how in modes[0.01].items()} == dict.fromkeys(modes[0.01], "resolved")
     assert {name for name, how in modes[0.05].items() if how.mode == "injected"} == {"wheat"}
-    plan = make_plan(rhombus(), target_error=0.05)
+    plan = make_plan(rhombus(), target_error=0.05, force=UNIFORM)
     [row] = [row for row in plan.left_out if row.name == TURNING]
     assert (row.fraction, row.bound) == ("wheat", plan.fractions["wheat"].impaction.shift)  # type: ignore[union-attr]
-    calm = make_plan(rhombus().replace({"air.speed": 1.0}))
+    calm = make_plan(rhombus().replace({"air.speed": 1.0}), force=UNIFORM)
     assert calm.fractions["wheat"].mode == "injected"
     upward = make_plan(shipped("prism"))
     assert {(how.mode, how.impaction) for how in upward.fractions.values()} == {("resolved", None)}
@@ -141,9 +144,9 @@ def test_forced_injection_leaves_those_that_the_air_carries_round_to_the_tracker
 
 
 def test_tracks_depend_on_the_reach_only_where_it_is_used() -> None:
-    plan = make_plan(rhombus())
+    plan = make_plan(rhombus(), force=UNIFORM)
     assert "reach" not in plan.fractions["wheat"].tracked
-    assert "reach" in make_plan(rhombus(), target_error=0.05).fractions["wheat"].tracked
+    assert "reach" in make_plan(rhombus(), target_error=0.05, force=UNIFORM).fractions["wheat"].tracked
 
 
 def test_a_scene_of_any_shape_has_a_front() -> None:
@@ -164,7 +167,8 @@ def test_a_scene_of_any_shape_has_a_front() -> None:
 @pytest.mark.parametrize(("name", "within"), [("dust", 0.08), ("chaff", 0.05), ("wheat", 0.03)])
 def test_efficiencies_are_near_those_in_the_solved_airflow(name: str, within: float) -> None:
     scene = rhombus()
-    plan, flow = make_plan(scene), Pipeline(scene, make_plan(scene)).field[1]
+    plan = make_plan(scene, force=UNIFORM)
+    flow = Pipeline(scene, plan).field[1]
     how, size, count = plan.fractions[name], scene.fraction[name].properties.diameter, 200
     full = 0.5 * (scene.width + size)
     x = full * (np.arange(count) + 0.5) / count
@@ -191,7 +195,7 @@ def test_the_shift_of_injected_wheat_is_what_the_plan_says() -> None:
     landings = []
     for mode in ("injected", "resolved"):
         scene = Scene.parse(tables).replace({"feed.mode": mode})
-        plan = make_plan(scene).with_forces(("drag", "gravity"))
+        plan = make_plan(scene, force=UNIFORM).with_forces(("drag", "gravity"))
         feed = feedstock(scene, plan, "wheat", None)
         tracks = Flight(scene, plan, Pipeline(scene, plan).kind.realisations, 1e-5).fly("wheat", feed.granules)
         landings.append(tracks.position[:, 0])

@@ -30,7 +30,7 @@ from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import bounds
 from wakeflow.planning.make import Planner, make_plan
-from wakeflow.planning.plan import Plan
+from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.terms import TYPICAL, LeftOutTerm
 from wakeflow.results.budget import together
 from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
@@ -69,8 +69,7 @@ def test_the_shipped_scenes_are_not_refused(name: str) -> None:
     plan = make_plan(shipped(name))
     for fraction, how in plan.fractions.items():
         named = {row.name for row in plan.left_out if row.fraction == fraction}
-        whole = set() if plan.crowd is None else {"collisions"}
-        used = set(how.forces) - {"drag", "gravity"} | whole
+        used = set(how.forces) - {"drag", "gravity"} | whole_terms(plan.airflow, plan.crowd)
         assert set(how.bounds) == named | used  # used or left out, never neither
 
 
@@ -293,7 +292,7 @@ def trial(*, spheres: bool = False) -> Trial:
     spinning = {"fraction.*.inertia": 0.4, "fraction.*.rebound_scatter": 0.0}  # alike but for what each one draws once
     own = spinning if spheres else {"fraction.*.impact": "paper"}
     scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft", **own})
-    plan = make_plan(scene)
+    plan = make_plan(scene, force={"air-loading": False})
     return Trial(scene, plan, Pipeline(scene, plan).field[1])
 
 

@@ -61,7 +61,7 @@ def test_a_scene_of_the_paper_leaves_its_pictures_and_their_data(
     name: str, changes: dict[str, Any], tmp_path: Path
 ) -> None:
     scene = scene_of(name, changes)
-    result = wf.run(scene, tmp_path)
+    result = wf.run(scene, tmp_path, force={"air-loading": False})
     assert set(result.table["pictures"]) == set(scene.picture)
     page = (tmp_path / "report.html").read_text()
     for picture in result.table["pictures"].values():
@@ -69,7 +69,7 @@ def test_a_scene_of_the_paper_leaves_its_pictures_and_their_data(
         for file in picture["files"]:
             assert (tmp_path / "figures" / file).stat().st_size > 500, file
     CHECKS[name.rstrip("234") if name != "fig6" else name](result, tmp_path / "figures")
-    again = wf.run(scene, tmp_path)  # nothing is drawn again
+    again = wf.run(scene, tmp_path, force={"air-loading": False})  # nothing is drawn again
     assert again.table["pictures"] == result.table["pictures"]
 
 
@@ -216,7 +216,7 @@ def test_resting_granules_lie_on_the_body_at_its_lower_dead_point() -> None:
 def test_without_vibration_friction_alone_decides_who_stays(tmp_path: Path) -> None:
     tables = scene_of("fig6", {"feed.count": 16}).tables()
     del tables["vibration"], tables["picture"]
-    result = wf.run(Scene.parse(tables), tmp_path, until="tracks")
+    result = wf.run(Scene.parse(tables), tmp_path, until="tracks", force={"air-loading": False})
     fates = result.table["fates"]
     assert fates["soft"]["resting"] == 16  # 0.6 > tan 30 deg = 0.577
     assert fates["hard"]["binned"] == 16

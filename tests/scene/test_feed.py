@@ -164,10 +164,12 @@ def test_densities_of_curtain_and_air_are_by_hand(draft: Scene) -> None:
     assert found["curtain"].value == pytest.approx(solid, rel=1e-6)
     assert found["turbulence"].value == found["curtain"].value
     assert found["turbulence"].limit == MODULATING
-    assert found["mass-loading"].value == pytest.approx(flow / (1.204 * 5.0 * 0.4 * 0.3), rel=1e-9)
+    assert found["mass-loading"].value == pytest.approx(flow / (1.204 * 5.0 * area), rel=1e-6)
+    assert found["mass-loading"].value == pytest.approx(1.92, abs=0.005)  # in the curtain; 0.19 over the channel
+    assert found["air-momentum"].value == pytest.approx(70 * 0.1 / (1.204 * 25.0), rel=0.01)  # 70 N/m3 over 0.1 m
     tent = rows(make_plan(draft.replace({"feed.profile": "triangular"})))
     assert tent["curtain"].value == pytest.approx(4 / 3 * solid, rel=5e-3)
-    assert tent["mass-loading"].value == found["mass-loading"].value
+    assert tent["mass-loading"].value == pytest.approx(4 / 3 * found["mass-loading"].value, rel=5e-3)
 
 
 def test_granules_take_the_airs_speed_from_it_at_most_once(draft: Scene) -> None:
@@ -204,6 +206,9 @@ def test_the_layer_on_the_slope_is_by_hand(vacuum: Scene) -> None:
 def test_warnings_name_what_is_strained_and_the_rate_that_is_not(draft: Scene) -> None:
     plan = make_plan(draft, force={"collisions": False})
     lines = [line for line in plan.warnings if "strained by the feed rate" in line]
+    assert [line.partition(" strained")[0] for line in lines] == [INDEPENDENT]  # the air feels the granules
+    one_way = make_plan(draft, force={"air-loading": False})
+    lines = [line for line in one_way.warnings if "strained by the feed rate" in line]
     assert [line.partition(" strained")[0] for line in lines] == [COUPLING, INDEPENDENT]
     small = make_plan(draft.replace({"feed.rate": "1 g/hour"}))
     assert not [line for line in small.warnings if "strained" in line]

@@ -11,12 +11,12 @@ from ..core.store import content_key
 from ..planning.crowd import CrowdPlan
 from ..planning.plan import Plan
 from ..scene import Scene
-from .airflow_kinds import AirflowKind
 from .cache import StageCache, code_of
 from .landings import Landings
 
 if TYPE_CHECKING:
     from .landings import Tracked
+    from .realisations import Realisations
 
 __all__ = ["CrowdCompanion", "CrowdStage", "SlabFound"]
 
@@ -54,7 +54,7 @@ class SlabFound:
 
 @dataclass
 class CrowdStage:
-    """The slab of one scene under one plan through one airflow, which ``tracked`` has flown through alone before.
+    """The slab of one scene under one plan through one airflow, in whose ``airs`` ``tracked`` has flown alone before.
 
     ``tracks_key``: everything that those tracks depend on.
     """
@@ -62,7 +62,7 @@ class CrowdStage:
     scene: Scene
     plan: Plan
     cache: StageCache
-    air: AirflowKind
+    airs: Realisations
     tracks_key: str
     tracked: Tracked
     workers: int | None = None
@@ -103,7 +103,7 @@ class CrowdStage:
         replicates = self.crowd.replicates if companion is None else max(FEWEST, self.crowd.replicates // 4)
         step = None if companion is None else change.step * self.fly().step
         flight = SlabFlight(
-            self.scene, self.plan, self.air.realisations, depth, self.start_up, self.crowd.operation, self.tolerance,
+            self.scene, self.plan, self.airs, depth, self.start_up, self.crowd.operation, self.tolerance,
             step, self.workers, partial(self.cache.tell, change.name),
         )  # fmt: skip
         key = content_key(self.key, change.step, depth, replicates)

@@ -12,17 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import SceneError
-from ..core.store import Store, cache_root
+from ..core.store import Store, cache_root, content_key
 from ..funnel import compute as compute_funnel
 from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..scene import Scene
 from . import blended_air, given_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
+from .air_loading import AirLoading
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
+from .compilation import Compilation
 from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound
 from .stages import StageKey, StageTime
-from .track_stage import Companion, Compilation, TrackStage
+from .track_stage import Companion, TrackStage
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -110,12 +112,23 @@ class Pipeline:
         """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json."""
         return self.kind.table
 
-    @property
+    @cached_property
+    def loading(self) -> AirLoading | None:
+        """What the granules change of the airflow; None where the plan leaves it out."""
+        if not self.plan.airflow.loaded:
+            return None
+        base = self if self.plan.airflow.stepping == "steady" else self.draft
+        return AirLoading(base.scene, base.plan, base.cache, base._in_case, self.compilation, self.workers)
+
+    @cached_property
     def field(self) -> tuple[str, FlowField]:
         """Key and field on triangles that the tracker reads, of the whole channel. Raises SceneError in a vacuum."""
         if self.kind.field is None:
             raise SceneError("the granules fly in a vacuum: there is no airflow")
-        return self.kind.field
+        key, field = self.kind.field
+        if self.loading is None:
+            return key, field
+        return content_key(key, self.loading.key), self.loading.apply(field)
 
     @property
     def truncation(self) -> dict[str, Any] | None:
@@ -151,7 +164,7 @@ class Pipeline:
 
     @cached_property
     def _track_stage(self) -> TrackStage:
-        return TrackStage(self.scene, self.plan, self.cache, self.kind, self.compilation, self.workers)
+        return TrackStage(self.scene, self.plan, self.cache, self.kind, self.compilation, self.workers, self.loading)
 
     @property
     def tracks_key(self) -> str:
@@ -164,8 +177,8 @@ class Pipeline:
 
     @cached_property
     def _crowd_stage(self) -> CrowdStage:
-        known = self.tracks_key, self.tracks(), self.workers
-        return CrowdStage(self.scene, self.plan, self.cache, self.kind, *known)
+        known = self._track_stage.airs, self.tracks_key, self.tracks(), self.workers
+        return CrowdStage(self.scene, self.plan, self.cache, *known)
 
     @property
     def crowd_key(self) -> str | None:

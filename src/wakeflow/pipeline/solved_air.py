@@ -19,7 +19,7 @@ from .cache import code_of, version_of
 
 if TYPE_CHECKING:
     from ..field import FlowField
-    from ..foam import AirflowResult
+    from ..foam import AirflowResult, FlowSpec
 
 __all__ = ["SolvedAir", "SteadyAir", "TimeResolvedAir"]
 
@@ -59,13 +59,19 @@ class SolvedAir(CaseAir):
         """Cells that are solved in."""
         return int(self.mesh_quality["cells"])
 
+    @cached_property
+    def solved_spec(self) -> FlowSpec:
+        """The airflow that the plan wants, with its number of ranks: by the mesh alone, so that every machine computes
+        the same.
+        """
+        spec = self.flow_spec
+        return spec if spec.ranks else replace(spec, ranks=1 if spec.vibration else ranks_for(self.cells)[0])
+
     def make_solution(self) -> tuple[str, Path]:
         from ..foam.version import openfoam_version
 
-        (mesh_key, mesh_folder), spec = self.mesh, self.flow_spec
+        (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
         code = content_key(self.solver_code, digest_files([case_template()]), openfoam_version())
-        if not spec.ranks:  # by the mesh alone, so that every machine computes the same
-            spec = replace(spec, ranks=1 if spec.vibration else ranks_for(self.cells)[0])
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         start = self.start()  # by its key: the same airflow from another start would end at another moment
         key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)

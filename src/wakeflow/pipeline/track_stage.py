@@ -1,32 +1,25 @@
-"""The stage of the tracks: every granule's landing from the cache, or flown; and the tracker's compilation."""
+"""The stage of the tracks: every granule's landing from the cache, or flown."""
 
 from __future__ import annotations
 
-import contextlib
-import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import ProgramError
-from ..core.process import call_in_child, cores
 from ..core.store import content_key
 from ..planning.plan import COMPARED, REPLICATES, Plan
 from ..scene import Scene
 from .airflow_kinds import AirflowKind
 from .cache import StageCache, code_of, version_of
-from .stages import StageKey, StageTime
+from .compilation import COMPILED, Compilation
 
 if TYPE_CHECKING:
     from ..scene import Picture
+    from .air_loading import AirLoading
     from .landings import Tracked
     from .realisations import Realisations
 
-__all__ = ["Companion", "Compilation", "TrackStage"]
-
-COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+__all__ = ["Companion", "TrackStage"]
 
 
 @dataclass(frozen=True)
@@ -34,42 +27,14 @@ class Companion:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
     ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
-    wake instead of the answer's own, as in ``field.blended_wake``.
+    wake instead of the answer's own, as in ``field.blended_wake``; ``loaded``: whether the air feels the granules where
+    it does in the answer.
     """
 
     name: str
     tolerance: float | None = None
     wake: tuple[float, float] | None = None
-
-
-@dataclass
-class Compilation:
-    """The tracker's compilation, which a run waits for at most once: beside OpenFOAM, or before the first tracks."""
-
-    children: list[Thread] = field(default_factory=list)
-
-    def begin(self, log: Path) -> None:
-        """Have the tracker compiled into its cache by another process, where a core is free for it."""
-        if not self.children and cores() > 1:
-            self.children.append(Thread(target=_compile_in_child, args=(log,), daemon=True))
-            self.children[0].start()
-
-    def finish(self, cache: StageCache) -> None:
-        """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
-        from .tracks import compile_tracker
-
-        started = time.monotonic()
-        cache.tell("compile", "the tracker is compiled, once for each version of it")
-        for child in self.children:
-            child.join()
-        compile_tracker()
-        cache.seconds[COMPILED] = StageTime(time.monotonic() - started, cached=False)
-
-
-def _compile_in_child(log: Path) -> None:
-    log.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.suppress(ProgramError):  # only time is lost: the tracker compiles where it is first used
-        call_in_child("wakeflow.pipeline.tracks:compile_tracker", None, log=log)
+    loaded: bool = True
 
 
 @dataclass
@@ -82,6 +47,7 @@ class TrackStage:
     air: AirflowKind
     compilation: Compilation
     workers: int | None = None
+    loading: AirLoading | None = None
 
     @cached_property
     def key(self) -> str:
@@ -98,6 +64,8 @@ class TrackStage:
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
         flown = self.plan.flown_by, mirrored, len(airs), airs.cycles
+        if self.loading is not None:
+            upstream = content_key(upstream, self.loading.key)
         return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
 
     def fly(self, companion: Companion | None = None) -> Tracked:
@@ -108,9 +76,10 @@ class TrackStage:
         change = companion or Companion("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
         replicates = REPLICATES if companion is None else COMPARED
-        key = content_key(self.key, tolerance, change.wake, replicates)
+        unloaded = [] if change.loaded or self.loading is None else ["unloaded"]
+        key = content_key(self.key, tolerance, change.wake, replicates, *unloaded)
         tell = partial(self.cache.tell, change.name)
-        airs = self._blended(change.wake)
+        airs = self._realised(change)
         flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
         if self._must_compile(change.name, key):
             self.compilation.finish(self.cache)
@@ -128,18 +97,25 @@ class TrackStage:
             return {}
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")
-        flight = Flight(self.scene, self.plan, self._blended(None), tolerance, self.workers, tell)
+        flight = Flight(self.scene, self.plan, self.airs, tolerance, self.workers, tell)
         folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
         return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
 
-    def _blended(self, wake: tuple[float, float] | None) -> Realisations:
-        """The airflow's realisations, or the one of another ``wake`` where that is asked for."""
+    @cached_property
+    def airs(self) -> Realisations:
+        """The airflow's realisations, which feel the granules where the plan wants that."""
         found = self.air.realisations
-        if wake is None or found.field is None:
+        return found if self.loading is None else found.mapped(self.loading.apply)
+
+    def _realised(self, change: Companion) -> Realisations:
+        """The airflow that granules fly in under a ``change``."""
+        found = self.airs if change.loaded else self.air.realisations
+        if change.wake is None or found.field is None:
             return found
-        other = self.air.between(*wake)
+        other = self.air.between(*change.wake)
         assert other is not None
-        return replace(found, field=other[1], others=())
+        only = replace(self.air.realisations, field=other[1], others=())
+        return only if self.loading is None or not change.loaded else only.mapped(self.loading.apply)
 
     def _must_compile(self, stage: str, key: str) -> bool:
         """Whether the stage will be flown by the tracker, for the first time in this run."""

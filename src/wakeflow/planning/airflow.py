@@ -21,6 +21,7 @@ from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import rungs
 from ..scene.user_case import is_laminar
+from .bounds import LOADING, VIBRATION
 from .span import Span, span_of
 from .wake import Wake, wake_of, wakes_beside
 
@@ -60,6 +61,7 @@ class AirflowPlan:
     other half is its mirror image. ``scales``: cell edges over the rung's own, one a grid, the first is the answer's.
     ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
     time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
+    ``loaded``: the granules' force on the air is given to it, see ``pipeline.air_loading``.
     ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
     ``wake``: how much of each end the answer is flown in, None where it is the time-resolved one or no end at all.
     ``span``: the third dimension, where it is resolved.
@@ -76,6 +78,7 @@ class AirflowPlan:
     scales: tuple[float, ...] = (1.0,)
     brackets: bool = False
     moving: bool = False
+    loaded: bool = False
     accuracy: float = 0.02
     wake: WakeEstimate | None = None
     span: Span | None = None
@@ -97,6 +100,11 @@ class AirflowPlan:
         from right, and a wake, computed whole, may lean.
         """
         return self.stepping is not None and self.symmetric and not self.half
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """The terms among ``planning.bounds`` that are computed with the airflow, for all fractions."""
+        return frozenset(term for term, on in ((VIBRATION, self.moving), (LOADING, self.loaded)) if on)
 
     @property
     def wakes_beside(self) -> dict[Wake, tuple[float, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from ..laws.drag import (
 from ..laws.forces import FlightScales
 from ..scene import Scene
 from .airflow import AirflowPlan
+from .coupling import with_slowed_air
 from .flight_scales import flights
 from .impaction import Deflection, deflection
 from .meetings import Encounters, encounters
@@ -63,7 +64,8 @@ def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
             shedding=airflow.stepping == "time-resolved",
         )
         found[name] = Approach(*law, met[name], turned, scales)
-    return found
+    slowed = with_slowed_air(scene, {name: one.scales for name, one in found.items()})
+    return {name: replace(one, scales=slowed[name]) for name, one in found.items()}
 
 
 def _drag_scale(scene: Scene, name: str) -> float:

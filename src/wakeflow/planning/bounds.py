@@ -14,9 +14,9 @@ from ..core.registry import Registry
 from ..laws.forces import Bound, FlightScales, forces
 from ..laws.forces.scales import SIDEWAYS
 
-__all__ = ["COLLISIONS", "VIBRATION", "bounds", "moved_by_air", "other_terms"]
+__all__ = ["COLLISIONS", "LOADING", "VIBRATION", "bounds", "moved_by_air", "other_terms"]
 
-VIBRATION, COLLISIONS = "vibration-of-the-air", "collisions"
+VIBRATION, COLLISIONS, LOADING = "vibration-of-the-air", "collisions", "air-loading"
 SLOWEST_LANDING = 1e-9  # m/s: keeps the slope of a track finite where a granule hangs in the air
 
 
@@ -31,6 +31,11 @@ def _shift_by_collisions(flight: FlightScales) -> float:
     return min(1.0, flight.meetings) * flight.knock * flight.reach(flight.time) / flight.width
 
 
+def _shift_by_loading(flight: FlightScales) -> float:
+    change = flight.slowed * flight.air_speed  # as wide as the curtain: the wake stretches no neighbours apart by it
+    return flight.steady(change / flight.tau, flight.whole) / flight.width
+
+
 # Terms that are no force on a single granule in air at rest with its body
 other_terms: Registry[Bound] = Registry("bounded term")
 other_terms.add(
@@ -43,6 +48,10 @@ other_terms.add(
         _shift_by_collisions,
         "kinetic theory: meetings with granules as heavy or heavier, each a kick at most as strong as a head-on one",
     ),
+)
+other_terms.add(
+    LOADING,
+    Bound(_shift_by_loading, "momentum: the air is slower by all that drag takes from the curtain's own stream tube"),
 )
 
 

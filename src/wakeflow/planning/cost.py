@@ -21,6 +21,7 @@ __all__ = ["AirflowCost", "airflow_cost", "estimate_cost"]
 
 STARTED = 5.0  # s: importing, reading, writing the report
 SECONDS_A_GRANULE = 150e-6  # s of both cores: one flight with drag and weight
+LOADED = 60.0  # s: three passes of the air that feels the granules
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
 BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
 BYTES_LANDED = 120.0  # bytes of memory a granule: its row of landings
@@ -56,10 +57,11 @@ def estimate_cost(
     again = 1 + times_again(airflow) * COMPARED / REPLICATES
     tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
     poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
+    loaded = LOADED if airflow.loaded else 0.0
     slab = 0.0 if crowd is None else crowd.seconds * (1.0 + CROWD_AGAIN)
     air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
     return {
-        "seconds": STARTED + air.seconds + tracks + slab + poured,
+        "seconds": STARTED + air.seconds + loaded + tracks + slab + poured,
         "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
         "disk": FILES + air.disk + BYTES_STORED * count * len(fractions),
     }

@@ -7,8 +7,8 @@ the feed rate, the value up to which that holds, and the feed rate at which it i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,9 @@ from ..scene import Scene
 from .meetings import Encounters, shifted, slope_of
 
 Array = NDArray[np.float64]
-__all__ = ["COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained"]
+__all__ = [
+    "COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained", "with_slowed_air",
+]  # fmt: skip
 
 COUPLING, INDEPENDENT, TURBULENCE = "one-way coupling", "independent granules", "the air's own turbulence"
 COLLIDING = 1e-3  # volume fraction above which granules of a suspension collide: "four-way" in Elghobashi 1994
@@ -84,9 +86,9 @@ def limits(
         yield Limit("layer", INDEPENDENT, layer.height, None, None, why)
     if scene.air is not None:
         taken = _taken_from_the_air(scene, scales)
-        why = "mass of granules through the channel over that of the air"
+        why = "mass flow of granules in the curtain over that of the air in it"
         yield row("mass-loading", COUPLING, taken.mass, LOADED, why)
-        why = "momentum that drag takes from the air over that of the air"
+        why = "momentum that drag takes from the air in the curtain, down to the body, over that of this air"
         yield row("air-momentum", COUPLING, taken.momentum, LOADED, why)
         why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
         yield row("turbulence", TURBULENCE, dense, MODULATING, why)
@@ -124,21 +126,42 @@ def _packing(scene: Scene, speeds: Mapping[str, float]) -> float:
 
 
 class _TakenFromTheAir(NamedTuple):
-    """Of the air's own flow through the channel: the ``momentum`` that granules take from it, and their ``mass``."""
+    """Of the air's own flow in the curtain's stream tube: the ``momentum`` that granules take from it, on their way to
+    the body, and their ``mass``.
+    """
 
     momentum: float
     mass: float
 
+    @property
+    def slowed(self) -> float:
+        """Largest change of the air's velocity, over that velocity: all momentum that is taken comes from this stream
+        tube, and none from a pressure that builds up before the curtain: 1 - sqrt(1 - 2 dM / M).
+        """
+        return 1.0 - math.sqrt(max(0.0, 1.0 - 2.0 * self.momentum))
+
 
 def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> _TakenFromTheAir:
-    """An upper bound: every granule slips at the largest slip of a median one."""
+    """By what drag gives the median granule of each fraction down to the body; without a body, where the curtain is a
+    jet, no more than at the largest slip all the way. The curtain is as dense as about one of its granules in the mean.
+    """
     assert scene.air is not None
-    air = scene.air.density * scene.air.speed * scene.channel.width * scene.feed.depth
-    speed = 0.0
-    for name, share in scene.mass_shares().items():
-        flight = scales[name][len(scales[name]) // 2]
-        speed += share * flight.slip * flight.reach(flight.whole) / flight.tau
-    return _TakenFromTheAir(scene.feed.mass_flow * speed / (air * scene.air.speed), scene.feed.mass_flow / air)
+    air, feed = scene.air, scene.feed
+    stream = air.density * air.speed * min(feed.width, scene.channel.width) * feed.depth  # kg/s
+    mass = feed.crowding * feed.mass_flow / stream
+    shares = scene.mass_shares().items()
+    given = sum(share * abs(scales[name][len(scales[name]) // 2].given) for name, share in shares)
+    return _TakenFromTheAir(mass * given / air.speed, mass)
+
+
+def with_slowed_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> Mapping[str, Sequence[FlightScales]]:
+    """The ``scales`` of all fractions with what their drag together takes from the air; as they are in a scene without
+    feed.rate, which says nothing of how dense its curtain is.
+    """
+    if scene.air is None or scene.feed.rate is None:
+        return scales
+    slowed = _taken_from_the_air(scene, scales).slowed
+    return {name: [replace(flight, slowed=slowed) for flight in flights] for name, flights in scales.items()}
 
 
 @dataclass(frozen=True)
@@ -192,13 +215,12 @@ def _share_on(scene: Scene, outline: Array) -> float:
     return float(np.mean((places > x.min()) & (places < x.max())))
 
 
-def strained(rows: Sequence[Limit], *, crowded: bool) -> Iterator[str]:
-    """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds.
-
-    ``crowded``: granules are not taken to be independent, their meetings are computed.
+def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[str]:
+    """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds; none for
+    those that are ``lifted``, since what they leave out is computed.
     """
-    for about in (COUPLING,) if crowded else (COUPLING, INDEPENDENT):
-        beyond = [row for row in rows if row.about == about and not row.holds]
+    for about in (COUPLING, INDEPENDENT):
+        beyond = [row for row in rows if row.about == about and about not in lifted and not row.holds]
         if beyond:
             numbers = ", ".join(f"{row.name} {row.value:.2g} (limit {row.limit:.2g})" for row in beyond)
             least = min(row.feed_rate or 0.0 for row in beyond)

@@ -16,7 +16,7 @@ from ..laws.forces import FlightScales
 from ..laws.forces.scales import NEAR
 from ..scene import Fraction, Scene
 from .meetings import Encounters, thrown_by
-from .uniform_fall import UniformFall
+from .uniform_fall import FallTimes, UniformFall
 
 __all__ = ["flights"]
 
@@ -69,9 +69,20 @@ def flights(
             sideways_bins=sideways,
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
-            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding,
+            omega=omega, meetings=met.heavier, knock=met.knock, given=_given_by_drag(scene, times, density, slip), shedding=shedding,
         ))  # fmt: skip
     return scales
+
+
+def _given_by_drag(scene: Scene, times: FallTimes, density: float, slip: float) -> float:
+    """Velocity (m/s) that drag gives a granule on its way to the body; without one no more than it would at the largest
+    ``slip`` all the way.
+    """
+    assert scene.air is not None
+    if not scene.body:
+        return float(-slip * np.expm1(-times.whole / times.tau))
+    weight = GRAVITY * (1.0 - scene.air.density / density)
+    return float(times.arrival - scene.release[1] - weight * (times.whole - times.time))
 
 
 def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Iterator[tuple[float, float]]:

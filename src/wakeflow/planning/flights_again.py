@@ -15,6 +15,7 @@ __all__ = ["flights_again", "times_again"]
 flights_again: Registry[Callable[[AirflowPlan], int]] = Registry("source that flies granules again")
 flights_again.add("integration", lambda _: 0)  # finer steps: within the estimate's factor of three
 flights_again.add("airflow-model", lambda airflow: len(airflow.wakes_beside))
+flights_again.add("air-loading", lambda airflow: int(airflow.loaded))
 flights_again.add("mesh", lambda airflow: len(airflow.scales) - 1)
 flights_again.add("slab-time-step", lambda _: 0)  # of the slab, whose cost counts them
 flights_again.add("slab-depth", lambda _: 0)

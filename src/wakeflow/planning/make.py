@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -14,9 +14,10 @@ from typing import NamedTuple
 from ..core.errors import SceneError
 from ..laws.forces import forces
 from ..scene import Scene
+from .air_loading import feels_granules
 from .airflow import AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body
-from .bounds import COLLISIONS, VIBRATION, bounds, moved_by_air
+from .bounds import COLLISIONS, LOADING, VIBRATION, bounds, moved_by_air
 from .cost import estimate_cost
 from .coupling import Limit, limits
 from .crowd import CrowdPlan, plan_crowd, why_no_crowd
@@ -24,7 +25,7 @@ from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
 from .meetings import Encounters, shifted
 from .messages import missing_lines, used_lines, warning_lines
-from .plan import FractionPlan, Plan
+from .plan import FractionPlan, Plan, whole_terms
 from .terms import SWITCHED_OFF, Gate, LeftOut, LeftOutTerm, check_switches, limit_of, open_gate, too_small
 
 __all__ = ["AIR", "TURNING", "Planner", "make_plan"]
@@ -61,13 +62,14 @@ def make_plan(
     known = approaches(flown, airflow)
     obstacle = LOOK if flown is not given else why_no_crowd(flown)
     crowd = _crowd(flown, known, switches, target, obstacle)
-    rest = _whole(airflow, crowd), obstacle
+    airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
+    rest = whole_terms(airflow, crowd), obstacle
     decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
     fractions = {name: one.plan for name, one in decided.items()}
     gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
     validity = _validity(flown, decided, known, target)
     without_air = _without_air(given, fractions) if chain else _WithoutAir()
-    strained = warning_lines(flown, airflow, fractions, validity, target, crowded=crowd is not None)
+    strained = warning_lines(flown, airflow, fractions, validity, target, rest[0])
     return Plan(
         airflow=airflow,
         target_error=target,
@@ -145,11 +147,6 @@ def _crowd(
     return plan_crowd(scene, laws, target) if asked else None
 
 
-def _whole(airflow: AirflowPlan, crowd: CrowdPlan | None) -> list[str]:
-    """The terms that are computed for the run as a whole, of all fractions together."""
-    return [term for term, used in ((VIBRATION, airflow.moving), (COLLISIONS, crowd is not None)) if used]
-
-
 class _Decided(NamedTuple):
     """What was decided for a fraction; in a vacuum, where there is no choice of forces, without ``gate``."""
 
@@ -165,7 +162,7 @@ def _decide(
     airflow: AirflowPlan,
     switches: Mapping[str, bool],
     target: float,
-    whole: Sequence[str],
+    whole: Collection[str],
     obstacle: str | None,
 ) -> _Decided:
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
@@ -173,7 +170,7 @@ def _decide(
         return _in_vacuum(scene, name, known, switches, target, whole, obstacle)
     gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole)
     turned = known.turned
-    small = turned is not None and turned.missed <= target and turned.shift <= gate.limit
+    small = LOADING not in whole and turned is not None and turned.missed <= target and turned.shift <= gate.limit
     arrival = arrival_at_body(scene, name, known.law, known.scale)
     plan = FractionPlan(
         mode=_mode(scene, clear=small),
@@ -197,7 +194,7 @@ def _in_vacuum(
     known: Approach,
     switches: Mapping[str, bool],
     target: float,
-    whole: Sequence[str],
+    whole: Collection[str],
     obstacle: str | None,
 ) -> _Decided:
     """Where no air is there is no choice of forces, but granules meet all the same; ``obstacle``: why not here."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
 from .airflow import AirflowPlan
 from .airflow_cost import ranks_for, span_cost, typical_cells
-from .coupling import Limit, strained
+from .bounds import COLLISIONS, LOADING
+from .coupling import COUPLING, INDEPENDENT, Limit, strained
 from .crowd import CrowdPlan, crowd_lines
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
@@ -24,6 +25,7 @@ __all__ = ["missing_lines", "used_lines", "warning_lines"]
 
 LARGE = 0.95  # mass quantile that stands for a fraction's large granules
 POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
+LIFTED = {LOADING: COUPLING, COLLISIONS: INDEPENDENT}  # the assumption that no longer strains where a term is computed
 FASTER = 0.9  # factor on a sphere's drag below which data look wrong; chosen: drag laws scatter by some 5 %
 
 
@@ -147,6 +149,8 @@ def _airflow_lines(airflow: AirflowPlan, bodies: int, ranks: int | str) -> Itera
             f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in "
             f"{len(beside)} other wakes: {', '.join(beside)}"
         )
+    if airflow.loaded:
+        yield "the air feels the granules: their force on it, gathered along tracks, is given to the steady airflow"
     if len(airflow.scales) > 1:
         sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)
         yield f"beside it, for the error of the mesh: grids with cell edges of {sizes} times the usual"
@@ -166,11 +170,10 @@ def warning_lines(
     fractions: Mapping[str, FractionPlan],
     validity: Sequence[Limit],
     target: float,
-    *,
-    crowded: bool,
+    whole: Collection[str],
 ) -> Iterator[str]:
-    """Where the model's assumptions strain, with numbers; ``target``: the accuracy asked for (a share);
-    ``crowded``: the granules' meetings are computed.
+    """Where the model's assumptions strain, with numbers; ``target``: the accuracy asked for (a share); ``whole``: the
+    terms that are computed for all fractions together, which lift an assumption each.
     """
     for name, fraction in scene.fraction.items():
         size = float(fraction.diameters(np.array([LARGE]))[0])
@@ -187,7 +190,7 @@ def warning_lines(
         yield from _injected_beyond(name, plan, target)
     yield from standing(scene)
     if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
-        yield from strained(validity, crowded=crowded)
+        yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})
     yield from airflow.warnings(scene)
 
 

@@ -9,12 +9,13 @@ from types import MappingProxyType
 from typing import Any
 
 from .airflow import AirflowPlan
+from .bounds import COLLISIONS
 from .coupling import Limit
 from .crowd import CrowdPlan
 from .impaction import Deflection
 from .terms import LeftOut
 
-__all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "Plan", "replicate_size"]
+__all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "Plan", "replicate_size", "whole_terms"]
 
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
@@ -50,6 +51,11 @@ class FractionPlan:
         return table
 
 
+def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]:
+    """The terms among ``planning.bounds`` that are computed for the run as a whole, of all fractions together."""
+    return airflow.effects | ({COLLISIONS} if crowd is not None else set())
+
+
 @dataclass(frozen=True)
 class Plan:
     """What will be computed and what will not: complete when it is made, and not changed afterwards."""
@@ -82,10 +88,10 @@ class Plan:
         return replace(self, fractions=fractions)
 
     def as_computed(self) -> Plan:
-        """The same plan in the airflow as it is computed, where the answer would be a best estimate: for comparisons
-        with what is published of such airflows.
+        """The same plan in the airflow as it is computed, where the answer would be a best estimate, and without
+        granules that drag on it: for comparisons with what is published of such airflows.
         """
-        return replace(self, airflow=replace(self.airflow, wake=None))
+        return replace(self, airflow=replace(self.airflow, wake=None, loaded=False))
 
     def summary(self) -> dict[str, Any]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""

@@ -22,7 +22,7 @@ from ..core.registry import did_you_mean
 from ..laws.forces import FlightScales, forces
 from ..laws.turbulence_models import has_no_turbulence
 from ..scene import Fraction, Scene
-from .bounds import COLLISIONS, VIBRATION, bounds
+from .bounds import COLLISIONS, LOADING, VIBRATION, bounds
 from .crowd import why_no_crowd
 
 __all__ = [
@@ -97,7 +97,7 @@ def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str | None) ->
         return why_no_crowd(scene, asked=True)
     if scene.air is None:
         return "a term of the air; add an [air] table"
-    if term == VIBRATION and not fraction:
+    if term in (VIBRATION, LOADING) and not fraction:
         return None  # a switch of the airflow, for all fractions
     if term not in forces or not forces[term].computed:
         return "this version cannot compute it; its bound is in the plan"
@@ -204,6 +204,8 @@ def _blocked(scene: Scene, fraction: Fraction, term: str, turbulence: str | None
         return why_no_crowd(scene)
     if term == VIBRATION:
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
+    if term == LOADING:
+        return "the air does not feel the granules; rungs draft and standard compute it where feed.rate is given"
     if term not in forces:
         return "not computed in this version"
     return forces[term].blocked(laminar=has_no_turbulence(turbulence), point_mass=fraction.inertia is None)

@@ -165,6 +165,7 @@ def _shares(result: Result) -> dict[str, Any]:
         "alone": None if landings is None else landings.without_collisions,
         "slab": None if landings is None else landings.slab,
         "bracket": {} if landings is None else landings.bracket or {},
+        "air_loading": {} if landings is None else landings.air_loading or {},
         "answers": list(_answers(result)),
         "targets": {name: result.targets(name) for name in result.scene["fraction"]},
         "expected": lambda place: expected(result, place),

@@ -10,6 +10,7 @@ from ..pipeline.pipeline import Pipeline
 from .measured import Measured
 
 __all__ = [
+    "AirLoadingSummary",
     "Airflow",
     "AxisProfiles",
     "BestEstimate",
@@ -200,6 +201,27 @@ class SpanwiseMotion:
 
 
 @dataclass(frozen=True)
+class AirLoadingSummary(Partial):
+    """The granules' force on the air, and what it makes of the steady airflow."""
+
+    passes: int | None = column("1", "solutions of the steady airflow under the force", default=None)
+    change: float | None = column("1", "largest change of a share in the steady airflow by the last pass", default=None)
+    force: tuple[float, ...] | None = column(
+        "N/m", "x and y, of all granules on the air of the last pass, per metre of depth", default=None
+    )
+    given: float | None = column("N/m", "y, given to the air of the last pass", default=None)
+    imbalance: float | None = column("1", "force less what the granules lost, over the latter", default=None)
+    unanswered: float | None = column(
+        "1", "force that the air of the last pass should be given less what it was given, over that", default=None
+    )
+    cd_without: Measured | None = column("1", "drag coefficient of the steady airflow without the force", default=None)
+    cd: Measured | None = column("1", "drag coefficient of the steady airflow with it", default=None)
+    verdict: str | None = column("", "of the steady airflow with it", default=None)
+    cells: int | None = column("1", "mesh cells that feel a force", default=None)
+    sources: int | None = column("1", "sources in OpenFOAM's momentum equation", default=None)
+
+
+@dataclass(frozen=True)
 class Airflow(Partial):
     """What was measured on the airflow, or is known of it. Which keys are told depends on the kind of airflow."""
 
@@ -243,6 +265,9 @@ class Airflow(Partial):
     wake: BestEstimate | None = column("", "how the air lies between its ends; null where it is one", default=None)
     ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
     momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)
+    loading: AirLoadingSummary | None = column(
+        "", "what the granules change of the steady airflow; null where the air does not feel them", default=None
+    )
     divergence: FieldDivergence | None = column("", "of the field that the tracker reads", default=None)
     truncation: FieldTruncation | None = column("", "of a time-resolved field; null for a steady one", default=None)
 

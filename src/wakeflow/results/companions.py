@@ -34,6 +34,7 @@ __all__ = [
     "FINER",
     "Comparison",
     "Grid",
+    "Shares",
     "airflow_on_grids",
     "airflows",
     "compared",
@@ -42,6 +43,7 @@ __all__ = [
     "grids",
     "mesh_error",
     "on_other_grids",
+    "shares_of",
     "shedding_noise",
     "steady_wake",
 ]
@@ -92,7 +94,8 @@ def compared(landing: Landings) -> Landings:
     return replace(landing, **{name: values[kept] for name, values in vars(landing).items() if values is not None})
 
 
-def _shares(pipeline: Pipeline, tracked: Tracked) -> Shares:
+def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:
+    """The shares of the granules that fly in comparisons."""
     landings: Mapping[str, Landings] = tracked.landings
     return {name: compared(landings[name]).counts(len(pipeline.scene.bin)) for name in landings}
 
@@ -126,9 +129,9 @@ def airflows(pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
         where, change = pipeline, Companion(f"{wake} wake", wake=numbers)
         if wake is Wake.STEADY:  # on its own mesh, where a second core may have flown it already
             where, change = pipeline.draft, IN_STEADY_WAKE
-        shares[wake] = _shares(pipeline, where.tracks(change))
+        shares[wake] = shares_of(pipeline, where.tracks(change))
         seconds += where.spent(change.name)
-    return Comparison({**shares, Wake.ANSWER: _shares(pipeline, tracked)}, seconds)
+    return Comparison({**shares, Wake.ANSWER: shares_of(pipeline, tracked)}, seconds)
 
 
 def steady_wake(pipeline: Pipeline) -> list[Callable[[], object]]:
@@ -152,7 +155,7 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
     flown = {_grid(other): other.tracks(ON_ANOTHER_GRID) for other in others}
     seconds = sum(other.spent(stage) for other in others for stage in ("airflow", "tracks"))
     flown[_grid(own)] = tracked
-    shares = {grid: _shares(pipeline, found) for grid, found in flown.items()}
+    shares = {grid: shares_of(pipeline, found) for grid, found in flown.items()}
     return Comparison(shares, seconds, {grid: _shedding(pipeline, found) for grid, found in flown.items()})
 
 

@@ -20,6 +20,7 @@ __all__ = [
     "BudgetRow",
     "BudgetTotal",
     "LandingResults",
+    "LoadingEffect",
     "Separation",
 ]
 
@@ -86,6 +87,14 @@ class BudgetRow:
 
 
 @dataclass(frozen=True)
+class LoadingEffect:
+    """A share of the same granules in air that does not feel them, and in air that does."""
+
+    without: float = column("1", "share in air that does not feel the granules")
+    loaded: float = column("1", "share in air that does")
+
+
+@dataclass(frozen=True)
 class LandingResults:
     """What the landings of all granules amount to."""
 
@@ -102,3 +111,7 @@ class LandingResults:
     slab: CrowdSummary | None = column(
         "", "where collisions were computed; left out where granules fly alone", absent=True, default=None
     )
+    air_loading: dict[str, dict[str, LoadingEffect]] | None = column(
+        "1", "by fraction and bin, what the granules' force on the air does, each granule alone; left out where the "
+        "air does not feel them", absent=True, default=None,
+    )  # fmt: skip

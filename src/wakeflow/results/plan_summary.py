@@ -116,6 +116,7 @@ class PlanSummary(Partial):
     scales: tuple[float, ...] | None = column("1", "cell edges over the rung's own, one a grid", default=None)
     brackets: bool | None = column("", "whether steady and time-resolved wake bracket the truth", default=None)
     moving: bool | None = column("", "whether the mesh vibrates with the body", default=None)
+    loaded: bool | None = column("", "whether the air feels the granules", default=None)
     accuracy: float | None = column("1", "relative half width at which a time-resolved run may end", default=None)
     wake: BestEstimate | None = column("", "how much of the time-resolved wake the answer is flown in", default=None)
     span: PlannedSpan | None = column("", "the third dimension; null where the airflow is plane", default=None)

@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..pipeline.pipeline import Pipeline
+from ..planning.bounds import LOADING
 from ..planning.wake import Wake
+from .air_loading import Unloaded, fly_unloaded
 from .companions import (
     Comparison,
     Grid,
@@ -43,11 +45,15 @@ __all__ = [
     "ImpactParameters",
     "Integration",
     "LeftOutTerms",
+    "LoadedAir",
     "Mesh",
     "Sampling",
 ]
 
 Parts = Mapping[str, Sequence[BudgetPart]]
+# Of what the force moves: the error of taking the steady end's change for that of both ends. Measured in the shipped
+# rhombus (cases/studies/air_loading.py --both): 1.2 for dust, 0.1 for chaff and wheat; the largest counts
+OTHER_WAKE = 1.2
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
 INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
 
@@ -138,6 +144,31 @@ class AirflowModel(Source[Comparison[Wake]]):
         return self.part(abs(moved[which]), seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
 
 
+class LoadedAir(Source[Unloaded]):
+    """The granules' force on the air: what the last pass changed, and of an airflow in time OTHER_WAKE of what the
+    force does, since the change is that of the steady wake.
+    """
+
+    name, how, place = LOADING, COMPANION, 55
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Unloaded | None:
+        return fly_unloaded(pipeline, tracked)
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        flown, loading = fraction.flights.of(self), fraction.pipeline.loading
+        if flown is None or loading is None:
+            return {}
+        in_time = fraction.pipeline.plan.airflow.stepping != "steady"
+        found = {}
+        for number, bin_ in enumerate(fraction.shares):
+            effect = flown.effect(fraction.name, number)
+            moved, last = effect.loaded - effect.without, loading.last_change(fraction.name, number)
+            told = f"the force moves the share by {100 * moved:+.2g} points, its last pass by {100 * last:+.2g}"
+            error = abs(last) + (OTHER_WAKE * abs(moved) if in_time else 0.0)
+            found[bin_] = [self.part(error, flown.seconds, told)]
+        return found
+
+
 class AirflowStatistics(Source[None]):
     """The finite sample of the airflow: half of the 95 % interval over its shedding cycles, or its realisations."""
 
@@ -200,7 +231,9 @@ def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple
         yield bin_, dict(differences(wakes, fraction.name, number))
 
 
-MODEL = AirflowModel()
+MODEL, UNLOADED = AirflowModel(), LoadedAir()
 # In the order in which they fly; each is named in the budget and run once.
-for _source in (Sampling(), Integration(), MODEL, Mesh(), AirflowStatistics(), LeftOutTerms(), ImpactParameters()):
+for _source in (
+    Sampling(), Integration(), MODEL, Mesh(), UNLOADED, AirflowStatistics(), LeftOutTerms(), ImpactParameters(),
+):  # fmt: skip
     budget_sources.add(_source.name, _source)

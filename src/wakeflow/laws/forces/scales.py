@@ -55,6 +55,8 @@ class FlightScales:
     omega: float  # of the vibration, rad/s
     meetings: float  # with granules as heavy or heavier, lighter ones by their share
     knock: float  # m/s, the change of velocity that one of these brings at most
+    given: float = 0.0  # m/s, velocity that drag gives it in the curtain, on its way to the body
+    slowed: float = 0.0  # largest change of the air's velocity by the drag of all granules, over the air speed
     calm: bool = False  # no body: the air neither turns nor changes its speed
     shedding: bool = False  # the airflow is resolved in time
 

@@ -89,8 +89,9 @@ class Rules(NamedTuple):
     KICK_X, KICK_Y,  # m/s, Brownian velocity of the interval of noise
     T_NOISE,  # s, when the interval of noise ends
     H_STRIDE,  # s, the stride to try next; 0: none was tried
-) = range(18)  # fmt: skip
-FLOATS = 18
+    GAIN_X, GAIN_Y,  # m/s, velocity that all but walls gave it since its birth; kept where its path is
+) = range(20)  # fmt: skip
+FLOATS = 20
 
 # -- State of a granule: integers --------------------------------------------------------------------------------------
 (
@@ -214,8 +215,8 @@ SAMPLE_OUT, SAMPLE_SPEED, SAMPLE_PULL, SAMPLE_JERK = range(1, 5)
 CELL_BEGIN, CELL_PER, CELL_0, CELL_1, CELL_2, CELL_3 = range(6)
 
 # -- A record: points of a track ---------------------------------------------------------------------------------------
-REC_T, REC_X, REC_Y, REC_VX, REC_VY = range(5)
-RECORD = 5
+REC_T, REC_X, REC_Y, REC_VX, REC_VY, REC_GAIN_X, REC_GAIN_Y = range(7)
+RECORD = 7
 
 # -- Kinds and fates ---------------------------------------------------------------------------------------------------
 # numpy scalars: numba would compile every helper anew for each literal int it is called with

@@ -71,22 +71,24 @@ def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
 def _start(state, ints, path, affine, hold, grain, table, walls, rules, timed):
     """Begin a step: the force where the granule is, in contact what the wall leaves of it, and the path from there.
 
-    Returns the scales of its speed (m/s) and acceleration (m/s2), and whether it moves; else it was dealt with.
+    Returns the scales of its speed (m/s) and acceleration (m/s2), whether it moves (else it was dealt with), and the
+    force per mass without walls (m/s2).
     """
     x, y, vx, vy, t0 = state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T]
     fx, fy, rate, ux, uy = free_force(affine, grain, table, x, y, vx, vy, t0, state[at.SPIN])
+    free_x, free_y = fx, fy
     ints[at.EVALUATIONS] += 1
     wind2 = ux * ux + uy * uy
     pull = math.sqrt(affine[at.AX0] ** 2 + affine[at.AY0] ** 2) + rules.shaken
     speed = math.sqrt(max(vx * vx + vy * vy, wind2 if rate > 0.0 else 0.0))
     if hold[at.KIND] != at.FREE:
         if grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
-            return speed, pull, False
+            return speed, pull, False, free_x, free_y
         if hold[at.KIND] != at.FREE:
             fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
     path[at.START_X], path[at.START_Y], path[at.START_VX], path[at.START_VY], path[at.RATE] = x, y, vx, vy, rate
     path[at.N0X], path[at.N0Y], path[at.AIR_X], path[at.AIR_Y] = fx + rate * vx, fy + rate * vy, ux, uy
-    return speed, pull, True
+    return speed, pull, True, free_x, free_y
 
 
 @inlined
@@ -200,12 +202,33 @@ def _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air
         rescue(state, ints, hold, affine, grain, table, walls, rules)
 
 
+@inlined
+def _gain(begun, vx, vy, fx, fy, state, affine, hold, grain, table):
+    """Add up what all but walls gave a granule in a step that ``begun`` at that time (s) with velocity (vx, vy) and
+    force per mass (fx, fy): in flight the change of its velocity; in contact, where the wall takes part of it, the
+    force of the air and its weight, by the trapezoidal rule.
+    """
+    if hold[at.KIND] == at.FREE:
+        state[at.GAIN_X] += state[at.VX] - vx
+        state[at.GAIN_Y] += state[at.VY] - vy
+        return
+    ex, ey, _, _, _ = free_force(
+        affine, grain, table, state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T], state[at.SPIN]
+    )
+    half = 0.5 * (state[at.T] - begun)
+    state[at.GAIN_X] += half * (fx + ex)
+    state[at.GAIN_Y] += half * (fy + ey)
+
+
 @merged
 def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, timed, edge, record):
     """One step and what ends it."""
-    speed, pull, moves = _start(state, ints, path, affine, hold, grain, table, walls, rules, timed)
+    begun, vx, vy, kept = state[at.T], state[at.VX], state[at.VY], record.shape[0] > 0
+    speed, pull, moves, fx, fy = _start(state, ints, path, affine, hold, grain, table, walls, rules, timed)
     if not moves:
         ints[at.STEPS] += 1
+        if kept:
+            _gain(begun, vx, vy, fx, fy, state, affine, hold, grain, table)
         store_point(state, ints, record, 0)
         return
     meshed = air.corners.shape[0] > 0 and ints[at.GAP] < 0
@@ -222,6 +245,8 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     )
     ints[at.STEPS] += 1
     _move(end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules)
+    if kept:
+        _gain(begun, vx, vy, fx, fy, state, affine, hold, grain, table)
     if event == events.CROSSED:
         ints[at.FATE], ints[at.LINE] = at.BINNED, line
         return
@@ -251,11 +276,13 @@ def fly_block(states, counts, grains, tables, table_of, air, walls, rules, recor
                 meshed = air.corners.shape[0] > 0 and ints[at.GAP] < 0 and ints[at.HOPS] < HOP_LIMIT
                 if meshed and hop(state, ints, air, walls, rules):
                     continue
-                drawn = record.shape[0] > 0
+                drawn, vx, vy = record.shape[0] > 0, state[at.VX], state[at.VY]
                 if (
                     meshed
                     and multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0
                 ):
+                    state[at.GAIN_X] += state[at.VX] - vx
+                    state[at.GAIN_Y] += state[at.VY] - vy
                     store_point(state, ints, record, 0)
                     continue
                 if ints[at.FRESH] == 0:

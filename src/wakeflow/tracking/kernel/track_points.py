@@ -20,7 +20,7 @@ def store_point(state, ints, record, last):
     if ints[at.KEPT] == room - 1 and last == 0:
         half = (room - 1) // 2
         for i in range(half):
-            for j in range(5):
+            for j in range(at.RECORD):
                 record[i, j] = record[2 * i, j]
         ints[at.KEPT] = half
         ints[at.KEEP_EVERY] *= 2
@@ -32,5 +32,6 @@ def store_point(state, ints, record, last):
         state[at.VX],
         state[at.VY],
     )
+    record[i, at.REC_GAIN_X], record[i, at.REC_GAIN_Y] = state[at.GAIN_X], state[at.GAIN_Y]
     ints[at.KEPT] = i + 1
     ints[at.OFFERED] += 1

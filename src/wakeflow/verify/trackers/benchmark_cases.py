@@ -62,7 +62,7 @@ def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Pipel
     With the paper's granules: the trackers that it is compared with know no scatter.
     """
     scene = Scene.load(scene_templates()["rhombus"], {"fraction.*.impact": "paper"})
-    plan = make_plan(scene, rung=rung)
+    plan = make_plan(scene, rung=rung, force={"air-loading": False})
     return scene, plan, Pipeline(scene, plan, listener)
 
 
@@ -74,7 +74,7 @@ def benchmark_case(
     """
     fraction, changes = of or KINDS[kind]
     changed = scene.replace({**changes, "feed.count": count, "numerics.rung": "draft"})
-    plan = make_plan(changed)
+    plan = make_plan(changed, force={"air-loading": False})
     feed = feedstock(changed, plan, fraction, None)
     grains = feed.granules
     motion = motion_of(changed)

@@ -43,7 +43,7 @@ from wakeflow.planning.make import make_plan
 scene, _, pipeline = shipped(lambda stage, text: None)
 wheat = {**scene.tables()["fraction"]["wheat"], "mass_share": 1.0}
 scene = scene.replace({"feed.count": int(sys.argv[1]), "fraction": {"wheat": wheat}})
-plan = make_plan(scene, rung="draft").with_forces(("drag", "gravity", "buoyancy"))
+plan = make_plan(scene, rung="draft", force={"air-loading": False}).with_forces(("drag", "gravity", "buoyancy"))
 flight = Flight(scene, plan, pipeline.kind.realisations, scene.numerics.tolerance)
 compile_tracker()
 begun = time.perf_counter()

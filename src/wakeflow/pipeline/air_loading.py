@@ -1,0 +1,204 @@
+"""The air feels the granules: their force on it, gathered along tracks, is given to the steady airflow.
+
+Pass after pass, granules fly through the steady airflow as it is known so far, one way; what they exert on the air is
+gathered (``gather``), and OpenFOAM solves the steady airflow on under that force. What the last pass changes of the
+steady airflow is added to whatever airflow granules are flown in: the steady one itself, or one in time, whose wake is
+another but whose approach, where the curtain takes the most from the air, is the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.boxes import ForceDensity
+from ..core.store import content_key
+from ..planning.plan import Plan
+from ..scene import Scene
+from .airflow_kinds import CaseAir
+from .cache import StageCache, code_of, version_of
+from .case_field import case_field
+from .compilation import COMPILED, Compilation
+from .solved_air import SolvedAir
+
+if TYPE_CHECKING:
+    from ..field import FlowField
+    from .gather import Gathered
+
+__all__ = ["AirLoading"]
+
+LEAST = 0.01  # of rho U^2 a body width: less is left out. Chosen: keeps 95 % of the shipped rhombus's, out of the wake
+MOST_PASSES = 3  # solutions under a force
+TOWARDS = 0.7  # of the way to the force gathered last. Chosen: slower air drags less, so that the whole way oversteps
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One pass: the ``force`` (N/m3) that the airflow was solved under, that airflow's ``key`` and ``folder``, what
+    granules ``gathered`` in it, and the largest ``change`` of their shares from the pass before.
+    """
+
+    force: ForceDensity
+    key: str
+    folder: Path
+    gathered: Gathered
+    change: float
+
+
+@dataclass
+class AirLoading:
+    """What the granules of a scene change of its airflow; ``steady``: the steady one that they change."""
+
+    scene: Scene
+    plan: Plan  # of the steady airflow
+    cache: StageCache
+    steady: CaseAir
+    compilation: Compilation
+    workers: int | None = None
+
+    @cached_property
+    def passes(self) -> tuple[Pass, ...]:
+        """Every pass, until the shares stand within the accuracy asked for, or after MOST_PASSES."""
+        return tuple(self._passes())
+
+    @property
+    def key(self) -> str:
+        """Everything that the change depends on."""
+        last = self.passes[-1]
+        return content_key("loaded", self._unloaded[0], last.key, code_of("field"), code_of("change"))
+
+    @cached_property
+    def first(self) -> Gathered:
+        """What granules exert on the air that does not feel them."""
+        return self._gathered(*self._unloaded)
+
+    def apply(self, field: FlowField) -> FlowField:
+        """A field of the same channel, with the change."""
+        from ..field.change import changed_as
+
+        return changed_as(field, self._unloaded[1], self._loaded)
+
+    @cached_property
+    def _unloaded(self) -> tuple[str, FlowField]:
+        assert self.steady.field is not None
+        return self.steady.field
+
+    @cached_property
+    def _loaded(self) -> FlowField:
+        return self.field_in(self.passes[-1].folder)
+
+    @property
+    def least(self) -> float:
+        """Force density (N/m3) below which none is given to the air."""
+        assert self.scene.air is not None
+        return LEAST * self.scene.air.density * self.scene.air.speed**2 / self.scene.width
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """What the passes found: the ``loading`` of the airflow's table in result.json."""
+        from ..foam.momentum_source import SOURCE
+
+        last, case = self.passes[-1], self.passes[-1].folder / "case"
+        laid = json.loads((case / SOURCE).read_text())
+        whole = (2.0 if self.steady.half else 1.0) * laid["force"][1]
+        before, after = self.steady.measured, json.loads((case / "airflow.json").read_text())
+        return {
+            "passes": len(self.passes),
+            "change": last.change,
+            "force": last.gathered.force.total.tolist(),
+            "given": whole,
+            "imbalance": last.gathered.imbalance,
+            "unanswered": float(abs(last.gathered.force.above(self.least).total[1] - whole) / max(abs(whole), 1e-300)),
+            "cd_without": before["cd"],
+            "cd": after["cd"],
+            "verdict": after["verdict"],
+            "cells": laid["cells"],
+            "sources": laid["sources"],
+        }
+
+    def last_change(self, name: str, place: int) -> float:
+        """What the last pass changed of a fraction's share in bin number ``place``, in the steady airflow."""
+        before = self.passes[-2].gathered if len(self.passes) > 1 else self.first
+        return self.passes[-1].gathered.shares[name][place] - before.shares[name][place]
+
+    def _passes(self) -> Iterator[Pass]:
+        before = self.first
+        force, start = before.force.above(self.least), self.steady.solution
+        for number in range(MOST_PASSES):
+            key, folder = self._solved(force, *start)
+            after = self._gathered(key, self.field_in(folder))
+            change = _farthest(before, after)
+            yield Pass(force, key, folder, after, change)
+            if change <= self.plan.target_error:
+                return
+            before, start, force = after, (key, folder), force.towards(after.force.above(self.least), TOWARDS)
+            self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * change:.2g} points")
+
+    def _gathered(self, key: str, field: FlowField) -> Gathered:
+        """What granules exert on the air of a field and its key, from the cache or gathered now."""
+        from .gather import gather_force, gathered_in, resolved
+
+        tables = self.scene.model_dump(mode="json", by_alias=True)
+        for name in ("numerics", "picture", "funnel"):
+            del tables[name]
+        del tables["feed"]["count"]
+        how = {name: row.tracked for name, row in resolved(self.plan).fractions.items()}
+        versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
+        asked = tables, list(self.scene.bin), repr(how), self.plan.airflow.symmetric, self.scene.numerics.tolerance
+        made = content_key("momentum", key, asked, code_of("momentum"), versions)
+
+        def work(part: Path) -> None:
+            if COMPILED not in self.cache.seconds:
+                self.compilation.finish(self.cache)
+            gather_force(
+                self.scene, self.plan, field, self.workers, lambda text: self.cache.tell("momentum", text), part
+            )
+
+        return gathered_in(self.cache.make("momentum", made, work))
+
+    def _solved(self, force: ForceDensity, from_key: str, start: Path) -> tuple[str, Path]:
+        """Key and folder of the steady airflow under ``force``, from the cache or solved on from another's."""
+        from ..foam.loaded_airflow import solve_loaded
+
+        steady = self.steady
+        assert isinstance(steady, SolvedAir)
+        box = force.boxes
+        key = content_key(
+            "loaded-airflow", from_key, [box.left, box.bottom, box.pitch, *force.density.shape],
+            _digest(force), code_of("loaded-airflow"),
+        )  # fmt: skip
+
+        def work(part: Path) -> None:
+            solve_loaded(
+                steady.solved_spec,
+                steady.mesh[1] / "mesh.msh",
+                part / "case",
+                force,
+                start=start / "case",
+                listener=lambda now: self.cache.tell("loaded-airflow", str(now)),
+            )
+
+        return key, self.cache.make("loaded-airflow", key, work)
+
+    def field_in(self, folder: Path) -> FlowField:
+        """The steady airflow of the pass whose ``folder`` that is."""
+        assert self.scene.air is not None
+        case = folder / "case"
+        time = json.loads((case / "airflow.json").read_text())["field_time"]
+        return case_field(case, time, self.scene.air.density, half=self.steady.half)
+
+
+def _digest(force: ForceDensity) -> str:
+    """sha256 (hex) of the force's values."""
+    return hashlib.sha256(force.density.tobytes()).hexdigest()
+
+
+def _farthest(before: Gathered, after: Gathered) -> float:
+    """The largest change of any share."""
+    rows = ((before.shares[name], after.shares[name]) for name in after.shares)
+    return max(abs(new - old) for olds, news in rows for old, new in zip(olds, news, strict=True))

@@ -1,0 +1,206 @@
+"""The air feels the granules: end to end on a coarse mesh, its decision, its symmetry, its cache, what it costs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from support import loaded_scene, shipped
+from wakeflow.core.errors import SceneError
+from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.bounds import LOADING
+from wakeflow.planning.coupling import COUPLING
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
+
+CALM = {"basset-history": False}  # of chaff: it would refuse the accuracy
+
+
+# -- the decision ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth"])
+def test_the_shipped_machines_at_their_feed_load_their_air(name: str) -> None:
+    plan = make_plan(shipped(name))
+    assert plan.airflow.loaded
+    assert any("the air feels the granules" in line for line in plan.used)
+    assert not [row for row in plan.left_out if row.name == LOADING]
+    assert not [line for line in plan.warnings if line.startswith(COUPLING)]
+    assert all(how.mode == "resolved" for how in plan.fractions.values())  # air before the body is not uniform
+
+
+def test_a_thousandth_of_the_feed_is_left_out_with_its_bound() -> None:
+    plan = make_plan(shipped("rhombus", {"feed.rate": "0.5 kg/hour"}))
+    assert not plan.airflow.loaded
+    rows = {row.fraction: row for row in plan.left_out if row.name == LOADING}
+    assert set(rows) == set(plan.fractions)
+    for name, row in rows.items():
+        assert row.bound is not None
+        assert 0.0 < row.bound <= (plan.fractions[name].limit or 0.0)
+    whole = make_plan(shipped("rhombus"))
+    for name, row in rows.items():  # nearly proportional where it is small
+        assert whole.fractions[name].bounds[LOADING] > 1e3 * (row.bound or 0.0)
+
+
+def test_switches() -> None:
+    tame, full = shipped("rhombus", {"feed.rate": "0.5 kg/hour"}), shipped("rhombus")
+    assert make_plan(tame, force={LOADING: True}).airflow.loaded
+    off = make_plan(full, force={LOADING: False})
+    assert not off.airflow.loaded
+    left = [row for row in off.left_out if row.name == LOADING]
+    assert len(left) == len(full.fraction)
+    assert all(row.why.endswith("switched off by --force") for row in left)
+    assert any(line.startswith(COUPLING) for line in off.warnings)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "rung", "message"),
+    [
+        ("aspirator", {}, None, "rung analytic has no steady airflow"),
+        ("rhombus", {}, "3d", "rung 3d has no steady airflow"),
+        ("vacuum", {}, None, r"a term of the air; add an \[air\] table"),
+    ],
+)
+def test_where_it_cannot_be_had_it_says_so(name: str, changes: dict[str, Any], rung: str | None, message: str) -> None:
+    asked = shipped(name, changes)
+    with pytest.raises(SceneError, match=f"--force {LOADING}=on: {message}"):
+        make_plan(asked, rung=rung, force={**CALM, LOADING: True})
+
+
+def test_without_a_feed_rate_nobody_knows_how_dense_the_curtain_is() -> None:
+    tables = shipped("rhombus").tables()
+    del tables["feed"]["rate"]
+    plan = make_plan(Scene.parse(tables))
+    assert not plan.airflow.loaded
+    assert all(how.bounds[LOADING] == 0.0 for how in plan.fractions.values())
+    with pytest.raises(SceneError, match=r"has no feed.rate"):
+        make_plan(Scene.parse(tables), force={LOADING: True})
+
+
+def test_air_that_cannot_be_solved_on_keeps_its_bound_and_a_warning() -> None:
+    plan = make_plan(shipped("aspirator"))
+    assert any(line.startswith(f"{LOADING}, left out, could move wheat") for line in plan.warnings)
+
+
+# -- end to end --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    return wf.run(loaded_scene(), tmp_path_factory.mktemp("loaded"), force=CALM)
+
+
+@pytest.mark.openfoam
+def test_the_result_says_what_it_does(loaded: wf.Result) -> None:
+    assert loaded.airflow is not None
+    assert loaded.landings is not None
+    found, effects = loaded.airflow.loading, loaded.landings.air_loading
+    assert found is not None
+    assert effects is not None
+    assert found.passes in (1, 2, 3)
+    assert found.imbalance is not None
+    assert found.imbalance < 1e-9  # what all boxes feel is what the granules lost
+    assert found.force is not None
+    assert found.given is not None
+    assert found.force[1] > 0.0  # against the air, which flows down
+    assert found.force[0] == pytest.approx(0.0, abs=1e-12 * found.force[1])
+    assert 0.7 * found.force[1] < found.given < 1.3 * found.force[1]
+    assert found.cd is not None
+    assert found.cd_without is not None
+    assert (found.cd.value or 0.0) < 0.97 * (found.cd_without.value or 0.0)
+    for name, places in effects.items():
+        for which in ("without", "loaded"):
+            assert sum(getattr(row, which) for row in places.values()) == pytest.approx(1.0)
+            assert set(places) == {*loaded.landings.separation.bins}, name
+    parts = {part.source: part for row in loaded.budget for part in row.parts if row.quantity.startswith("share.")}
+    assert parts[LOADING].how == "companion"
+    assert "the force moves the share by" in (parts[LOADING].note or "")
+    assert 'id="air-loading"' in (loaded.folder / "report.html").read_text()
+
+
+@pytest.mark.openfoam
+def test_left_out_the_shares_are_those_without(loaded: wf.Result, tmp_path: Path) -> None:
+    """The companion's air is the one of a run in which the term is off; the granules of a comparison are among all."""
+    off = wf.run(loaded_scene(), tmp_path, force={**CALM, LOADING: False, "pressure-gradient": True}, until="airflow")
+    assert loaded.airflow is not None
+    assert off.airflow is not None
+    assert loaded.airflow.loading is not None
+    assert loaded.airflow.loading.cd_without == off.airflow.cd
+    assert off.airflow.loading is None
+
+
+@pytest.mark.openfoam
+def test_the_loaded_air_is_slower_above_the_body_and_its_own_mirror_image(loaded: wf.Result) -> None:
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    assert pipeline.loading is not None
+    bare, field = pipeline.kind.field, pipeline.field[1]
+    assert bare is not None
+    axis = np.array([[1e-4, 0.06], [1e-4, 0.1]])
+    assert np.all(field.sample(axis)[0][:, 1] > bare[1].sample(axis)[0][:, 1] + 0.1)  # downward: less negative
+    places = np.array([[0.013, 0.05], [0.04, 0.02], [0.07, -0.06]])
+    right, left = field.sample(places)[0], field.sample(places * (-1.0, 1.0))[0]
+    np.testing.assert_allclose(left, right * (-1.0, 1.0), atol=1e-9)
+    density = pipeline.loading.passes[-1].force.density
+    np.testing.assert_array_equal(density, density[:, ::-1] * (-1.0, 1.0))
+    assert field.divergence().rms < 1.5 * bare[1].divergence().rms + 1e-3
+
+
+@pytest.mark.openfoam
+def test_it_comes_from_the_cache_and_its_keys_follow_the_feed(loaded: wf.Result) -> None:
+    again = wf.run(loaded_scene(), loaded.folder, force=CALM)
+    assert all(stage.cached for stage in again.seconds.values())
+    assert again.table["separation"] == loaded.table["separation"]
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    assert pipeline.loading is not None
+    keys = {path.name for path in (pipeline.store.root / "loaded-airflow").iterdir() if path.is_dir()}
+    assert {one.key for one in pipeline.loading.passes} <= keys
+    case = pipeline.loading.passes[-1].folder / "case"
+    assert json.loads((case / "airflow.json").read_text())["verdict"] == "steady"
+
+
+@pytest.mark.openfoam
+def test_an_airflow_in_time_gets_the_change_of_the_steady_one(loaded: wf.Result) -> None:
+    """Added to any field of the channel: the same change of the mean, nothing of the fluctuation."""
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    bare = pipeline.kind.field
+    assert bare is not None
+    assert pipeline.loading is not None
+    steady, phase = bare[1], np.arange(8) / 8 * 2 * np.pi
+    swing = 1.0 + 0.1 * np.cos(phase)
+    moving = wf.FlowField.from_arrays(
+        steady.points, steady.triangles, swing[:, None, None] * steady.velocity,
+        times=0.01 * phase, period=0.02 * np.pi, density=steady.density, viscosity=steady.viscosity,
+    )  # fmt: skip
+    changed = pipeline.loading.apply(moving)
+    change = pipeline.field[1].velocity - steady.velocity
+    np.testing.assert_allclose(changed.velocity - moving.velocity, np.broadcast_to(change, moving.velocity.shape))
+
+
+@pytest.mark.openfoam
+def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
+    """As tests/planning/test_plan_gate.py has it of the other terms, without random forces."""
+    asked = loaded_scene()
+    plan = make_plan(asked, force=CALM)
+    pipeline = Pipeline(asked, plan)
+    bare = pipeline.kind.field
+    assert bare is not None
+    calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
+    grains = feedstock(asked, calm, "chaff", None).granules
+    ends = [
+        Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position
+        for air in (bare[1], pipeline.field[1])
+    ]
+    shift = np.percentile(np.linalg.norm(ends[1] - ends[0], axis=1) / asked.width, 95)
+    bound = plan.fractions["chaff"].bounds[LOADING]
+    assert shift <= bound <= 30.0 * shift
