@@ -69,7 +69,8 @@ def flights(
             sideways_bins=sideways,
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
-            omega=omega, meetings=met.heavier, knock=met.knock, given=_given_by_drag(scene, times, density, slip), shedding=shedding,
+            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding,
+            given=_given_by_drag(scene, times, density, slip),
         ))  # fmt: skip
     return scales
 
