@@ -1,6 +1,6 @@
 """Move inlet and outlet of the shipped rhombus' airflow, and see what that changes of the air and of the shares:
 
-.venv/bin/python cases/studies/domain.py [draft|standard ...] [--quick]
+.venv/bin/python cases/studies/domain.py [draft|standard ...] [--count N] [--quick]
 
 Prints the tables of docs/validation.md, one a rung: the same scene with its ends at so many body widths before and
 behind the body; in the last row they are furthest off, and the last columns compare each row's shares with that one's.
@@ -11,7 +11,7 @@ The steady wake shows what the inlet does, through which no vortices leave; the 
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -107,13 +107,20 @@ def table(scene: wf.Scene, rung: str, scales: Sequence[float], tell: Callable[[s
         )
 
 
-def main(rungs: Sequence[str], tell: Callable[[str], None] = print, quick: bool = False) -> None:
-    """Tell the table of each rung."""
-    scene = wf.Scene.load(CASES / "rhombus.toml").replace({"feed.count": QUICK_COUNT if quick else COUNT})
+def main(
+    rungs: Sequence[str], tell: Callable[[str], None] = print, quick: bool = False, count: int | None = None
+) -> None:
+    """Tell the table of each rung; ``count`` granules of each fraction."""
+    scene = wf.Scene.load(CASES / "rhombus.toml").replace({"feed.count": count or (QUICK_COUNT if quick else COUNT)})
     for rung in rungs:
         scales = QUICK_SCALE * MESHES[3:5] / MESHES[4] if quick else SCALES[rung] * MESHES
         table(scene, rung, scales, tell, short=quick)
 
 
 if __name__ == "__main__":
-    main([word for word in sys.argv[1:] if word != "--quick"] or list(DISTANCES), quick="--quick" in sys.argv)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("rungs", nargs="*", choices=list(DISTANCES), default=list(DISTANCES))
+    parser.add_argument("--count", type=int, help="granules of each fraction")
+    parser.add_argument("--quick", action="store_true", help="two coarse meshes, few granules")
+    asked = parser.parse_args()
+    main(asked.rungs, quick=asked.quick, count=asked.count)

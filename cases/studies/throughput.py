@@ -1,9 +1,10 @@
-"""Print recovery and purity against the feed rate, with the granules' collisions and without, and draw them:
+"""Print recovery and purity against the feed rate, of granules that meet in air that feels them, and draw them:
 
 .venv/bin/python cases/studies/throughput.py [docs/pictures/throughput.png] [--scene NAME] [--rung RUNG] [--count N]
 
-Scenes are those of cases/ that have a feed rate; without --scene the rhombus and the prism. One airflow a scene: the
-rate changes the slab alone, which flies at every rate, even where the plan would leave collisions out.
+Scenes are those of cases/ that have a feed rate; without --scene the rhombus, the prism and the labyrinth. The first
+row has each granule alone in air that does not feel it. The slab flies at every rate, even where the plan would leave
+collisions out; the air feels the granules where the plan wants it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 import wakeflow as wf
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.bounds import COLLISIONS
+from wakeflow.planning.bounds import COLLISIONS, LOADING
 from wakeflow.planning.make import make_plan
 from wakeflow.report.words import percent
 from wakeflow.results.landing_results import Separation
@@ -52,13 +53,13 @@ class Point:
 
 
 def points(scene: wf.Scene, rates: Sequence[float], rung: str | None = None) -> list[Point]:
-    """The separation of granules that fly alone, then of those that meet at each of the ``rates`` (kg/h)."""
+    """The separation of granules alone in air that does not feel them, then at each of the ``rates`` (kg/h)."""
     found: list[Point] = []
+    alone = Pipeline(scene, make_plan(scene, rung=rung, force={COLLISIONS: False, LOADING: False}))
+    found.append(Point(0.0, separate(scene, alone.tracks().landings), dict.fromkeys(scene.fraction, 0.0)))
     for rate in rates:
         fed = scene.replace({"feed.rate": rate / HOUR})
         pipeline = Pipeline(fed, make_plan(fed, rung=rung, force={COLLISIONS: True}))
-        if not found:
-            found.append(Point(0.0, separate(fed, pipeline.tracks().landings), dict.fromkeys(fed.fraction, 0.0)))
         crowd = pipeline.crowd()
         assert crowd is not None
         meetings = {}
@@ -124,7 +125,7 @@ def main(words: Sequence[str] | None = None) -> dict[str, tuple[wf.Scene, list[P
     parser.add_argument("--quick", action="store_true", help="two rates, few granules")
     asked = parser.parse_args(words)
     found = {}
-    for name in asked.scene or ["rhombus", "prism"]:
+    for name in asked.scene or ["rhombus", "prism", "labyrinth"]:
         changes = QUICK if asked.quick else {} if asked.count is None else {"feed.count": asked.count}
         scene = wf.Scene.load(CASES / f"{name}.toml", changes)
         rows = points(scene, RATES[1::2] if asked.quick else RATES, asked.rung)
