@@ -144,6 +144,23 @@ def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(draft: Scene
     assert keys[0] != keys[1]
 
 
+@pytest.mark.parametrize("table", [{"lift": "on", "chaff": {"lift": "off"}}, {"lift": True, "chaff.lift": False}])
+def test_a_scene_may_switch_terms_itself_and_the_command_goes_before_it(draft: Scene, table: dict[str, Any]) -> None:
+    asked = Scene.parse({**draft.tables(), "force": table})
+    assert make_plan(asked).force == {"lift": True, "chaff.lift": False}
+    assert make_plan(asked).fractions == make_plan(draft, force={"lift": True, "chaff.lift": False}).fractions
+    assert "lift" in make_plan(asked, force={"chaff.lift": True}).fractions["chaff"].forces
+    assert Scene.parse(asked.tables()) == asked
+
+
+@pytest.mark.parametrize(
+    ("table", "message"), [({"lifft": "off"}, "did you mean 'lift'"), ({"lift": "maybe"}, "write on or off")]
+)
+def test_a_wrong_switch_of_a_scene_is_one_line(draft: Scene, table: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        make_plan(Scene.parse({**draft.tables(), "force": table}))
+
+
 def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(draft: Scene) -> None:
     paper = make_plan(draft.replace({"fraction.*.impact": "paper"}))
     assert not any("magnus" in how.forces for how in paper.fractions.values())

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 __all__ = ["case_template", "scene_templates", "verification_scenes"]
-
-SWEEP = "sweep-"  # begins the names of files that describe many scenes
 
 
 def _cases() -> Path:
@@ -17,7 +16,9 @@ def _cases() -> Path:
 
 def scene_templates() -> dict[str, Path]:
     """The shipped scenes by name."""
-    return {path.stem: path for path in sorted(_cases().glob("*.toml")) if not path.name.startswith(SWEEP)}
+    return {
+        path.stem: path for path in sorted(_cases().glob("*.toml")) if "sweep" not in tomllib.loads(path.read_text())
+    }
 
 
 def verification_scenes() -> dict[str, Path]:

@@ -144,7 +144,7 @@ class AirLoading:
         from .gather import gather_force, gathered_in, resolved
 
         tables = self.scene.model_dump(mode="json", by_alias=True)
-        for name in ("numerics", "picture", "funnel"):
+        for name in ("numerics", "picture", "funnel", "collisions", "force"):
             del tables[name]
         del tables["feed"]["count"]
         how = {name: row.tracked for name, row in resolved(self.plan).fractions.items()}

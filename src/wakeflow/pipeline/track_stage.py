@@ -57,7 +57,7 @@ class TrackStage:
             del fraction["mass_share"], fraction["target"]
         for name in ("rate", "depth"):
             del tables["feed"][name]
-        del tables["numerics"], tables["picture"], tables["funnel"], tables["collisions"]
+        del tables["numerics"], tables["picture"], tables["funnel"], tables["collisions"], tables["force"]
         upstream = None if self.air.field is None else self.air.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         versions = [version_of(package) for package in ("numpy", "scipy", "numba")]

@@ -46,7 +46,8 @@ def make_plan(
     target_error: float | None = None,
 ) -> Plan:
     """Decide what ``scene``, or that of a scene file, needs. ``rung`` and ``target_error`` (a share) override the
-    scene's; ``force`` switches terms on or off, {"lift": True} for all fractions, {"chaff.lift": True} for one.
+    scene's; ``force`` switches terms on or off beside those of the scene's [force]: {"lift": True} for all fractions,
+    {"chaff.lift": True} for one.
 
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
@@ -55,7 +56,7 @@ def make_plan(
     target = given.numerics.target_error if target_error is None else target_error
     if not 0.0 < target <= LARGEST_ERROR:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
-    switches = dict(force or {})
+    switches = {**given.force, **(force or {})}
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)

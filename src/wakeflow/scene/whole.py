@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -23,6 +24,8 @@ from .units import Name, WithUnit
 
 __all__ = ["Numerics", "SceneTables", "SpanTable"]
 
+STATES: Mapping[object, bool] = {"on": True, "off": False, True: True, False: False}
+Switches = dict[str, bool | Literal["on", "off"] | dict[str, bool | Literal["on", "off"]]]
 MOST_RANKS = 256  # beyond what any mesh of one layer can use
 
 if TYPE_CHECKING:
@@ -69,6 +72,21 @@ class Numerics(Table):
     span: SpanTable = Field(SpanTable(), description="of rung 3d")
 
 
+def _switches(value: object) -> object:
+    """{"chaff.lift": True} from {chaff: {lift: "on"}}, as TOML reads ``chaff.lift = "on"``."""
+    if not isinstance(value, Mapping):
+        return value
+    found: dict[str, object] = {}
+    for key, state in value.items():
+        inside = _switches(state)
+        each = inside.items() if isinstance(inside, Mapping) else [("", state)]
+        found.update({f"{key}.{term}" if term else str(key): on for term, on in each})
+    wrong = [key for key, on in found.items() if on not in STATES]
+    if wrong:
+        raise ValueError(f"{wrong[0]} = {found[wrong[0]]!r}: write on or off")
+    return {key: STATES[on] for key, on in found.items()}
+
+
 class SceneTables(Table):
     """All tables of a scene, and what follows from them."""
 
@@ -81,6 +99,9 @@ class SceneTables(Table):
     fraction: Annotated[dict[Name, Fraction], Field(min_length=1)]
     bin: Annotated[dict[Name, Bin], Field(min_length=1)]
     collisions: Crowding = Crowding()
+    force: Annotated[dict[str, bool], BeforeValidator(_switches, json_schema_input_type=Switches)] = Field(
+        {}, description="terms switched by hand, on or off: TERM for all fractions, FRACTION.TERM for one"
+    )
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     numerics: Numerics = Numerics()
 
