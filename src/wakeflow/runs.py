@@ -14,6 +14,7 @@ import numpy as np
 from .core.beside import beside
 from .core.errors import SceneError
 from .core.files import atomic_write
+from .core.graded import gravest_first
 from .core.process import cores
 from .core.record import from_json, to_json
 from .core.sources import code_key
@@ -144,15 +145,16 @@ class _Run:
                 flown = Flights(self.pipeline, tracked, self.pipeline.crowd())
                 fly_again(flown)
         if tracked is not None and airflow is not None:
-            told = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
-            airflow = airflow.extended(**told, loading=loading_of(self.pipeline))
+            measured = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
+            airflow = airflow.extended(**measured, loading=loading_of(self.pipeline))
             airflow = with_residence(airflow, self.pipeline.residence)
         flights = None if tracked is None else self._flights(tracked)
         landings = None if flown is None else self._landings(flown)
         scene, plan = self.pipeline.scene, self.pipeline.plan
         slab = None if landings is None else landings.slab
-        warnings = [*plan.warnings, *notices(scene, self.pipeline, airflow, self.poured, tracked, slab)]
-        warnings += together(() if landings is None else landings.budget, plan.target_error)
+        told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
+        small = together(() if landings is None else landings.budget, plan.target_error)
+        known = gravest_first((*plan.notices, *told, *small))
         result = Result(
             schema=SCHEMA,
             scene=self.asked.tables(),
@@ -163,7 +165,8 @@ class _Run:
             mesh=mesh,
             flights=flights,
             landings=landings,
-            warnings=tuple(warnings),
+            warnings=tuple(notice.text for notice in known),
+            grades=tuple(notice.grade.value for notice in known),
             seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
             versions=versions(),
             key=self._key(tracked),

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from .core.graded import Grade
 from .planning.plan import whole_terms
 from .report.words import (
     NO_VALUE,
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 __all__ = ["alone_table", "budget_table", "live", "separation_table", "show_plan", "show_result"]
 
+MOST_WARNINGS = 3  # on screen; the rest is in the report
+WEIGHS, MOST_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are told on screen
+SHORTEST = 0.5  # s: shorter run times are not worth a word
 PLAIN_EVERY = 10.0  # s between lines when the output is not a terminal
 
 
@@ -90,7 +94,7 @@ def show_plan(plan: Plan) -> None:
         f"about {cost['seconds']:.0f} s, {cost['memory'] / 1e9:.1f} GB of memory, {cost['disk'] / 1e6:.0f} MB of disk",
         highlight=False,
     )
-    _warn(console, plan.warnings)
+    _warn(console, plan.warnings, [notice.grade.value for notice in plan.notices])
 
 
 def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:
@@ -125,25 +129,26 @@ def _bounds_table(plan: Plan) -> Table:
 
 
 def show_result(result: Result) -> None:
-    """Print the separation and its budget, the funnel, the airflow, and what pictures say."""
+    """Print the budget, the funnel, the airflow, what pictures say, the gravest warnings, and last the answer."""
     from rich.console import Console
 
     console = Console()
     if result.landings is not None:
-        console.print(separation_table(result, result.landings.separation))
-        if result.landings.without_collisions is not None:
-            console.print(alone_table(result.landings.separation, result.landings.without_collisions))
         console.print(budget_table(result.landings.budget))
     if result.funnel is not None:
         console.print(_poured(result.funnel), highlight=False)
     if result.airflow is not None:
         console.print(_air(result.airflow), highlight=False)
         if result.airflow.loading is not None:
-            console.print(_loading(result), highlight=False, soft_wrap=True)
+            console.print(_loading(result), highlight=False)
     for name, picture in (result.pictures or {}).items():
         console.print(f"figures/{name}: {picture.text}", highlight=False, markup=False)
-    _warn(console, result.warnings)
+    _warn(console, result.warnings, result.grades)
     console.print(f"results: {result.folder}", highlight=False, soft_wrap=True)
+    if result.landings is not None:  # the answer last: it is what stays in sight
+        if result.landings.without_collisions is not None:
+            console.print(alone_table(result.landings.separation, result.landings.without_collisions))
+        console.print(separation_table(result, result.landings.separation))
 
 
 def separation_table(result: Result, separation: Separation) -> Table:
@@ -192,33 +197,34 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
 
 
 def budget_table(budget: Sequence[BudgetRow]) -> Table:
-    """The known errors of every quantity, the run time that knowing them took, and below it what is unknown."""
+    """The largest known errors of every quantity, the run time that knowing each source took, and what is unknown."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     rows = condensed(budget)
     known = {part.source for row in rows for part in row.parts if part.error is not None}
-    sources = [source for source in budget_columns(rows) if source in known]
-    title = "budget: error of each share, percentage points"
-    if any(row.measure != SHARE_UNIT for row in rows):
-        title = "budget: errors, of shares in percentage points"
+    title = "budget: the largest errors, of shares in percentage points (all: budget.csv)"
     table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     table.add_column("quantity", no_wrap=True)
+    table.add_column("what limits it")
     totals = any(row.total.error is not None for row in rows)  # else the note says why not
-    for source in [*sources, "total"] if totals else sources:
-        table.add_column(source.replace("-", "-\n"), justify="right", overflow="fold")
+    if totals:
+        table.add_column("total", justify="right")
     for row in rows:
-        errors = {part.source: part.error for part in row.parts}
-        cells = [_bare(row, errors[source]) if source in errors else NO_VALUE for source in sources]
-        unit = "" if row.measure == SHARE_UNIT else f"\n({row.measure})"
+        unit = "" if row.measure == SHARE_UNIT else f" ({row.measure})"
         total = [_bare(row, row.total.error)] if totals else []
-        table.add_row(row.quantity.removeprefix("share.") + unit, *cells, *total)
-    if rows:
-        table.add_section()
-        cost = source_seconds(rows)
-        table.add_row("run time (s)", *(f"{cost[source]:.1f}" for source in sources))
+        table.add_row(row.quantity.removeprefix("share.") + unit, _largest(row), *total)
     table.caption, table.caption_justify = _budget_notes(rows, known), "left"
     return table
+
+
+def _largest(row: BudgetRow) -> str:
+    """The largest errors of a quantity in words, those that weigh beside the largest."""
+    parts = sorted((part for part in row.parts if part.error), key=lambda part: -(part.error or 0.0))
+    if not parts:
+        return NO_VALUE
+    weighing = [part for part in parts if (part.error or 0.0) >= WEIGHS * (parts[0].error or 0.0)][:MOST_PARTS]
+    return ", ".join(f"{part.source} {_bare(row, part.error)}" for part in weighing)
 
 
 def _budget_notes(rows: Sequence[BudgetRow], known: Collection[str]) -> str | None:
@@ -228,6 +234,9 @@ def _budget_notes(rows: Sequence[BudgetRow], known: Collection[str]) -> str | No
         for part in row.parts:
             if part.source in TERMS.values():
                 notes[f"{row.quantity.split('.')[1]}, {part.source}: {part.note}"] = None
+    cost = {source: spent for source, spent in source_seconds(rows).items() if spent >= SHORTEST}
+    if cost:
+        notes[f"run time, s: {', '.join(f'{source} {spent:.0f}' for source, spent in cost.items())}"] = None
     if unknown := [source for source in budget_columns(rows) if source not in known]:
         notes[f"unknown, so that no total is claimed: {', '.join(unknown)}"] = None
     return "\n".join(notes) or None
@@ -281,6 +290,10 @@ def _poured(funnel: FunnelSummary) -> str:
     return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
-def _warn(console: Console, warnings: Sequence[str]) -> None:
-    for line in warnings:
-        console.print(f"! {line}", highlight=False, markup=False, style="yellow")
+def _warn(console: Console, warnings: Sequence[str], grades: Sequence[str]) -> None:
+    """The gravest warnings with their grades, and how many more there are."""
+    for line, grade in list(zip(warnings, grades, strict=True))[:MOST_WARNINGS]:
+        style = "bold red" if grade == Grade.VOID.value else "yellow" if grade == Grade.LESS_SURE.value else ""
+        console.print(f"! {grade}: {line}", highlight=False, markup=False, style=style)
+    if len(warnings) > MOST_WARNINGS:
+        console.print(f"! and {len(warnings) - MOST_WARNINGS} lesser ones: report.html, or --json", highlight=False)

@@ -477,10 +477,10 @@ def test_terms_that_are_small_alone_are_named_when_they_are_not_together() -> No
     parts = [BudgetPart(t, 0.012, kind="left-out") for t in ("lift", "buoyancy")]
     parts += [BudgetPart("magnus", 0.9, kind="not-computed"), BudgetPart("mesh")]
     rows = [BudgetRow("share.chaff.inner.left", None, tuple(parts), BudgetTotal(None, 0.0))]
-    (line,) = together(rows, 0.01)
-    assert "chaff" in line
-    assert "inner.left by 1.2 points" in line
-    assert line.endswith("most by lift")
+    (told,) = together(rows, 0.01)
+    assert "chaff" in told.text
+    assert "inner.left by 1.2 points" in told.text
+    assert told.text.endswith("most by lift, [force] lift = 'on'")
     assert together(rows, 0.013) == []
 
 

@@ -149,7 +149,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
             for name in scene.fraction
         ],
         "seconds": {"mesh": {"seconds": 1.25, "cached": True}, "tracks": {"seconds": 200.0, "cached": False}},
-        "warnings": ["the curtain is dense"],
+        "warnings": ["the curtain is dense"], "grades": ["less sure"],
         "versions": {"wakeflow": "0.1.0"},
     }  # fmt: skip
 

@@ -207,9 +207,9 @@ def test_warnings_name_what_is_strained_and_the_rate_that_is_not(draft: Scene) -
     plan = make_plan(draft, force={"collisions": False})
     lines = [line for line in plan.warnings if "strained by the feed rate" in line]
     assert [line.partition(" strained")[0] for line in lines] == [INDEPENDENT]  # the air feels the granules
-    one_way = make_plan(draft, force={"air-loading": False})
+    one_way = make_plan(draft, force={"air-loading": False, "collisions": False})
     lines = [line for line in one_way.warnings if "strained by the feed rate" in line]
-    assert [line.partition(" strained")[0] for line in lines] == [COUPLING, INDEPENDENT]
+    assert {line.partition(" strained")[0] for line in lines} == {COUPLING, INDEPENDENT}
     small = make_plan(draft.replace({"feed.rate": "1 g/hour"}))
     assert not [line for line in small.warnings if "strained" in line]
     assert all(row.holds for row in small.validity)

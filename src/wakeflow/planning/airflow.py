@@ -15,6 +15,7 @@ from typing import Literal
 
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
+from ..core.graded import Notice, information, less_sure
 from ..core.registry import did_you_mean
 from ..laws.best_estimate import WakeEstimate
 from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
@@ -130,8 +131,8 @@ class AirflowPlan:
         """The scene that granules are flown through."""
         return scene
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
-        """A line for each way in which the airflow of ``scene`` differs from the real one."""
+    def notices(self, scene: Scene) -> Iterator[Notice]:
+        """One for each way in which the airflow of ``scene`` differs from the real one."""
         del scene
         yield from ()
 
@@ -162,10 +163,13 @@ class AnalyticAirPlan(AirflowPlan):
     def summary(self) -> str | None:
         return f"airflow: {self.why}"
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def notices(self, scene: Scene) -> Iterator[Notice]:
         reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
         if parabolic and reynolds > LAMINAR_CHANNEL:
-            yield f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent"
+            yield less_sure(
+                f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent; "
+                "air.profile = 'uniform' is nearer to that"
+            )
 
 
 class GivenAirPlan(AirflowPlan):
@@ -192,22 +196,23 @@ class SolvedAirPlan(AirflowPlan):
         assert self.stepping is not None
         return self.stepping if self.wake is None else "best-estimate"
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def notices(self, scene: Scene) -> Iterator[Notice]:
         if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
-            yield (
-                f"{self.rung} airflow: a steady wake is too long and its suction too weak; rung {self.resolves} "
-                "resolves the shedding"
+            yield less_sure(
+                f"{self.rung} airflow: a steady wake is too long and its suction too weak; numerics.rung = "
+                f"'{self.resolves}' resolves the shedding"
             )
         if self.wake is not None:
             theta = self.wake.theta
-            yield (
+            yield information(
                 f"{self.rung} airflow: a best estimate between two wakes in two dimensions, of which neither is real; "
-                f"the share of the one that sheds is known to be {theta.low:.2f} to {theta.high:.2f}"
+                f"the share of the one that sheds is known to be {theta.low:.2f} to {theta.high:.2f}; numerics.rung = "
+                "'3d' computes the real one, in hours"
             )
         elif self.brackets:
-            yield (
+            yield less_sure(
                 f"{self.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
-                "truth lies between it and the draft"
+                "truth lies between it and numerics.rung = 'draft'"
             )
 
 

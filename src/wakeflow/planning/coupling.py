@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graded import Notice, less_sure, void
 from ..laws.collision import impact
 from ..laws.constants import GRAVITY
 from ..laws.forces import FlightScales
@@ -31,6 +32,7 @@ MODULATING = 1e-6  # volume fraction above which granules change the turbulence:
 LOADED = 0.1  # of the air's own flow of mass or momentum, and of the slope covered: chosen, what passes as small
 SLOWEST = 0.1  # m/s: taken for the speed of granules that the air holds in the curtain; chosen
 SHADE = 1.5  # area that a sphere covers, times its diameter, over its volume: (pi d^2 / 4) d / (pi d^3 / 6)
+FAR = 10.0  # limits: beyond, nothing is left of what is taken for granted; chosen
 PLACES = 500  # of the curtain, to tell which share of it falls on a body
 ELGHOBASHI = "Elghobashi 1994, Appl. Sci. Res. 52, 309"
 
@@ -215,8 +217,8 @@ def _share_on(scene: Scene, outline: Array) -> float:
     return float(np.mean((places > x.min()) & (places < x.max())))
 
 
-def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[str]:
-    """A line for each assumption that the feed rate strains: the numbers, and the rate below which it holds; none for
+def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[Notice]:
+    """A notice of each assumption that the feed rate strains: the numbers, and the rate below which it holds; none for
     those that are ``lifted``, since what they leave out is computed.
     """
     for about in (COUPLING, INDEPENDENT):
@@ -224,4 +226,7 @@ def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[st
         if beyond:
             numbers = ", ".join(f"{row.name} {row.value:.2g} (limit {row.limit:.2g})" for row in beyond)
             least = min(row.feed_rate or 0.0 for row in beyond)
-            yield f"{about} strained by the feed rate: {numbers}; below {least:.2g} kg/h all of these hold"
+            grade = void if any(row.value > FAR * (row.limit or math.inf) for row in beyond) else less_sure
+            yield grade(
+                f"{about} strained by the feed rate: {numbers}; all of these hold with feed.rate below {least:.2g} kg/h"
+            )

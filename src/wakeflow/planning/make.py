@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..core.errors import SceneError
+from ..core.graded import Notice, gravest_first, less_sure, void
 from ..laws.forces import forces
 from ..scene import Scene
 from .air_loading import feels_granules
@@ -79,7 +80,7 @@ def make_plan(
         used=tuple(used_lines(flown, airflow, fractions, validity, motion, crowd, chain=chain)),
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
         estimate=estimate_cost(flown, airflow, fractions, crowd),
-        warnings=(*missing_lines(gates, flown.unit), *without_air.warnings, *strained),
+        notices=gravest_first((*missing_lines(gates, flown.unit), *without_air.notices, *strained)),
         flown_by="chain" if chain else "tracker",
         validity=validity,
         unit=flown.unit,
@@ -243,14 +244,14 @@ class _WithoutAir:
     """What leaving the air out of a scene that has some does to each fraction, and where that is worth a warning."""
 
     left_out: tuple[LeftOut, ...] = ()
-    warnings: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()
 
 
 def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _WithoutAir:
     """For each fraction of a scene with air that is flown without: what the air could move it by."""
     assert scene.air is not None
     air, widest = scene.air, scene.channel.width / scene.width
-    left_out, warnings = [], []
+    left_out, told = [], []
     for name, fraction in fractions.items():
         law = fraction.drag, fraction.drag_scale
         scales = flights(scene, name, *law, NONE_MET, straight=False, turbulent=True)
@@ -262,11 +263,13 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _Withou
         why = f"drag on the way at the largest slip, {middle.slip:.2g} m/s; {fate}"
         left_out.append(LeftOut(AIR, shift, why, name))
         if carried or shift > MATTERS:
-            warnings.append(
+            grade = void if carried else less_sure
+            told.append(grade(
                 f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
-                f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}"
-            )
-    return _WithoutAir(tuple(left_out), tuple(warnings))
+                f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}; numerics.rung "
+                "= 'draft' computes it"
+            ))  # fmt: skip
+    return _WithoutAir(tuple(left_out), tuple(told))
 
 
 # -- one fraction ------------------------------------------------------------------------------------------------------

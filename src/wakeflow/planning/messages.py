@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ..core.graded import Notice, less_sure
 from ..funnel import summary
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
@@ -156,12 +157,12 @@ def _airflow_lines(airflow: AirflowPlan, bodies: int, ranks: int | str) -> Itera
         yield f"beside it, for the error of the mesh: grids with cell edges of {sizes} times the usual"
 
 
-def missing_lines(gates: Mapping[str, Gate], unit: str) -> Iterator[str]:
-    """A line for each term that could matter and is not computed, with what it could move."""
+def missing_lines(gates: Mapping[str, Gate], unit: str) -> Iterator[Notice]:
+    """One for each term that could matter and is not computed, with what it could move."""
     terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
     for term, why in terms:
         moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
-        yield f"{term}, left out, could move {', '.join(moved)} {unit}: {why}"
+        yield less_sure(f"{term}, left out, could move {', '.join(moved)} {unit}: {why}")
 
 
 def warning_lines(
@@ -171,38 +172,44 @@ def warning_lines(
     validity: Sequence[Limit],
     target: float,
     whole: Collection[str],
-) -> Iterator[str]:
+) -> Iterator[Notice]:
     """Where the model's assumptions strain, with numbers; ``target``: the accuracy asked for (a share); ``whole``: the
     terms that are computed for all fractions together, which lift an assumption each.
     """
     for name, fraction in scene.fraction.items():
         size = float(fraction.diameters(np.array([LARGE]))[0])
         if size > POINT * scene.width:
-            yield (
+            yield less_sure(
                 f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
-                "treated as points in the air"
+                f"treated as points in the air; check fraction.{name}.size"
             )
         if fraction.properties.confidence == "low":
-            yield f"{name}: material data of low confidence; measure your own terminal velocity"
+            yield less_sure(
+                f"{name}: material data of low confidence; measure yours and set fraction.{name}.terminal_velocity"
+            )
         plan = fractions[name]
         if plan.drag_scale < FASTER:
-            yield f"{name}: falls faster than a sphere of its size and density; check its terminal velocity"
+            yield less_sure(
+                f"{name}: falls faster than a sphere of its size and density; check fraction.{name}.terminal_velocity"
+            )
         yield from _injected_beyond(name, plan, target)
     yield from standing(scene)
     if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})
-    yield from airflow.warnings(scene)
+    yield from airflow.notices(scene)
 
 
-def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterator[str]:
-    """A line where injection was asked for and does not hold."""
+def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterator[Notice]:
+    """One where injection was asked for and does not hold."""
     if fraction.mode != "injected":
         return
     turned = fraction.impaction
     if turned is None and fraction.stokes < math.inf:
-        yield f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
+        yield less_sure(
+            f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
+        )
     elif turned is not None and (turned.missed > target or turned.shift > (fraction.limit or 0.0)):
-        yield (
+        yield less_sure(
             f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
             f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"
         )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
+from ..core.graded import Notice
 from .airflow import AirflowPlan
 from .bounds import COLLISIONS
 from .coupling import Limit
@@ -67,7 +68,7 @@ class Plan:
     used: tuple[str, ...]  # what is computed, in words
     left_out: tuple[LeftOut, ...]
     estimate: Mapping[str, float]  # seconds, memory (bytes), disk (bytes)
-    warnings: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()  # what a user must know before the run, the gravest first
     flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
     validity: tuple[Limit, ...] = ()  # what the feed rate strains, and from which rate on
     unit: str = "body widths"  # of lengths; channel widths where nothing stands
@@ -81,6 +82,11 @@ class Plan:
     def rung(self) -> str:
         """none | analytic | draft | standard | reference | 3d | given"""
         return self.airflow.rung
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The notices, without their grades."""
+        return tuple(notice.text for notice in self.notices)
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
         """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
@@ -97,6 +103,8 @@ class Plan:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
         table = _table(self)
         table = {**table.pop("airflow"), **table}
+        del table["notices"]
+        table |= {"warnings": list(self.warnings), "grades": [notice.grade.value for notice in self.notices]}
         for row in [*table["fractions"].values(), *table["validity"]]:
             row.update({key: None for key, value in row.items() if isinstance(value, float) and math.isinf(value)})
         return table

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..core.graded import Notice, less_sure
 from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
 from . import crowd_sources, sources  # noqa: F401 - their imports register the program's own sources
@@ -76,8 +77,8 @@ class _Sum:
     most: str
 
 
-def together(rows: Sequence[BudgetRow], target: float) -> list[str]:
-    """A line for each fraction whose small terms, left out one by one, add up to more than the accuracy asked for."""
+def together(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
+    """One for each fraction whose small terms, left out one by one, add up to more than the accuracy asked for."""
     worst: dict[str, _Sum] = {}
     for row in rows:
         small = {part.source: part.error or 0.0 for part in row.parts if part.kind == LEFT_OUT}
@@ -86,7 +87,9 @@ def together(rows: Sequence[BudgetRow], target: float) -> list[str]:
         if error > max(target, worst[name].error if name in worst else 0.0):
             worst[name] = _Sum(error, place, max(small, key=lambda source: small[source]))
     return [
-        f"{name}: the terms left out could change its share in {found.place} by {100 * found.error:.2g} points "
-        f"together, more than the {100 * target:.2g} asked for; most by {found.most}"
+        less_sure(
+            f"{name}: the terms left out could change its share in {found.place} by {100 * found.error:.2g} points "
+            f"together, more than the {100 * target:.2g} asked for; most by {found.most}, [force] {found.most} = 'on'"
+        )
         for name, found in worst.items()
     ]

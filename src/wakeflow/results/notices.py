@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from ..core.graded import Notice, information, less_sure, void
 from ..core.record import to_json
 from ..funnel import notices as funnel_notices
 from ..pipeline.pipeline import Pipeline
 from ..scene import Scene
+from ..tracking import Fate
 from .airflow_summary import Airflow
 from .crowd_summary import CrowdSummary
 from .funnel_summary import FunnelSummary
@@ -21,11 +23,12 @@ __all__ = ["notices"]
 LOOSE_LOOP = 0.1  # of the rms fluctuation: a stored loop that joins with more kicks the granules once a period
 SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
 LONGER = 1e-9  # m: rounding of the mesh's ends, no longer channel
-JAM = "granules that lie still become more as long as it runs; widen the gap, or feed less"
-ENDINGS = {  # fates that are no landing: what they mean
-    "airborne": "were still in the air when tracking ended",
-    "stopped": "hit the tracker's hard stop",
-    "resting": "came to rest on a body or wall",
+JAM = "granules that lie still become more as long as it runs; widen the gap, or lower feed.rate"
+MANY = 0.05  # of a fraction: more granules without a landing void its shares; chosen
+ENDINGS = {  # fates that are no landing: what they mean, and what to change
+    "airborne": ("were still in the air when tracking ended", ""),
+    "stopped": ("hit the tracker's hard stop", ""),
+    "resting": ("came to rest on a body or wall", "; [vibration] or steeper faces throw them off"),
 }
 
 
@@ -36,71 +39,92 @@ def notices(
     funnel: FunnelSummary | None,
     tracked: Tracked | None,
     slab: CrowdSummary | None = None,
-) -> list[str]:
-    """What a user must know of the airflow, of the feed funnel and of how the tracks ended, a line each; those in the
-    ``slab``, where granules meet in one.
+) -> list[Notice]:
+    """What a user must know of the airflow, of the feed funnel and of how the tracks ended; those in the ``slab``,
+    where granules meet in one.
     """
     solved = airflow is not None and not pipeline.kind.at_once
-    lines = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
-    lines += [] if funnel is None else funnel_notices(to_json(funnel))
+    found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
+    found += [] if funnel is None else [less_sure(line) for line in funnel_notices(to_json(funnel))]
     if tracked is not None:
         if slab is not None and slab.jammed:
-            lines.append(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}")
-        lines += [*_passing(pipeline, tracked), *_unlanded(tracked.fates if slab is None else slab.fates)]
-    return lines
+            found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
+        found += [
+            *_passing(pipeline, tracked),
+            *_carried_up(scene, tracked),
+            *_unlanded(tracked.fates if slab is None else slab.fates),
+        ]
+    return found
 
 
-def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[str]:
+def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
     """Of fractions whose first impact follows eq. (2): the granules that do not meet the body."""
     for name, met in tracked.injected.items():
         count = len(tracked.landings[name].bin)
         if pipeline.plan.fractions[name].mode == "injected" and met < count:
-            yield (
+            yield information(
                 f"{name}: {count - met} of {count} granules fall beside the body or the air carries them round it; "
                 "they are released above it, their impacts resolved"
             )
 
 
-def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[str]:
+def _carried_up(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
+    """Of upward air: the fractions that leave the channel above the feed, where no bin counts them."""
+    if scene.air is None or scene.air.direction != "up":
+        return
+    for name, landing in tracked.landings.items():
+        gone = (landing.bin < 0) & (landing.fate == Fate.ESCAPED) & (landing.position[:, 1] > scene.level)
+        share = float(landing.mass_shares[gone].sum())
+        if share > 0.0:
+            yield less_sure(
+                f"{name}: {share:.2g} of it leaves through the top with the air and counts as elsewhere; "
+                "a [bin.NAME] with on = 'top' counts it"
+            )
+
+
+def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
     for name, fates in ended.items():
         total = sum(fates.values())
-        for fate, meaning in ENDINGS.items():
+        for fate, (meaning, hint) in ENDINGS.items():
             if fates.get(fate):
-                yield f"{name}: {fates[fate]} of {total} granules {meaning}; they count as elsewhere"
+                grade = void if fates[fate] > MANY * total else less_sure
+                yield grade(f"{name}: {fates[fate]} of {total} granules {meaning}; they count as elsewhere{hint}")
 
 
-def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[str]:
+def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
     """Of a solved airflow, or of the user's own: what it does not settle, how it was solved, where it ends."""
     resolves = pipeline.plan.airflow.resolves
     if resolves is not None and airflow.verdict != "steady":
-        yield f"the steady airflow does not settle ({airflow.verdict}): use rung {resolves}"
+        yield less_sure(f"the steady airflow does not settle ({airflow.verdict}); numerics.rung = '{resolves}'")
     if airflow.period is not None and airflow.verdict == "broadband" and airflow.span is None:
-        yield "the wake sheds irregularly: the few periods of the loop are a small sample, which the intervals hold"
+        yield information(
+            "the wake sheds irregularly: the few periods of the loop are a small sample, which the intervals hold"
+        )
     yield from _solver_notices(airflow)
     if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
-        yield f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation"
+        yield less_sure(f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation")
     suction = airflow.suction
     assert suction is not None
     assert suction.width is not None
     if suction.width > SPANNED * scene.channel.width:
-        yield (
+        yield information(
             "the suction zone (Cp < -0.5) spans the channel, since the body narrows it; the reversed flow behind the "
             f"body is {1e3 * (suction.reversal_length or 0.0):.3g} mm long"
         )
     channel, spec = scene.channel, pipeline.mesh_spec
     if spec.top > channel.top + LONGER or spec.bottom < channel.bottom - LONGER:
-        yield (
-            f"the air is computed in a longer channel, y from {spec.bottom:.3g} to {spec.top:.3g} m, so that inlet "
-            "and outlet do not touch the wake"
+        yield information(
+            f"the air is computed in a longer channel, y from {1e3 * spec.bottom:.0f} to {1e3 * spec.top:.0f} mm, so "
+            "that inlet and outlet do not touch the wake"
         )
 
 
-def _solver_notices(airflow: Airflow) -> Iterator[str]:
+def _solver_notices(airflow: Airflow) -> Iterator[Notice]:
     """Which settings served, and what the solver's stage noted."""
     from ..foam.failure import Attempt
     from ..foam.ladder import warning
 
     tried = [Attempt(attempt.settings, attempt.cause, attempt.message) for attempt in airflow.attempts or ()]
     if (safer := warning(airflow.settings or "normal", tried)) is not None:
-        yield safer
-    yield from airflow.notes or ()
+        yield less_sure(safer)
+    yield from map(less_sure, airflow.notes or ())

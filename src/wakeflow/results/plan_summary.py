@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..core.graded import GRADES
 from ..core.record import Partial, column, from_json
 from ..planning.plan import Plan
 from .airflow_summary import BestEstimate
@@ -126,7 +127,10 @@ class PlanSummary(Partial):
     used: tuple[str, ...] = column("", "what is used, in words", default=())
     left_out: tuple[LeftOutSummary, ...] = column("", "what is left out", default=())
     estimate: CostEstimate | None = column("", "expected cost", default=None)
-    warnings: tuple[str, ...] | None = column("", "what a user must know before the run", default=None)
+    warnings: tuple[str, ...] | None = column(
+        "", "what a user must know before the run, the gravest first", default=None
+    )
+    grades: tuple[str, ...] | None = column("", GRADES, default=None)
     flown_by: str | None = column("", "tracker, or chain: impacts and parabolas in closed form", default=None)
     validity: tuple[ValidityLimit, ...] | None = column("", "what the feed rate strains", default=None)
     unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")

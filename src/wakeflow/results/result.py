@@ -10,6 +10,7 @@ from typing import Any, Self
 
 from ..core.errors import SceneError
 from ..core.files import write_json
+from ..core.graded import GRADES
 from ..core.record import Partial, column, from_json, to_json
 from ..pipeline.stages import StageTime
 from .airflow_summary import Airflow
@@ -95,7 +96,8 @@ class Result:
     mesh: MeshSummary | None = column("", "the mesh; left out without air", absent=True)
     flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
     landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
-    warnings: tuple[str, ...] = column("", "what a user must know")
+    warnings: tuple[str, ...] = column("", "what a user must know, the gravest first")
+    grades: tuple[str, ...] = column("", GRADES)
     seconds: dict[str, StageTime] = column("", "every stage by name, with the label of its airflow before it")
     versions: dict[str, str] = column("", "of python and of the packages")
     key: str = column("", "fingerprint of all that the answer depends on")
