@@ -205,7 +205,7 @@ def _blocked(scene: Scene, fraction: Fraction, term: str, turbulence: str | None
     if term == VIBRATION:
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
     if term == LOADING:
-        return "the air does not feel the granules; rungs draft and standard compute it where feed.rate is given"
+        return "computed only where OpenFOAM solves the air about a body and feed.rate is given; lower feed.rate"
     if term not in forces:
         return "not computed in this version"
     return forces[term].blocked(laminar=has_no_turbulence(turbulence), point_mass=fraction.inertia is None)
