@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Cells", "Crowd", "Laws", "Room"]
+__all__ = ["Cells", "Crowd", "Laws", "Nodes", "Room"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -18,6 +18,7 @@ Index = NDArray[np.int64]
     WX, WY,  # rad/s, spin about the axes in the plane
     LIGHT,  # 1/kg, inverse mass
     ROOM,  # m that it may go before a wall or line can be near; used up by what it goes
+    DRAG,  # 1/s, drag rate of its last piece of way; 0: none yet, or a strike since
     TOUCHED,  # HELD_BY_WALL, or TOUCHES_OTHERS at the end of the step; 0: free
     MET,  # meetings in this step
     LEG_BEGIN, LEG_END,  # s of the step: its last piece without a strike on a wall, on which it can be met
@@ -25,8 +26,8 @@ Index = NDArray[np.int64]
     LEG_VX, LEG_VY, LEG_VZ,  # m/s
     LEG_AX, LEG_AY, LEG_AZ,  # m/s2: the parabola through its beginning, the velocity there and its end
     LEG_WX, LEG_WY, LEG_WZ,  # rad/s, its spin at the beginning
-) = range(22)  # fmt: skip
-OWN = 22
+) = range(23)  # fmt: skip
+OWN = 23
 
 LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
 
@@ -94,6 +95,20 @@ class Laws(NamedTuple):
     friction: Array
     tangential: Array
     tables: Array  # (k, cells, 4)
+
+
+class Nodes(NamedTuple):
+    """The air at the nodes in the middle of the step. One that changes in time is brought there where it is read."""
+
+    now: Array  # (N, C)
+    rates: Array  # (N, 2) m/s2, of the velocity; (0, 2) where nothing needs them
+    looked: Index  # (N,) the step in which a node was brought to its middle
+    when: Index  # (3,): THIS_STEP, BEFORE, AFTER
+    weights: Array  # (8,) of the four coefficients (two snapshots) about the middle, for the value and for its rate
+
+
+THIS_STEP, BEFORE, AFTER = range(3)
+RATES = 4  # of ``weights``: where those for the rate begin
 
 
 class Cells(NamedTuple):

@@ -8,15 +8,13 @@ Moreau's time stepping, as on walls (``strikes``).
 
 from __future__ import annotations
 
-import math
-
 from ..kernel import layout as at
 from ..kernel.clearance import clearance
 from ..kernel.jit import compiled, inlined
 from . import layout as of
-from .cells import across, bucket, rows_across
+from .cells import bucket, rows_across
 from .flight import fly_on
-from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back
+from .pairs import MEETS, OVERLAPS, TOUCHES, apart, hit_tracer, meet, meeting_time, part, roll_back
 from .strikes import PULLS, press
 
 __all__ = ["foretell", "meet_all", "settle_all"]
@@ -96,11 +94,11 @@ def _earliest(cells, counts):
 
 
 @compiled
-def _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, i):
+def _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, i):
     """The rest of the step of a granule, from where it has met another."""
     fly_on(
         crowd.states[i], crowd.counts[i], crowd.own[i], crowd.tally[i], crowd.grains[i],
-        laws.tables[crowd.table_of[i]], air, now, rates, walls, rules, clock, room,
+        laws.tables[crowd.table_of[i]], air, nodes, walls, rules, clock, room,
     )  # fmt: skip
 
 
@@ -152,7 +150,7 @@ def _strike_pair(crowd, laws, clock, i, j, when):
 
 
 @compiled
-def meet_all(crowd, laws, air, now, rates, walls, rules, clock, room, cells, counts):
+def meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """Deal with the meetings that ``foretell`` noted, and with those that come of them."""
     while counts[of.EVENTS] > 0:
         when, i, j, a, b = _earliest(cells, counts)
@@ -165,25 +163,13 @@ def meet_all(crowd, laws, air, now, rates, walls, rules, clock, room, cells, cou
         elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
             continue
         crowd.own[i, of.MET] += 1.0
-        _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, i)
+        _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, i)
         if both:
             crowd.own[j, of.MET] += 1.0
-            _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, j)
+            _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, j)
         _look_round(crowd, cells, counts, clock, i, True)
         if both:
             _look_round(crowd, cells, counts, clock, j, True)
-
-
-@compiled
-def _approach(crowd, depth, i, j):
-    """How deep two granules overlap (m), and how fast they approach (m/s)."""
-    one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
-    dx, dy = state[at.X] - its[at.X], state[at.Y] - its[at.Y]
-    dz = across(one[of.Z] - other[of.Z], depth)
-    d = math.sqrt(dx * dx + dy * dy + dz * dz)
-    ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], one[of.VZ] - other[of.VZ]
-    closing = -(dx * ux + dy * uy + dz * uz) / d if d > 0.0 else 0.0
-    return crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS] - d, closing
 
 
 @inlined
@@ -194,9 +180,12 @@ def _settle_pair(crowd, laws, clock, i, j, sweep):
     if crowd.counts[i, at.FATE] != at.FLYING or crowd.counts[j, at.FATE] != at.FLYING:
         return 0.0
     least = min(crowd.grains[i, at.RADIUS], crowd.grains[j, at.RADIUS])
-    deep, closing = _approach(crowd, clock[of.DEPTH], i, j)
-    if deep <= -TOUCH * least:
+    room, nx, ny, nz = apart(crowd, clock[of.DEPTH], i, j)
+    if room >= TOUCH * least:
         return 0.0
+    closing = (crowd.states[j, at.VX] - crowd.states[i, at.VX]) * nx
+    closing += (crowd.states[j, at.VY] - crowd.states[i, at.VY]) * ny
+    closing += (crowd.own[j, of.VZ] - crowd.own[i, of.VZ]) * nz
     crowd.own[i, of.TOUCHED] = crowd.own[j, of.TOUCHED] = of.TOUCHES_OTHERS
     if closing > 0.0:
         slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
@@ -204,7 +193,7 @@ def _settle_pair(crowd, laws, clock, i, j, sweep):
             crowd.tally[i, of.MEETINGS] += 1
             crowd.tally[j, of.MEETINGS] += 1
     part(crowd, clock[of.DEPTH], i, j)
-    return max(deep, 0.0) / least
+    return max(-room, 0.0) / least
 
 
 @compiled

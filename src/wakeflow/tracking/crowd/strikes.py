@@ -51,6 +51,7 @@ def _kick(state, own, grain, nx, ny, wx, wy, e, f):
     state[at.VX] += light * jx
     state[at.VY] += light * jy
     own[of.VZ] += light * jz
+    own[of.DRAG] = 0.0
     turn = light * q / r
     own[of.WX] -= turn * ny * jz
     own[of.WY] += turn * nx * jz
