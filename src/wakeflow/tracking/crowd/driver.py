@@ -142,7 +142,7 @@ class _Run:
         self.pool.rows = crowd._replace(waiting=np.concatenate([unborn, slots]))
         self.counts[of.BORN] = 0
         self.clock[of.PULL] = max(self.clock[of.PULL], _pull(crowd.grains[slots]))
-        if len(self.cells.heads) < 2 * len(crowd.living):
+        if len(self.cells.next) < len(crowd.living):
             self.cells = _cells(len(crowd.living))
         more = self.fed < len(self.order)
         return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
@@ -211,7 +211,8 @@ def _cells(slots: int) -> Cells:
     """Room for meetings of so many granules: two buckets a granule, and the next power of two."""
     size = 1 << max(10, int(2 * slots - 1).bit_length())
     return Cells(
-        np.full(size, -1, dtype=np.int64), np.zeros(4 * slots + 64), np.zeros((4 * slots + 64, of.EVENT), np.int64),
+        np.zeros((slots, 4)), np.full(size, -1, dtype=np.int64), np.full(slots, -1, dtype=np.int64),
+        np.zeros(4 * slots + 64), np.zeros((4 * slots + 64, of.EVENT), np.int64),
         np.zeros((8 * slots + 64, 2), dtype=np.int64),
     )  # fmt: skip
 

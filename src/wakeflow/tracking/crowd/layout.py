@@ -38,9 +38,8 @@ LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
     FRACTION,  # a row of the laws
     TRACER,  # 1: it is hit, and hits nothing
     CELL_X, CELL_Y, CELL_Z,  # cell that it is sorted into
-    NEXT,  # granule in the same bucket, -1: none
-) = range(8)  # fmt: skip
-TALLY = 8
+) = range(7)  # fmt: skip
+TALLY = 7
 
 # -- The clock and what the whole crowd shares in a step ---------------------------------------------------------------
 (
@@ -49,8 +48,8 @@ TALLY = 8
     STEP,  # s
     OUT_X, OUT_Y,  # m, displacement of a mesh that swings, in the middle of the step
     DEPTH,  # m, of the slab
-    REACH,  # m, the longest way that a granule goes in this step
-    LARGEST,  # m, diameter of the largest granule
+    WIDTH,  # m, of a cell
+    MOST,  # m, radius of the largest ball
     PULL,  # m/s2, the largest acceleration by gravity
     MET_AT,  # s, of the meeting that is dealt with
 ) = range(10)  # fmt: skip
@@ -72,6 +71,11 @@ COUNTS = 8
 # -- A foretold meeting ------------------------------------------------------------------------------------------------
 FIRST, SECOND, FIRST_STAMP, SECOND_STAMP = range(4)
 EVENT = 4
+
+
+# -- The ball that holds a granule on its way in the step --------------------------------------------------------------
+BALL_X, BALL_Y, BALL_Z, BALL = range(4)  # m: centre and radius
+SPARE_BALL = 1e-6  # of its radius: more than round-off, and than contact reaches
 
 
 class Crowd(NamedTuple):
@@ -114,7 +118,9 @@ RATES = 4  # of ``weights``: where those for the rate begin
 class Cells(NamedTuple):
     """Buckets of a hash of cells, the queue of foretold meetings and the pairs that touch."""
 
+    balls: Array  # (S, 4)
     heads: Index  # (2^k,) last granule put into each bucket, -1: none
+    next: Index  # (S,) granule put into the same bucket before, -1: none
     when: Array  # (Q,) s of the step
     who: Index  # (Q, EVENT)
     near: Index  # (P, 2)

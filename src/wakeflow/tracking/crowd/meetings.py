@@ -8,11 +8,13 @@ Moreau's time stepping, as on walls (``strikes``).
 
 from __future__ import annotations
 
+import math
+
 from ..kernel import layout as at
 from ..kernel.clearance import clearance
 from ..kernel.jit import compiled, inlined
 from . import layout as of
-from .cells import bucket, rows_across
+from .cells import bucket, move, near, rows_across
 from .flight import fly_on
 from .pairs import MEETS, OVERLAPS, TOUCHES, apart, hit_tracer, meet, meeting_time, part, roll_back
 from .strikes import PULLS, press
@@ -46,26 +48,29 @@ def _note(crowd, cells, counts, clock, i, j):
 
 @compiled
 def _look_round(crowd, cells, counts, clock, i, every):
-    """Note the meetings of i with whom stands in the 27 cells about it: ``every`` one; or, so that no pair is noted
-    twice, in the half of the cells that come after its own and before it in its own. A tracer comes first in its pairs.
+    """Note the meetings of i with whom stands in the cells about it: ``every`` one; or, so that no pair is noted twice,
+    in the half of the 27 cells that come after its own and before it in its own. A tracer comes first in its pairs.
     """
     tally = crowd.tally[i]
-    high = rows_across(clock)
-    for dx in range(-1, 2):
-        for dy in range(-1, 2):
-            for dz in range(-1 if high > 1 else 0, 2 if high > 1 else 1):
-                after = 9 * dx + 3 * dy + dz
-                if after < 0 and not every:
+    high, wide = rows_across(clock), 1
+    if every:  # what a strike has sped up may reach farther than a cell
+        wide = max(1, math.ceil((cells.balls[i, of.BALL] + clock[of.MOST]) / clock[of.WIDTH]))
+    low, top = (-wide, wide) if high > 2 * wide else (0, high - 1)
+    for dx in range(-wide if every else 0, wide + 1):
+        for dy in range(-wide if every or dx > 0 else 0, wide + 1):
+            for dz in range(low, top + 1):
+                after = every or dx > 0 or dy > 0 or dz > 0
+                if not after and dz < 0:
                     continue
                 x, y, z = tally[of.CELL_X] + dx, tally[of.CELL_Y] + dy, tally[of.CELL_Z] + dz
                 z = z + high if z < 0 else (z - high if z >= high else z)
                 j = cells.heads[bucket(x, y, z, cells.heads)]
                 while j >= 0:
-                    its = crowd.tally[j]
-                    new = j != i if every else (after > 0 or j < i)
-                    if new and its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z:
-                        _note(crowd, cells, counts, clock, i, j)
-                    j = its[of.NEXT]
+                    if (j != i if every else (after or j < i)) and near(cells.balls, i, j, clock[of.DEPTH]):
+                        its = crowd.tally[j]  # other cells may share the bucket
+                        if its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z:
+                            _note(crowd, cells, counts, clock, i, j)
+                    j = cells.next[j]
 
 
 @compiled
@@ -167,6 +172,9 @@ def meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
         if both:
             crowd.own[j, of.MET] += 1.0
             _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, j)
+        move(crowd, cells, clock, i)
+        if both:
+            move(crowd, cells, clock, j)
         _look_round(crowd, cells, counts, clock, i, True)
         if both:
             _look_round(crowd, cells, counts, clock, j, True)

@@ -39,25 +39,19 @@ def _enter(crowd, counts, clock, air, walls, room, timed):
         if ints[at.FATE] == at.FLYING:
             crowd.living[counts[of.LIVING]] = i
             counts[of.LIVING] += 1
-            clock[of.LARGEST] = max(clock[of.LARGEST], 2.0 * crowd.grains[i, at.RADIUS])
 
 
 @compiled
-def _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, low, high):
-    """Fly the living from ``low`` to ``high`` to the end of the step; the longest way that one went."""
-    reach2 = 0.0
-    for k in range(low, high):
+def _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, living):
+    """Fly the living to the end of the step."""
+    for k in range(living):
         i = crowd.living[k]
         state, own = crowd.states[i], crowd.own[i]
-        x, y, z = state[at.X], state[at.Y], own[of.Z]
         own[of.MET] = 0.0
         fly_on(
             state, crowd.counts[i], own, crowd.tally[i], crowd.grains[i], laws.tables[crowd.table_of[i]],
             air, nodes, walls, rules, clock, room,
         )  # fmt: skip
-        dx, dy, dz = state[at.X] - x, state[at.Y] - y, own[of.Z] - z
-        reach2 = max(reach2, dx * dx + dy * dy + dz * dz)
-    return math.sqrt(reach2)
 
 
 @compiled
@@ -112,7 +106,6 @@ def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
             clock[of.NOW] = stop
             return False
         clock[of.NOW] = max(clock[of.NOW], crowd.states[crowd.waiting[counts[of.BORN]], at.BORN])
-        clock[of.LARGEST] = 0.0
     if not clock[of.NOW] < stop:
         return False
     clock[of.UNTIL] = min(clock[of.NOW] + clock[of.STEP], stop)
@@ -143,7 +136,7 @@ def march_slab(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts
     for _ in range(steps):
         if not _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
             return True
-        clock[of.REACH] = _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, 0, counts[of.LIVING])
+        _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, counts[of.LIVING])
         _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
         if final and counts[of.STANDING] == counts[of.LIVING] and counts[of.BORN] == crowd.waiting.shape[0]:
             return True
