@@ -187,4 +187,5 @@ def hit_tracer(crowd, tables, i, j, rules):
         return True
     xi, eta = drawn(crowd.counts[i], rules)
     uniform = math.exp(-0.5 * (xi * xi + eta * eta))  # of two normal numbers (Box & Muller)
-    return uniform < _caught(math.sqrt(uu) / (rate * 2.0 * crowd.grains[j, at.RADIUS]))
+    other = crowd.grains[j]
+    return uniform < _caught(math.sqrt(uu) / (rate * 2.0 * other[at.RADIUS]), math.sqrt(other[at.REYNOLDS2] * uu))
