@@ -20,6 +20,7 @@ from .strikes import STILL, hit_wall, press
 __all__ = ["begin_leg", "end_leg", "fly_on"]
 
 MOST_PIECES = 32  # of a step: a granule that rattles faster is pressed on
+SAME = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
 SPARE = 1.05  # of the straight way: a path of one step bends less
 C0, C1, C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(k + 2) for k in range(8))  # of the series of phi_2
 ON_LINE = 1e-9  # of the extent: round-off of a place on the mesh's boundary (as in kernel.edge_crossing)
@@ -78,15 +79,15 @@ def _glide(path, own, h):
 
 
 @inlined
-def _renew(state, ints, affine, air, grain, table, rules):
-    """Begin an interval of noise, which is the tracker's: seen from the mesh."""
+def _renew(state, ints, affine, air, grain, table, rules, clock):
+    """Begin an interval of noise, which is the tracker's, seen from the mesh; it ends with a step of the clock."""
     dx, dy, wx, wy = mesh_at(air.swing, state[at.T])
     bracket(state, ints, affine, air)
     state[at.X] -= dx
     state[at.Y] -= dy
     state[at.VX] -= wx
     state[at.VY] -= wy
-    renew(state, ints, affine, air, grain, table, rules)
+    renew(state, ints, affine, air, grain, table, rules, clock[of.UNTIL] - state[at.T], clock[of.STEP])
     state[at.X] += dx
     state[at.Y] += dy
     state[at.VX] += wx
@@ -192,9 +193,10 @@ def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, cloc
         h = clock[of.UNTIL] - state[at.T]
         last = pieces >= MOST_PIECES
         if grain[at.NOISE] != 0.0 and not last:
-            if not state[at.T] < state[at.T_NOISE]:
-                _renew(state, ints, affine, air, grain, table, rules)
-            h = min(h, state[at.T_NOISE] - state[at.T])
+            if not state[at.T] < state[at.T_NOISE] - SAME * clock[of.STEP]:
+                _renew(state, ints, affine, air, grain, table, rules, clock)
+            if state[at.T_NOISE] < clock[of.UNTIL] - SAME * clock[of.STEP]:
+                h = min(h, state[at.T_NOISE] - state[at.T])
         ints[at.STEPS] += 1
         if aim(state, ints, own, grain, table, air, nodes, walls, clock, path, h) == GONE:
             _leave(state, ints, own, air, walls, rules, clock)
