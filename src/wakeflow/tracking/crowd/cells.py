@@ -15,16 +15,9 @@ from ..kernel import layout as at
 from ..kernel.jit import compiled, inlined
 from . import layout as of
 
-__all__ = ["across", "bucket", "clear_cells", "move", "near", "rows_across", "sort_into_cells"]
+__all__ = ["across", "bucket", "clear_cells", "move", "near", "sort_into_cells"]
 
 PX, PY, PZ = np.int64(73856093), np.int64(19349663), np.int64(83492791)  # primes of Teschner et al.
-
-
-@inlined
-def rows_across(clock):
-    """Cells across the slab; 1 where fewer than three would fit, which are all each other's neighbours."""
-    count = int(clock[of.DEPTH] / clock[of.WIDTH])
-    return count if count >= 3 else 1
 
 
 @inlined
@@ -34,9 +27,9 @@ def across(z, depth):
 
 
 @inlined
-def bucket(x, y, z, heads):
+def bucket(x, y, z, mask):
     """Where the granules of a cell are listed."""
-    return ((x * PX) ^ (y * PY) ^ (z * PZ)) & np.int64(heads.shape[0] - 1)
+    return ((x * PX) ^ (y * PY) ^ (z * PZ)) & mask
 
 
 @inlined
@@ -67,38 +60,42 @@ def _wrap(own, grain, ball):
 
 
 @inlined
-def _put(crowd, cells, clock, i):
+def _put(crowd, cells, clock, counts, i):
     """List a granule by the cell in which its ball stands; a tracer, which nobody can hit, only knows its cell."""
-    per, count = 1.0 / clock[of.WIDTH], rows_across(clock)
+    per, count = 1.0 / clock[of.WIDTH], int(clock[of.ROWS])
     ball, tally = cells.balls[i], crowd.tally[i]
     tally[of.CELL_X] = math.floor(ball[of.BALL_X] * per)
     tally[of.CELL_Y] = math.floor(ball[of.BALL_Y] * per)
     layer = math.floor(ball[of.BALL_Z] * (count / clock[of.DEPTH]))
     tally[of.CELL_Z] = layer - count * math.floor(layer / count)
     if tally[of.TRACER] == 0:
-        b = bucket(tally[of.CELL_X], tally[of.CELL_Y], tally[of.CELL_Z], cells.heads)
+        b = bucket(tally[of.CELL_X], tally[of.CELL_Y], tally[of.CELL_Z], counts[of.MASK])
         cells.next[i] = cells.heads[b]
         cells.heads[b] = i
 
 
 @compiled
-def sort_into_cells(crowd, cells, clock, living):
+def sort_into_cells(crowd, cells, clock, counts):
     """Put a ball about the way of every granule, and list those that others can hit."""
-    largest = 0.0
+    largest, living, size = 0.0, counts[of.LIVING], 1
+    while size < 2 * living and size < cells.heads.shape[0]:  # as few buckets as do: they stay in the cache
+        size *= 2
     for k in range(living):
         i = crowd.living[k]
         largest = max(largest, _wrap(crowd.own[i], crowd.grains[i], cells.balls[i]))
-    clock[of.MOST], clock[of.WIDTH] = largest, 2.0 * largest
+    clock[of.MOST], clock[of.WIDTH], counts[of.MASK] = largest, 2.0 * largest, size - 1
+    rows = math.floor(clock[of.DEPTH] / clock[of.WIDTH])
+    clock[of.ROWS] = rows if rows >= 3 else 1  # fewer are all each other's neighbours
     for k in range(living):
-        _put(crowd, cells, clock, crowd.living[k])
+        _put(crowd, cells, clock, counts, crowd.living[k])
 
 
 @compiled
-def move(crowd, cells, clock, i):
+def move(crowd, cells, clock, counts, i):
     """Bring the ball of a granule that flies another way, and the cell that lists it, up to date."""
     tally = crowd.tally[i]
     if tally[of.TRACER] == 0:
-        b = bucket(tally[of.CELL_X], tally[of.CELL_Y], tally[of.CELL_Z], cells.heads)
+        b = bucket(tally[of.CELL_X], tally[of.CELL_Y], tally[of.CELL_Z], counts[of.MASK])
         j = cells.heads[b]
         if j == i:
             cells.heads[b] = cells.next[i]
@@ -107,12 +104,12 @@ def move(crowd, cells, clock, i):
                 j = cells.next[j]
             cells.next[j] = cells.next[i]
     clock[of.MOST] = max(clock[of.MOST], _wrap(crowd.own[i], crowd.grains[i], cells.balls[i]))
-    _put(crowd, cells, clock, i)
+    _put(crowd, cells, clock, counts, i)
 
 
 @compiled
-def clear_cells(crowd, cells, living):
+def clear_cells(crowd, cells, counts):
     """Empty the buckets that were used."""
-    for k in range(living):
+    for k in range(counts[of.LIVING]):
         tally = crowd.tally[crowd.living[k]]
-        cells.heads[bucket(tally[of.CELL_X], tally[of.CELL_Y], tally[of.CELL_Z], cells.heads)] = -1
+        cells.heads[bucket(tally[of.CELL_X], tally[of.CELL_Y], tally[of.CELL_Z], counts[of.MASK])] = -1

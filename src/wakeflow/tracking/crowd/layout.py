@@ -50,10 +50,11 @@ TALLY = 7
     DEPTH,  # m, of the slab
     WIDTH,  # m, of a cell
     MOST,  # m, radius of the largest ball
+    ROWS,  # cells across the slab
     PULL,  # m/s2, the largest acceleration by gravity
     MET_AT,  # s, of the meeting that is dealt with
-) = range(10)  # fmt: skip
-CLOCK = 10
+) = range(11)  # fmt: skip
+CLOCK = 11
 
 # -- Counters ----------------------------------------------------------------------------------------------------------
 (
@@ -65,8 +66,9 @@ CLOCK = 10
     EVENTS,  # foretold meetings in the queue
     NEAR,  # pairs that touch or may touch at the end of the step
     LEANING,  # granules that lie still, or lean on others and hardly move
-) = range(8)  # fmt: skip
-COUNTS = 8
+    MASK,  # buckets of the hash in use, less one
+) = range(9)  # fmt: skip
+COUNTS = 9
 
 # -- A foretold meeting ------------------------------------------------------------------------------------------------
 FIRST, SECOND, FIRST_STAMP, SECOND_STAMP = range(4)

@@ -14,7 +14,7 @@ from ..kernel import layout as at
 from ..kernel.clearance import clearance
 from ..kernel.jit import compiled, inlined
 from . import layout as of
-from .cells import bucket, move, near, rows_across
+from .cells import bucket, move, near
 from .flight import fly_on
 from .pairs import MEETS, OVERLAPS, TOUCHES, apart, hit_tracer, meet, meeting_time, part, roll_back
 from .strikes import PULLS, press
@@ -52,7 +52,7 @@ def _look_round(crowd, cells, counts, clock, i, every):
     in the half of the 27 cells that come after its own and before it in its own. A tracer comes first in its pairs.
     """
     tally = crowd.tally[i]
-    high, wide = rows_across(clock), 1
+    high, wide, mask = int(clock[of.ROWS]), 1, counts[of.MASK]
     if every:  # what a strike has sped up may reach farther than a cell
         wide = max(1, math.ceil((cells.balls[i, of.BALL] + clock[of.MOST]) / clock[of.WIDTH]))
     low, top = (-wide, wide) if high > 2 * wide else (0, high - 1)
@@ -64,7 +64,7 @@ def _look_round(crowd, cells, counts, clock, i, every):
                     continue
                 x, y, z = tally[of.CELL_X] + dx, tally[of.CELL_Y] + dy, tally[of.CELL_Z] + dz
                 z = z + high if z < 0 else (z - high if z >= high else z)
-                j = cells.heads[bucket(x, y, z, cells.heads)]
+                j = cells.heads[bucket(x, y, z, mask)]
                 while j >= 0:
                     if (j != i if every else (after or j < i)) and near(cells.balls, i, j, clock[of.DEPTH]):
                         its = crowd.tally[j]  # other cells may share the bucket
@@ -172,9 +172,9 @@ def meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
         if both:
             crowd.own[j, of.MET] += 1.0
             _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, j)
-        move(crowd, cells, clock, i)
+        move(crowd, cells, clock, counts, i)
         if both:
-            move(crowd, cells, clock, j)
+            move(crowd, cells, clock, counts, j)
         _look_round(crowd, cells, counts, clock, i, True)
         if both:
             _look_round(crowd, cells, counts, clock, j, True)

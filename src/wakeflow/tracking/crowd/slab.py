@@ -119,11 +119,10 @@ def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
 @compiled
 def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """What follows the flight of a step: meetings, contact that lasts, ends."""
-    living = counts[of.LIVING]
-    sort_into_cells(crowd, cells, clock, living)
+    sort_into_cells(crowd, cells, clock, counts)
     foretell(crowd, cells, counts, clock)
     meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
-    clear_cells(crowd, cells, living)
+    clear_cells(crowd, cells, counts)
     settle_all(crowd, laws, walls, rules, clock, room, cells, counts)
     _close(crowd, counts, clock, walls, rules)
 
