@@ -16,7 +16,7 @@ from ..kernel.jit import compiled, inlined
 from . import layout as of
 from .cells import bucket, move, near
 from .flight import fly_on
-from .pairs import MEETS, OVERLAPS, TOUCHES, apart, hit_tracer, meet, meeting_time, part, roll_back
+from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back, room_between
 from .strikes import PULLS, press
 
 __all__ = ["foretell", "meet_all", "settle_all"]
@@ -188,7 +188,7 @@ def _settle_pair(crowd, laws, clock, i, j, sweep):
     if crowd.counts[i, at.FATE] != at.FLYING or crowd.counts[j, at.FATE] != at.FLYING:
         return 0.0
     least = min(crowd.grains[i, at.RADIUS], crowd.grains[j, at.RADIUS])
-    room, nx, ny, nz = apart(crowd, clock[of.DEPTH], i, j)
+    room, nx, ny, nz = room_between(crowd, clock[of.DEPTH], i, j)
     if room >= TOUCH * least:
         return 0.0
     closing = (crowd.states[j, at.VX] - crowd.states[i, at.VX]) * nx

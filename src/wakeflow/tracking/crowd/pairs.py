@@ -15,7 +15,9 @@ from . import layout as of
 from .cells import across
 from .strikes import PULLS, pair_law
 
-__all__ = ["MEETS", "OVERLAPS", "TOUCHES", "apart", "hit_tracer", "meet", "meeting_time", "part", "roll_back"]
+__all__ = [
+    "MEETS", "OVERLAPS", "TOUCHES", "hit_tracer", "meet", "meeting_time", "part", "roll_back", "room_between",
+]  # fmt: skip
 
 _caught = compiled(sphere_caught)
 NEVER, MEETS, TOUCHES, OVERLAPS = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
@@ -107,7 +109,7 @@ def roll_back(state, ints, own, clock, when):
 
 
 @compiled
-def apart(crowd, depth, i, j):
+def room_between(crowd, depth, i, j):
     """The room between the surfaces of i and j where they are now (m, negative: they overlap), and the unit normal from
     j to i.
     """
@@ -127,7 +129,7 @@ def meet(crowd, laws, depth, i, j, rebounds):
     """
     one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
     first, second = crowd.grains[i], crowd.grains[j]
-    _, nx, ny, nz = apart(crowd, depth, i, j)
+    _, nx, ny, nz = room_between(crowd, depth, i, j)
     r1, q1 = first[at.RADIUS], first[at.MOBILITY]
     r2, q2 = second[at.RADIUS], second[at.MOBILITY]
     arm1, arm2 = (r1 if q1 > 0.0 else 0.0), (r2 if q2 > 0.0 else 0.0)
@@ -160,7 +162,7 @@ def meet(crowd, laws, depth, i, j, rebounds):
 def part(crowd, depth, i, j):
     """Push two granules that overlap apart, each by the other's share of their mass."""
     one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
-    room, nx, ny, nz = apart(crowd, depth, i, j)
+    room, nx, ny, nz = room_between(crowd, depth, i, j)
     deep = -room
     if deep <= 0.0:
         return
