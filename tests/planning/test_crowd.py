@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,9 +56,26 @@ def test_meetings_of_one_fraction_are_by_hand(vacuum: Scene) -> None:
     pull, half = 0.5 * G, 0.01
     crossing = (math.sqrt(thrown**2 + 2 * pull * half) - thrown) / pull
     meets = flux / speed * math.pi * d**2 * math.hypot(thrown, speed) * crossing
-    assert found.heavier == pytest.approx(2 * meets, rel=1e-3)
+    beside, closing = _beside(thrown, pull=0.5 * G * 0.7)
+    shaken = 2e-3 * 2 * math.pi * 20 / math.sqrt(2) * thrown / speed
+    closing = np.sqrt(closing**2 + 2 * shaken**2 + speed**2 / 12)
+    thick = (0.5 * speed) ** 2 / 2 / (2 * G * math.sqrt(0.5))  # of the layer: as high as they hop
+    layer = flux * math.pi * d**2 / thick * float((beside * closing).sum())
+    assert found.heavier == pytest.approx(2 * meets + layer, rel=0.02)
     assert found.number == pytest.approx(found.heavier)
-    assert found.knock == pytest.approx(1.5 * 0.5 * math.hypot(thrown, speed), rel=1e-3)
+    kicks = 2 * meets * math.hypot(thrown, speed) + flux * math.pi * d**2 / thick * float((beside * closing**2).sum())
+    assert found.knock == pytest.approx(1.5 * 0.5 * kicks / (2 * meets + layer), rel=0.02)
+
+
+def _beside(start: float, pull: float, within: float = 0.02, ends: float = 0.0225) -> tuple[Any, Any]:
+    """By random places instead of sums: weights (s2) of pairs of granules that slide past a place, and how much faster
+    one does (m/s).
+    """
+    rng, n = np.random.default_rng(1), 400_000
+    mine, theirs, place = within * rng.random(n), within * rng.random(n), ends * rng.random(n)
+    one, two = (np.sqrt(start**2 + 2 * pull * np.maximum(place - came, 0.0)) for came in (mine, theirs))
+    both = (place > mine) & (place > theirs)
+    return np.where(both, ends * within / (one * two), 0.0) / n, one - two
 
 
 def test_what_is_lighter_turns_nobody_out_of_its_way(draft: Scene) -> None:
@@ -174,8 +191,7 @@ IDLE = 30.0  # how many times what it bounds a bound may be
 
 
 def test_estimate_and_bound_hold_in_a_vacuum() -> None:
-    # soft granules hardly rebound: they slide down the slope together, where meetings are counted and not estimated
-    _hold(list(crowding.rows("vacuum", rates=(200.0,), count=128)), missed={"soft"})
+    _hold(list(crowding.rows("vacuum", rates=(200.0,), count=128)))
 
 
 @pytest.mark.slow
@@ -188,13 +204,12 @@ def test_estimate_and_bound_hold_in_three_scenes(name: str) -> None:
     _hold(list(crowding.rows(name)), upward=name == "prism")
 
 
-def _hold(rows: list[crowding.Row], *, upward: bool = False, missed: Collection[str] = ()) -> None:
-    """Meetings are estimated to within a factor of IDLE and not underestimated, but for the fractions ``missed``; no
-    share changes beyond its bound; and the bound that decides, that of the fraction which collisions move most, is not
-    idle.
+def _hold(rows: list[crowding.Row], *, upward: bool = False) -> None:
+    """Meetings are estimated to within a factor of IDLE and not underestimated by more than a factor of 2; no share
+    changes beyond its bound; and the bound that decides, that of the fraction which collisions move most, is not idle.
     """
     met = [row for row in rows if row.counted > 0.1 and not upward]
-    assert {row.fraction for row in met if 0.5 * row.counted > row.estimated} == set(missed)
+    assert not [row for row in met if 0.5 * row.counted > row.estimated]
     for row in rows:
         assert row.holds, row
         assert row not in met or row.estimated <= IDLE * row.counted, row

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["CrowdCompanion", "CrowdStage", "SlabFound"]
 
 FEWEST = 2  # replicates of a companion
-SMALL = 0.1  # of the accuracy asked for: landing error that a step of the slab may make, body widths; chosen
+SMALL = 0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/crowd.md)
 
 
 @dataclass(frozen=True)

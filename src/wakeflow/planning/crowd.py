@@ -22,8 +22,8 @@ __all__ = ["NO_RATE", "CrowdPlan", "crowd_lines", "granule_masses", "number_rate
 
 Array = NDArray[np.float64]
 DIAMETERS = 15.0  # of the coarsest granules: default depth of the slab
-MANY_IN_FLIGHT = 500.0  # granules at a time, below which a deeper slab costs no more: steps of its clock do
-CLOCK = 300.0  # granules whose steps take as long as a step of the clock itself
+MANY_IN_FLIGHT = 500.0  # granules at a time, below which the slab is made deeper: they come in fewer steps; chosen
+CLOCK = 20.0  # granules whose steps take as long as a step of the clock itself
 MASS_LEVELS = 512  # parts of equal mass that a size distribution is taken apart into
 MOST_IN_FLIGHT = 1e4  # granules of a fraction that are simulated one by one; chosen, for the run time
 LIGHT = 1e-4  # of the mass of the heaviest fraction's granules: lighter ones turn nobody, and fly as tracers; chosen
@@ -31,8 +31,8 @@ WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not w
 REPLICATES = 4, 16  # fewest and most
 FEWEST = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
 STEP = 1e-4  # s: that a granule of some mm is stepped by
-STEPS_A_SECOND = 4e6  # granule steps a second and core
-MOST_STEPS = 1.2e9  # granule steps of all replicates: two and a half minutes on two cores; chosen
+STEPS_A_SECOND = 1.6e6  # granule steps a second and core: measured with all forces, on a busy machine
+MOST_STEPS = 1.2e9  # granule steps of all replicates: six minutes on two such cores; chosen
 CORES = 2
 BYTES_A_GRANULE = 1000.0  # of memory
 NO_RATE = "the scene gives no feed.rate; give one, or --force collisions=on takes 1 kg/s per metre of depth"

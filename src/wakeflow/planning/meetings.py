@@ -1,10 +1,11 @@
 """How often granules of a fed stream meet each other, and what that does to them: estimates before anything is flown.
 
 Kinetic theory of two streams: a granule i meets n_j sigma v_rel granules of fraction j in a second, where sigma =
-pi/4 (d_i + d_j)^2 and n_j is the number in a volume. Three ways of meeting count: granules of one fraction overtake
-those of another on their fall; one that leaves the body crosses the curtain that still falls; and one that falls passes
-through those that leave. Only partners as heavy or heavier turn a granule out of its way: each counts with the share
-2 m_j / (m_i + m_j), one at most. docs/throughput.md sets the numbers beside those counted in slabs of three scenes.
+pi/4 (d_i + d_j)^2 and n_j is the number in a volume. Four ways of meeting count: granules of one fraction overtake
+those of another on their fall; one that leaves the body crosses the curtain that still falls; one that falls passes
+through those that leave; and those that slide and hop down a slope meet in the layer that they are there. Only partners
+as heavy or heavier turn a granule out of its way: each counts with the share 2 m_j / (m_i + m_j), one at most.
+docs/throughput.md sets the numbers beside those counted in slabs of three scenes.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ RARE = 0.05  # of the granules rebound beyond what a throw is taken for
 SLOWEST = 0.1  # m/s: the slowest fall that is believed of a curtain, which would be infinitely dense at rest; chosen
 LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
 STEPS = 400  # of a fall in a vacuum
+ENTRIES, PLACES = 24, 96  # on a slope, of the sums over where granules came down and where they meet
 LONGEST = 1.0  # s: the longest that a granule is taken to lie in the curtain's way where nothing moves it out; chosen
 
 
@@ -63,6 +65,22 @@ class _Fall(NamedTuple):
     speed: Array  # m/s, downward
 
 
+class _Slope(NamedTuple):
+    """How a fraction goes down a face that looks up: horizontal speeds, as the curtain's width is."""
+
+    within: float  # m, width of the curtain over the face
+    beyond: float  # m, from there to the face's end
+    start: float  # m/s, speed after the impact
+    pull: float  # m/s2, of gravity less friction
+    shaken: float  # m/s, rms of the start by the body's vibration
+    hop: float  # m/s, rebound off the face
+    high: float  # m, how high that is
+
+    def speed(self, way: Array) -> Array:
+        """After a ``way`` (m) on the face."""
+        return np.sqrt(self.start**2 + 2.0 * self.pull * np.maximum(way, 0.0))
+
+
 @dataclass(frozen=True)
 class _Stream:
     """One fraction in the feed."""
@@ -74,6 +92,7 @@ class _Stream:
     arrival: float  # m/s at the body, of the median granule; 0 where it does not come there
     thrown: float  # m/s, sideways speed with which it leaves the body
     crossing: float  # s, for which it is in the curtain's way after that
+    slope: _Slope | None  # how it goes down the first body's faces
 
 
 def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str, Encounters]:
@@ -119,6 +138,30 @@ def _ways(own: _Stream, other: _Stream) -> Iterator[tuple[float, float]]:
     if other.crossing > 0.0 and own.arrival > 0.0:
         closing = math.hypot(other.thrown, own.arrival)
         yield sigma * other.flux * other.crossing * closing / max(own.arrival, SLOWEST), closing
+    if own.slope is not None and other.slope is not None:
+        thick = max(own.slope.high, other.slope.high, sigma / (own.diameter + other.diameter))
+        met, closing = _side_by_side(own.slope, other.slope)
+        yield sigma / thick * other.flux * met, closing
+
+
+def _side_by_side(one: _Slope, two: _Slope) -> tuple[float, float]:
+    """Meetings of ``one`` with ``two`` in the layer on a face, per flux and width of what sweeps it (m s); the mean
+    closing speed (m/s).
+
+    Both come down evenly over the curtain's width. Where ``one`` passes a place, those of ``two`` that came down higher
+    up pass too, at speeds that differ by where they came down, by the body's phase when they did, and by their hops.
+    """
+    came = (np.arange(ENTRIES) + 0.5) / ENTRIES * one.within
+    ends = one.within + one.beyond
+    width = ends / PLACES
+    places = (np.arange(PLACES) + 0.5) * width
+    mine, theirs = (np.maximum(slope.speed(places - came[:, None]), SLOWEST) for slope in (one, two))
+    above = (places > came[:, None]).astype(float)  # (entries, places): who came down higher up than the place
+    jitter = one.shaken**2 + two.shaken**2 + (one.hop**2 + two.hop**2) / 3.0
+    closing = np.sqrt((mine[:, None] - theirs[None]) ** 2 + jitter)  # (entries of one, of two, places)
+    rate = above[:, None] * above[None] * closing / (mine[:, None] * theirs[None]) * width * one.within / ENTRIES
+    met = rate.sum(axis=(1, 2))
+    return float(met.mean()), float((rate * closing).sum() / rate.sum())
 
 
 def _overtaking(one: _Fall, two: _Fall) -> tuple[float, float]:
@@ -143,7 +186,26 @@ def _stream(scene: Scene, name: str, law: str, scale: float) -> _Stream:
     mass = math.pi / 6.0 * granule.density * granule.diameter**3
     flux = feed.crowding * mass_flow / (mass * feed.width * feed.depth)
     crossing = _crossing(scene, thrown) if arrival > 0.0 else 0.0
-    return _Stream(mass, granule.diameter, flux, falls, arrival, thrown, crossing)
+    slope = _slope(scene, fraction, arrival, thrown) if arrival > 0.0 else None
+    return _Stream(mass, granule.diameter, flux, falls, arrival, thrown, crossing, slope)
+
+
+def _slope(scene: Scene, fraction: Fraction, arrival: float, thrown: float) -> _Slope | None:
+    """How a fraction goes down the first body's faces, if the curtain falls on them."""
+    beta, _ = slope_of(scene)
+    half, away = 0.5 * scene.feed.width, abs(scene.feed.position)
+    near = max(away - half, 0.0)  # the wider side of the curtain, from the body's middle
+    ends = 0.5 * scene.width - near
+    within = min(away + half - near, ends)
+    if within <= 0.0:
+        return None
+    friction = fraction.properties.friction
+    pull = GRAVITY * math.cos(beta) * max(math.sin(beta) - friction * math.cos(beta), 0.0)
+    shaking = 0.0 if scene.vibration is None else float(np.linalg.norm(scene.vibration.speed)) / math.sqrt(2.0)
+    bounce = float(restitution_at(fraction.properties.restitution, arrival * math.cos(beta)))
+    hop = bounce * arrival * math.cos(beta)
+    high = 0.5 * hop**2 / (GRAVITY * math.cos(beta))
+    return _Slope(within, ends - within, thrown, pull, shaking * thrown / arrival, hop, high)
 
 
 def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> _Fall:

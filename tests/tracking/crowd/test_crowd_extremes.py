@@ -66,13 +66,31 @@ def test_a_heap_comes_to_rest_on_a_flat_top_under_load_and_is_counted() -> None:
     assert tracks.crowd.steps < 8000
 
 
+def _through_a_gap(half: float, rate: float, width: float) -> wf.Tracks:
+    """60 granules of 4 mm, ``rate`` a second, poured ``width`` to both sides into a funnel with a gap of twice ``half``
+    (m).
+    """
+    left = np.array([[-0.03 - half, 0.03], [-half, 0.0], [-half, -0.01], [-0.03 - half, -0.01]])
+    right = left[::-1] * [-1.0, 1.0]
+    grains = _poured(60, rate, width, 0.06, friction=0.5)
+    law = wf.Collisions(0.012, 0.3, 0.5, step=5e-4)
+    return wf.track(None, grains, until=0.8, bodies=[left, right], lines=BELOW, tolerance=1e-3, collisions=law)
+
+
+def test_a_dense_feed_that_finds_its_way_through_does_not_jam() -> None:
+    """More in less time, down both faces and through a gap of three granules: they meet, slow down, and leave."""
+    tracks = _through_a_gap(6e-3, 600.0, 0.02)
+    assert np.all(tracks.fate == Fate.BINNED)
+    assert tracks.meetings is not None
+    assert tracks.meetings.mean() > 1.0
+    assert tracks.crowd is not None
+    assert not tracks.crowd.jammed
+    assert tracks.crowd.advice == ""
+
+
 def test_a_feed_that_jams_between_body_and_wall_is_recognised_and_said() -> None:
     """A funnel whose gap is narrower than a granule: what comes stays, and the tracks say so."""
-    left = np.array([[-0.03, 0.03], [-0.001, 0.0], [-0.001, -0.01], [-0.03, -0.01]])
-    right = left[::-1] * [-1.0, 1.0]
-    grains = _poured(60, 150.0, 3e-3, 0.06, friction=0.5)
-    law = wf.Collisions(0.012, 0.3, 0.5, step=5e-4)
-    tracks = wf.track(None, grains, until=0.6, bodies=[left, right], lines=BELOW, tolerance=1e-3, collisions=law)
+    tracks = _through_a_gap(1e-3, 150.0, 3e-3)
     assert np.all(tracks.fate != Fate.BINNED)
     assert np.all(tracks.position[:, 1] > 0.0)
     assert tracks.crowd is not None

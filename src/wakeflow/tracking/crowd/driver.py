@@ -21,7 +21,7 @@ from ..pack_state import pack_state
 from ..tracks import Tracks
 from . import layout as of
 from .collisions import Collisions
-from .layout import Cells, Crowd, Laws, Room
+from .layout import Cells, Crowd, Laws, Nodes, Room
 from .slab import march_slab
 
 __all__ = ["Slab", "fly_slab", "places_across"]
@@ -106,10 +106,7 @@ class _Run:
         self.tracer = np.isin(slab.grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
         air = slab.air
         self.timed = len(air.corners) > 0 and (len(air.times) > 1 or air.smooth[at.KNOT_RATE] != 0.0)
-        smooth = air.smooth[at.KNOT_RATE] != 0.0
-        nodes = air.values.shape[0] if smooth else air.values.shape[1]
-        self.now = np.zeros((nodes, air.values.shape[2])) if self.timed else np.array(_steady(air))
-        self.rates = np.zeros((nodes if self.timed and "added-mass" in slab.forces else 0, 2))
+        self.nodes = _nodes(air, timed=self.timed, rates="added-mass" in slab.forces)
         self.clock = np.zeros(of.CLOCK)
         self.clock[of.STEP], self.clock[of.DEPTH] = step, slab.collisions.depth
         self.clock[of.NOW] = float(slab.grains.time.min(initial=slab.rules.until))
@@ -145,7 +142,7 @@ class _Run:
         self.pool.rows = crowd._replace(waiting=np.concatenate([unborn, slots]))
         self.counts[of.BORN] = 0
         self.clock[of.PULL] = max(self.clock[of.PULL], _pull(crowd.grains[slots]))
-        if len(self.cells.heads) < 2 * len(crowd.living):
+        if len(self.cells.next) < len(crowd.living):
             self.cells = _cells(len(crowd.living))
         more = self.fed < len(self.order)
         return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
@@ -155,7 +152,7 @@ class _Run:
         slab = self.slab
         steps = max(1, CALL // max(1, int(self.counts[of.LIVING])))
         return bool(march_slab(
-            self.pool.rows, self.laws, slab.air, self.now, self.rates, slab.walls, slab.rules, self.clock, self.room,
+            self.pool.rows, self.laws, slab.air, self.nodes, slab.walls, slab.rules, self.clock, self.room,
             self.cells, self.counts, stop, steps, self.timed, self.fed == len(self.order),
         ))  # fmt: skip
 
@@ -194,8 +191,16 @@ class _Run:
                 found.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
 
 
-def _steady(air: PackedAir) -> Array:
-    return np.ascontiguousarray(air.values[0]) if len(air.values) else np.zeros((0, 2))
+def _nodes(air: PackedAir, *, timed: bool, rates: bool) -> Nodes:
+    """Room for the air at the nodes; the air itself where it is steady."""
+    now = np.array(air.values[0]) if len(air.values) else np.zeros((0, 2))
+    if timed:
+        count = len(air.values) if air.smooth[at.KNOT_RATE] != 0.0 else air.values.shape[1]
+        now = np.zeros((count, air.values.shape[2]))
+    return Nodes(
+        np.ascontiguousarray(now), np.zeros((len(now) if timed and rates else 0, 2)),
+        np.zeros(len(now), dtype=np.int64), np.zeros(3, dtype=np.int64), np.zeros(2 * of.RATES),
+    )  # fmt: skip
 
 
 def _pull(grains: Array) -> float:
@@ -206,7 +211,8 @@ def _cells(slots: int) -> Cells:
     """Room for meetings of so many granules: two buckets a granule, and the next power of two."""
     size = 1 << max(10, int(2 * slots - 1).bit_length())
     return Cells(
-        np.full(size, -1, dtype=np.int64), np.zeros(4 * slots + 64), np.zeros((4 * slots + 64, of.EVENT), np.int64),
+        np.zeros((slots, 4)), np.full(size, -1, dtype=np.int64), np.full(slots, -1, dtype=np.int64),
+        np.zeros(4 * slots + 64), np.zeros((4 * slots + 64, of.EVENT), np.int64),
         np.zeros((8 * slots + 64, 2), dtype=np.int64),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from ..kernel import layout as at
 from ..kernel.air import bracket
 from ..kernel.clearance import clearance
 from ..kernel.crossings import first_line, first_wall
-from ..kernel.dense_output import along, phis
+from ..kernel.dense_output import along
 from ..kernel.dispersion import renew
 from ..kernel.events import wall_displacement
 from ..kernel.jit import compiled, inlined
@@ -20,7 +20,9 @@ from .strikes import STILL, hit_wall, press
 __all__ = ["begin_leg", "end_leg", "fly_on"]
 
 MOST_PIECES = 32  # of a step: a granule that rattles faster is pressed on
+SAME = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
 SPARE = 1.05  # of the straight way: a path of one step bends less
+C0, C1, C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(k + 2) for k in range(8))  # of the series of phi_2
 ON_LINE = 1e-9  # of the extent: round-off of a place on the mesh's boundary (as in kernel.edge_crossing)
 
 
@@ -47,10 +49,24 @@ def end_leg(state, own, clock):
         own[of.LEG_AZ] = twice * (own[of.Z] - own[of.LEG_Z] - s * own[of.LEG_VZ])
 
 
+@compiled
+def _decay(z):
+    """e^z, phi_1 and phi_2 for z <= 0, to round-off: what ``dense_output.phis`` gives, less those that a path of one
+    force does not need.
+    """
+    if z < -0.1:
+        e = math.exp(z)
+        p1 = (e - 1.0) / z
+        return e, p1, (p1 - 1.0) / z
+    p2 = C0 + z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * (C6 + z * C7))))))
+    p1 = 1.0 + z * p2
+    return 1.0 + z * p1, p1, p2
+
+
 @inlined
 def _glide(path, own, h):
     """Place and velocity at the end of the path, across the slab too."""
-    e, p1, p2, _, _ = phis(-path[at.RATE] * h)
+    e, p1, p2 = _decay(-path[at.RATE] * h)
     a, b = h * p1, h * h * p2
     return (
         path[at.START_X] + a * path[at.START_VX] + b * path[at.N0X],
@@ -63,15 +79,15 @@ def _glide(path, own, h):
 
 
 @inlined
-def _renew(state, ints, affine, air, grain, table, rules):
-    """Begin an interval of noise, which is the tracker's: seen from the mesh."""
+def _renew(state, ints, affine, air, grain, table, rules, clock):
+    """Begin an interval of noise, which is the tracker's, seen from the mesh; it ends with a step of the clock."""
     dx, dy, wx, wy = mesh_at(air.swing, state[at.T])
     bracket(state, ints, affine, air)
     state[at.X] -= dx
     state[at.Y] -= dy
     state[at.VX] -= wx
     state[at.VY] -= wy
-    renew(state, ints, affine, air, grain, table, rules)
+    renew(state, ints, affine, air, grain, table, rules, clock[of.UNTIL] - state[at.T], clock[of.STEP])
     state[at.X] += dx
     state[at.Y] += dy
     state[at.VX] += wx
@@ -113,7 +129,8 @@ def _leave(state, ints, own, air, walls, rules, clock):
 @inlined
 def _alone(state, own, grain, walls, rules, end):
     """Whether no wall and no line can be met on the way to ``end``."""
-    way = SPARE * math.hypot(end[0] - state[at.X], end[1] - state[at.Y]) + rules.skin
+    dx, dy = end[0] - state[at.X], end[1] - state[at.Y]
+    way = SPARE * math.sqrt(dx * dx + dy * dy) + rules.skin
     if own[of.ROOM] < way:
         own[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
     if own[of.ROOM] < way:
@@ -165,7 +182,7 @@ def _by_walls(state, ints, own, tally, grain, walls, rules, clock, path, hold, e
 
 
 @inlined
-def fly_on(state, ints, own, tally, grain, table, air, now, rates, walls, rules, clock, room):
+def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, clock, room):
     """Fly from the granule's time to the end of the step."""
     path, affine, hold = room.path, room.affine, room.hold
     begin_leg(state, own, tally, clock)
@@ -176,11 +193,12 @@ def fly_on(state, ints, own, tally, grain, table, air, now, rates, walls, rules,
         h = clock[of.UNTIL] - state[at.T]
         last = pieces >= MOST_PIECES
         if grain[at.NOISE] != 0.0 and not last:
-            if not state[at.T] < state[at.T_NOISE]:
-                _renew(state, ints, affine, air, grain, table, rules)
-            h = min(h, state[at.T_NOISE] - state[at.T])
+            if not state[at.T] < state[at.T_NOISE] - SAME * clock[of.STEP]:
+                _renew(state, ints, affine, air, grain, table, rules, clock)
+            if state[at.T_NOISE] < clock[of.UNTIL] - SAME * clock[of.STEP]:
+                h = min(h, state[at.T_NOISE] - state[at.T])
         ints[at.STEPS] += 1
-        if aim(state, ints, own, grain, table, air, now, rates, walls, clock, path, affine, h) == GONE:
+        if aim(state, ints, own, grain, table, air, nodes, walls, clock, path, h) == GONE:
             _leave(state, ints, own, air, walls, rules, clock)
             break
         x, y, vx, vy, z, vz = _glide(path, own, h)

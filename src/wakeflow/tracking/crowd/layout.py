@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Cells", "Crowd", "Laws", "Room"]
+__all__ = ["Cells", "Crowd", "Laws", "Nodes", "Room"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -18,6 +18,7 @@ Index = NDArray[np.int64]
     WX, WY,  # rad/s, spin about the axes in the plane
     LIGHT,  # 1/kg, inverse mass
     ROOM,  # m that it may go before a wall or line can be near; used up by what it goes
+    DRAG,  # 1/s, drag rate of its last piece of way; 0: none yet, or a strike since
     TOUCHED,  # HELD_BY_WALL, or TOUCHES_OTHERS at the end of the step; 0: free
     MET,  # meetings in this step
     LEG_BEGIN, LEG_END,  # s of the step: its last piece without a strike on a wall, on which it can be met
@@ -25,8 +26,8 @@ Index = NDArray[np.int64]
     LEG_VX, LEG_VY, LEG_VZ,  # m/s
     LEG_AX, LEG_AY, LEG_AZ,  # m/s2: the parabola through its beginning, the velocity there and its end
     LEG_WX, LEG_WY, LEG_WZ,  # rad/s, its spin at the beginning
-) = range(22)  # fmt: skip
-OWN = 22
+) = range(23)  # fmt: skip
+OWN = 23
 
 LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
 
@@ -37,9 +38,8 @@ LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
     FRACTION,  # a row of the laws
     TRACER,  # 1: it is hit, and hits nothing
     CELL_X, CELL_Y, CELL_Z,  # cell that it is sorted into
-    NEXT,  # granule in the same bucket, -1: none
-) = range(8)  # fmt: skip
-TALLY = 8
+) = range(7)  # fmt: skip
+TALLY = 7
 
 # -- The clock and what the whole crowd shares in a step ---------------------------------------------------------------
 (
@@ -48,12 +48,13 @@ TALLY = 8
     STEP,  # s
     OUT_X, OUT_Y,  # m, displacement of a mesh that swings, in the middle of the step
     DEPTH,  # m, of the slab
-    REACH,  # m, the longest way that a granule goes in this step
-    LARGEST,  # m, diameter of the largest granule
+    WIDTH,  # m, of a cell
+    MOST,  # m, radius of the largest ball
+    ROWS,  # cells across the slab
     PULL,  # m/s2, the largest acceleration by gravity
     MET_AT,  # s, of the meeting that is dealt with
-) = range(10)  # fmt: skip
-CLOCK = 10
+) = range(11)  # fmt: skip
+CLOCK = 11
 
 # -- Counters ----------------------------------------------------------------------------------------------------------
 (
@@ -65,12 +66,18 @@ CLOCK = 10
     EVENTS,  # foretold meetings in the queue
     NEAR,  # pairs that touch or may touch at the end of the step
     LEANING,  # granules that lie still, or lean on others and hardly move
-) = range(8)  # fmt: skip
-COUNTS = 8
+    MASK,  # buckets of the hash in use, less one
+) = range(9)  # fmt: skip
+COUNTS = 9
 
 # -- A foretold meeting ------------------------------------------------------------------------------------------------
 FIRST, SECOND, FIRST_STAMP, SECOND_STAMP = range(4)
 EVENT = 4
+
+
+# -- The ball that holds a granule on its way in the step --------------------------------------------------------------
+BALL_X, BALL_Y, BALL_Z, BALL = range(4)  # m: centre and radius
+SPARE_BALL = 1e-6  # of its radius: more than round-off, and than contact reaches
 
 
 class Crowd(NamedTuple):
@@ -96,10 +103,26 @@ class Laws(NamedTuple):
     tables: Array  # (k, cells, 4)
 
 
+class Nodes(NamedTuple):
+    """The air at the nodes in the middle of the step. One that changes in time is brought there where it is read."""
+
+    now: Array  # (N, C)
+    rates: Array  # (N, 2) m/s2, of the velocity; (0, 2) where nothing needs them
+    looked: Index  # (N,) the step in which a node was brought to its middle
+    when: Index  # (3,): THIS_STEP, BEFORE, AFTER
+    weights: Array  # (8,) of the four coefficients (two snapshots) about the middle, for the value and for its rate
+
+
+THIS_STEP, BEFORE, AFTER = range(3)
+RATES = 4  # of ``weights``: where those for the rate begin
+
+
 class Cells(NamedTuple):
     """Buckets of a hash of cells, the queue of foretold meetings and the pairs that touch."""
 
+    balls: Array  # (S, 4)
     heads: Index  # (2^k,) last granule put into each bucket, -1: none
+    next: Index  # (S,) granule put into the same bucket before, -1: none
     when: Array  # (Q,) s of the step
     who: Index  # (Q, EVENT)
     near: Index  # (P, 2)

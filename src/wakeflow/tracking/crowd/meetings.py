@@ -14,9 +14,9 @@ from ..kernel import layout as at
 from ..kernel.clearance import clearance
 from ..kernel.jit import compiled, inlined
 from . import layout as of
-from .cells import across, bucket, rows_across
+from .cells import bucket, move, near
 from .flight import fly_on
-from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back
+from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back, room_between
 from .strikes import PULLS, press
 
 __all__ = ["foretell", "meet_all", "settle_all"]
@@ -48,26 +48,29 @@ def _note(crowd, cells, counts, clock, i, j):
 
 @compiled
 def _look_round(crowd, cells, counts, clock, i, every):
-    """Note the meetings of i with whom stands in the 27 cells about it: ``every`` one; or, so that no pair is noted
-    twice, in the half of the cells that come after its own and before it in its own. A tracer comes first in its pairs.
+    """Note the meetings of i with whom stands in the cells about it: ``every`` one; or, so that no pair is noted twice,
+    in the half of the 27 cells that come after its own and before it in its own. A tracer comes first in its pairs.
     """
     tally = crowd.tally[i]
-    high = rows_across(clock)
-    for dx in range(-1, 2):
-        for dy in range(-1, 2):
-            for dz in range(-1 if high > 1 else 0, 2 if high > 1 else 1):
-                after = 9 * dx + 3 * dy + dz
-                if after < 0 and not every:
+    high, wide, mask = int(clock[of.ROWS]), 1, counts[of.MASK]
+    if every:  # what a strike has sped up may reach farther than a cell
+        wide = max(1, math.ceil((cells.balls[i, of.BALL] + clock[of.MOST]) / clock[of.WIDTH]))
+    low, top = (-wide, wide) if high > 2 * wide else (0, high - 1)
+    for dx in range(-wide if every else 0, wide + 1):
+        for dy in range(-wide if every or dx > 0 else 0, wide + 1):
+            for dz in range(low, top + 1):
+                after = every or dx > 0 or dy > 0 or dz > 0
+                if not after and dz < 0:
                     continue
                 x, y, z = tally[of.CELL_X] + dx, tally[of.CELL_Y] + dy, tally[of.CELL_Z] + dz
                 z = z + high if z < 0 else (z - high if z >= high else z)
-                j = cells.heads[bucket(x, y, z, cells.heads)]
+                j = cells.heads[bucket(x, y, z, mask)]
                 while j >= 0:
-                    its = crowd.tally[j]
-                    new = j != i if every else (after > 0 or j < i)
-                    if new and its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z:
-                        _note(crowd, cells, counts, clock, i, j)
-                    j = its[of.NEXT]
+                    if (j != i if every else (after or j < i)) and near(cells.balls, i, j, clock[of.DEPTH]):
+                        its = crowd.tally[j]  # other cells may share the bucket
+                        if its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z:
+                            _note(crowd, cells, counts, clock, i, j)
+                    j = cells.next[j]
 
 
 @compiled
@@ -96,11 +99,11 @@ def _earliest(cells, counts):
 
 
 @compiled
-def _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, i):
+def _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, i):
     """The rest of the step of a granule, from where it has met another."""
     fly_on(
         crowd.states[i], crowd.counts[i], crowd.own[i], crowd.tally[i], crowd.grains[i],
-        laws.tables[crowd.table_of[i]], air, now, rates, walls, rules, clock, room,
+        laws.tables[crowd.table_of[i]], air, nodes, walls, rules, clock, room,
     )  # fmt: skip
 
 
@@ -152,7 +155,7 @@ def _strike_pair(crowd, laws, clock, i, j, when):
 
 
 @compiled
-def meet_all(crowd, laws, air, now, rates, walls, rules, clock, room, cells, counts):
+def meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """Deal with the meetings that ``foretell`` noted, and with those that come of them."""
     while counts[of.EVENTS] > 0:
         when, i, j, a, b = _earliest(cells, counts)
@@ -165,25 +168,16 @@ def meet_all(crowd, laws, air, now, rates, walls, rules, clock, room, cells, cou
         elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
             continue
         crowd.own[i, of.MET] += 1.0
-        _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, i)
+        _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, i)
         if both:
             crowd.own[j, of.MET] += 1.0
-            _fly_again(crowd, laws, air, now, rates, walls, rules, clock, room, j)
+            _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, j)
+        move(crowd, cells, clock, counts, i)
+        if both:
+            move(crowd, cells, clock, counts, j)
         _look_round(crowd, cells, counts, clock, i, True)
         if both:
             _look_round(crowd, cells, counts, clock, j, True)
-
-
-@compiled
-def _approach(crowd, depth, i, j):
-    """How deep two granules overlap (m), and how fast they approach (m/s)."""
-    one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
-    dx, dy = state[at.X] - its[at.X], state[at.Y] - its[at.Y]
-    dz = across(one[of.Z] - other[of.Z], depth)
-    d = math.sqrt(dx * dx + dy * dy + dz * dz)
-    ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], one[of.VZ] - other[of.VZ]
-    closing = -(dx * ux + dy * uy + dz * uz) / d if d > 0.0 else 0.0
-    return crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS] - d, closing
 
 
 @inlined
@@ -194,9 +188,12 @@ def _settle_pair(crowd, laws, clock, i, j, sweep):
     if crowd.counts[i, at.FATE] != at.FLYING or crowd.counts[j, at.FATE] != at.FLYING:
         return 0.0
     least = min(crowd.grains[i, at.RADIUS], crowd.grains[j, at.RADIUS])
-    deep, closing = _approach(crowd, clock[of.DEPTH], i, j)
-    if deep <= -TOUCH * least:
+    room, nx, ny, nz = room_between(crowd, clock[of.DEPTH], i, j)
+    if room >= TOUCH * least:
         return 0.0
+    closing = (crowd.states[j, at.VX] - crowd.states[i, at.VX]) * nx
+    closing += (crowd.states[j, at.VY] - crowd.states[i, at.VY]) * ny
+    closing += (crowd.own[j, of.VZ] - crowd.own[i, of.VZ]) * nz
     crowd.own[i, of.TOUCHED] = crowd.own[j, of.TOUCHED] = of.TOUCHES_OTHERS
     if closing > 0.0:
         slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
@@ -204,7 +201,7 @@ def _settle_pair(crowd, laws, clock, i, j, sweep):
             crowd.tally[i, of.MEETINGS] += 1
             crowd.tally[j, of.MEETINGS] += 1
     part(crowd, clock[of.DEPTH], i, j)
-    return max(deep, 0.0) / least
+    return max(-room, 0.0) / least
 
 
 @compiled

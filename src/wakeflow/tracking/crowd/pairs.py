@@ -15,7 +15,9 @@ from . import layout as of
 from .cells import across
 from .strikes import PULLS, pair_law
 
-__all__ = ["MEETS", "OVERLAPS", "TOUCHES", "hit_tracer", "meet", "meeting_time", "part", "roll_back"]
+__all__ = [
+    "MEETS", "OVERLAPS", "TOUCHES", "hit_tracer", "meet", "meeting_time", "part", "roll_back", "room_between",
+]  # fmt: skip
 
 _caught = compiled(sphere_caught)
 NEVER, MEETS, TOUCHES, OVERLAPS = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
@@ -107,16 +109,27 @@ def roll_back(state, ints, own, clock, when):
 
 
 @compiled
+def room_between(crowd, depth, i, j):
+    """The room between the surfaces of i and j where they are now (m, negative: they overlap), and the unit normal from
+    j to i.
+    """
+    dx, dy = crowd.states[i, at.X] - crowd.states[j, at.X], crowd.states[i, at.Y] - crowd.states[j, at.Y]
+    dz = across(crowd.own[i, of.Z] - crowd.own[j, of.Z], depth)
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    room = d - crowd.grains[i, at.RADIUS] - crowd.grains[j, at.RADIUS]
+    if d > 0.0:
+        return room, dx / d, dy / d, dz / d
+    return room, 0.0, 1.0, 0.0
+
+
+@compiled
 def meet(crowd, laws, depth, i, j, rebounds):
     """The collision of i and j where they are now; ``rebounds`` 0: contact that lasts, without. Returns whether they
     approached. A tracer takes the other for a wall.
     """
     one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
     first, second = crowd.grains[i], crowd.grains[j]
-    dx, dy = state[at.X] - its[at.X], state[at.Y] - its[at.Y]
-    dz = across(one[of.Z] - other[of.Z], depth)
-    d = math.sqrt(dx * dx + dy * dy + dz * dz)
-    nx, ny, nz = (dx / d, dy / d, dz / d) if d > 0.0 else (0.0, 1.0, 0.0)
+    _, nx, ny, nz = room_between(crowd, depth, i, j)
     r1, q1 = first[at.RADIUS], first[at.MOBILITY]
     r2, q2 = second[at.RADIUS], second[at.MOBILITY]
     arm1, arm2 = (r1 if q1 > 0.0 else 0.0), (r2 if q2 > 0.0 else 0.0)
@@ -141,20 +154,18 @@ def meet(crowd, laws, depth, i, j, rebounds):
         o[of.WX] -= turn * tx
         o[of.WY] -= turn * ty
         s[at.SPIN] -= turn * tz
+        o[of.DRAG] = 0.0
     return True
 
 
 @compiled
 def part(crowd, depth, i, j):
-    """Push two granules that overlap apart, each by the other's share of their mass; how far (m)."""
+    """Push two granules that overlap apart, each by the other's share of their mass."""
     one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
-    dx, dy = state[at.X] - its[at.X], state[at.Y] - its[at.Y]
-    dz = across(one[of.Z] - other[of.Z], depth)
-    d = math.sqrt(dx * dx + dy * dy + dz * dz)
-    deep = crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS] - d
+    room, nx, ny, nz = room_between(crowd, depth, i, j)
+    deep = -room
     if deep <= 0.0:
-        return 0.0
-    nx, ny, nz = (dx / d, dy / d, dz / d) if d > 0.0 else (0.0, 1.0, 0.0)
+        return
     share = one[of.LIGHT] / (one[of.LIGHT] + other[of.LIGHT])
     state[at.X] += share * deep * nx
     state[at.Y] += share * deep * ny
@@ -164,7 +175,6 @@ def part(crowd, depth, i, j):
     other[of.Z] -= (1.0 - share) * deep * nz
     one[of.ROOM] -= deep
     other[of.ROOM] -= deep
-    return deep
 
 
 @compiled
@@ -179,4 +189,5 @@ def hit_tracer(crowd, tables, i, j, rules):
         return True
     xi, eta = drawn(crowd.counts[i], rules)
     uniform = math.exp(-0.5 * (xi * xi + eta * eta))  # of two normal numbers (Box & Muller)
-    return uniform < _caught(math.sqrt(uu) / (rate * 2.0 * crowd.grains[j, at.RADIUS]))
+    other = crowd.grains[j]
+    return uniform < _caught(math.sqrt(uu) / (rate * 2.0 * other[at.RADIUS]), math.sqrt(other[at.REYNOLDS2] * uu))

@@ -39,25 +39,19 @@ def _enter(crowd, counts, clock, air, walls, room, timed):
         if ints[at.FATE] == at.FLYING:
             crowd.living[counts[of.LIVING]] = i
             counts[of.LIVING] += 1
-            clock[of.LARGEST] = max(clock[of.LARGEST], 2.0 * crowd.grains[i, at.RADIUS])
 
 
 @compiled
-def _fly_some(crowd, laws, air, now, rates, walls, rules, clock, room, low, high):
-    """Fly the living from ``low`` to ``high`` to the end of the step; the longest way that one went."""
-    reach2 = 0.0
-    for k in range(low, high):
+def _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, living):
+    """Fly the living to the end of the step."""
+    for k in range(living):
         i = crowd.living[k]
         state, own = crowd.states[i], crowd.own[i]
-        x, y, z = state[at.X], state[at.Y], own[of.Z]
         own[of.MET] = 0.0
         fly_on(
             state, crowd.counts[i], own, crowd.tally[i], crowd.grains[i], laws.tables[crowd.table_of[i]],
-            air, now, rates, walls, rules, clock, room,
+            air, nodes, walls, rules, clock, room,
         )  # fmt: skip
-        dx, dy, dz = state[at.X] - x, state[at.Y] - y, own[of.Z] - z
-        reach2 = max(reach2, dx * dx + dy * dy + dz * dz)
-    return math.sqrt(reach2)
 
 
 @compiled
@@ -105,46 +99,44 @@ def _close(crowd, counts, clock, walls, rules):
 
 
 @compiled
-def _begin(crowd, counts, clock, air, now, rates, walls, rules, room, timed, stop):
+def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
     """Set the clock for the next step; an empty slab goes on with the next birth. Whether there is anything to do."""
     if counts[of.LIVING] == 0:
         if counts[of.BORN] == crowd.waiting.shape[0]:
             clock[of.NOW] = stop
             return False
         clock[of.NOW] = max(clock[of.NOW], crowd.states[crowd.waiting[counts[of.BORN]], at.BORN])
-        clock[of.LARGEST] = 0.0
     if not clock[of.NOW] < stop:
         return False
     clock[of.UNTIL] = min(clock[of.NOW] + clock[of.STEP], stop)
     if stop - clock[of.UNTIL] < EARLY * clock[of.STEP]:
         clock[of.UNTIL] = stop
-    refresh(air, now, rates, clock, room, timed)
+    refresh(air, nodes, clock, room, timed)
     _enter(crowd, counts, clock, air, walls, room, timed)
     return True
 
 
 @compiled
-def _finish(crowd, laws, air, now, rates, walls, rules, clock, room, cells, counts):
+def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """What follows the flight of a step: meetings, contact that lasts, ends."""
-    living = counts[of.LIVING]
-    sort_into_cells(crowd, cells, clock, living)
+    sort_into_cells(crowd, cells, clock, counts)
     foretell(crowd, cells, counts, clock)
-    meet_all(crowd, laws, air, now, rates, walls, rules, clock, room, cells, counts)
-    clear_cells(crowd, cells, living)
+    meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
+    clear_cells(crowd, cells, counts)
     settle_all(crowd, laws, walls, rules, clock, room, cells, counts)
     _close(crowd, counts, clock, walls, rules)
 
 
 @entry
-def march_slab(crowd, laws, air, now, rates, walls, rules, clock, room, cells, counts, stop, steps, timed, final):
+def march_slab(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts, stop, steps, timed, final):
     """Up to ``steps`` steps of the clock, until it shows ``stop`` (s), or, when nobody is to come any more (``final``),
     all lie still. Whether that is so.
     """
     for _ in range(steps):
-        if not _begin(crowd, counts, clock, air, now, rates, walls, rules, room, timed, stop):
+        if not _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
             return True
-        clock[of.REACH] = _fly_some(crowd, laws, air, now, rates, walls, rules, clock, room, 0, counts[of.LIVING])
-        _finish(crowd, laws, air, now, rates, walls, rules, clock, room, cells, counts)
+        _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, counts[of.LIVING])
+        _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
         if final and counts[of.STANDING] == counts[of.LIVING] and counts[of.BORN] == crowd.waiting.shape[0]:
             return True
     return not clock[of.NOW] < stop

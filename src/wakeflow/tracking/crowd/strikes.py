@@ -51,6 +51,7 @@ def _kick(state, own, grain, nx, ny, wx, wy, e, f):
     state[at.VX] += light * jx
     state[at.VY] += light * jy
     own[of.VZ] += light * jz
+    own[of.DRAG] = 0.0
     turn = light * q / r
     own[of.WX] -= turn * ny * jz
     own[of.WY] += turn * nx * jz
@@ -75,7 +76,7 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     if grain[at.NOISE] != 0.0:
         mirror(state, ints, nx, ny)
     f, mx, my = _friction(grain, walls, body), nx, ny
-    if grain[at.SCATTER] != 0.0:  # in the plane alone, as the tracker's; what lies on a wall comes to ``press``
+    if grain[at.SCATTER] != 0.0:  # in the plane alone: the rms angle is that of the plane's projection (laws/rebound)
         mx, my = tilted(state, ints, hold, grain, wx, wy, e, f, rules.seed)
     if _kick(state, own, grain, mx, my, wx, wy, e, f) > 0.0:
         ints[at.IMPACTS] += 1

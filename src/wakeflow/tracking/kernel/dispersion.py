@@ -24,6 +24,7 @@ _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
 _normals = compiled(normal_pair)
 LEAST_INTERVALS = 64  # of a flight
+EARLY = 1e-6  # of a beat: round-off
 PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
 
 
@@ -61,7 +62,15 @@ def _stirred_air(state, ints, affine, air):
 
 
 @compiled
-def _eddies(state, ints, affine, air, grain, table, rules, least):
+def _on_beat(span, rest, beat):
+    """The least interval that is no shorter than ``span`` and ends ``rest`` from now, or whole beats later."""
+    if beat == 0.0:
+        return span
+    return rest + beat * max(0.0, math.ceil((span - rest) / beat - EARLY))
+
+
+@compiled
+def _eddies(state, ints, affine, air, grain, table, rules, least, rest, beat):
     """Renew the fluctuation for an interval, and return its length; ``least`` is the shortest worth drawing.
 
     The fluctuation over the deviation s = sqrt(2 k / 3) obeys  dw = (-w / T_i + grad s / (1 + St)) dt + sqrt(2 / T_i)
@@ -74,7 +83,7 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
     slip = math.sqrt(ex * ex + ey * ey)
     ex, ey = (ex / slip, ey / slip) if slip > 0.0 else (1.0, 0.0)
     along, across = _crossing(life, slip, rms)
-    span = max(rules.noise * min(along, across), least)
+    span = _on_beat(max(rules.noise * min(along, across), least), rest, beat)
     stokes = life * drag_rate(grain, table, slip * slip)
     drift = stokes / (1.0 + stokes) if stokes < 1e100 else 1.0  # 1 / (1 + St), St = 1 / (rate x lifetime)
     for side in range(2):
@@ -95,8 +104,10 @@ def _eddies(state, ints, affine, air, grain, table, rules, least):
 
 
 @compiled
-def renew(state, ints, affine, air, grain, table, rules):
-    """Begin an interval of noise at the granule's clock: draw what it sees until the next."""
+def renew(state, ints, affine, air, grain, table, rules, rest, beat):
+    """Begin an interval of noise at the granule's clock: draw what it sees until the next. For those that share a clock
+    it ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0: none) later.
+    """
     speed = math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2)
     for m in range(2):  # of the air, at one corner: only a scale
         speed = max(speed, abs(nodal(air, ints, 0.0, air.corners[max(ints[at.TRI], 0), 0], m)))
@@ -106,7 +117,9 @@ def renew(state, ints, affine, air, grain, table, rules):
     if grain[at.DISPERSION] != 0.0:
         if ints[at.DRAWS] == 0:  # the process is stationary at birth
             state[at.SEEN_X], state[at.SEEN_Y] = drawn(ints, rules)
-        span = _eddies(state, ints, affine, air, grain, table, rules, 0.05 * span)
+        span = _eddies(state, ints, affine, air, grain, table, rules, 0.05 * span, rest, beat)
+    else:
+        span = _on_beat(span, rest, beat)
     if grain[at.DIFFUSIVITY] != 0.0:
         size = math.sqrt(2.0 * grain[at.DIFFUSIVITY] / span)
         xi, eta = drawn(ints, rules)

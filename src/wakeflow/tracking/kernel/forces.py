@@ -14,7 +14,7 @@ from . import layout as at
 from .air import air_at, gradient_at, rise_at
 from .jit import compiled
 
-__all__ = ["drag_rate", "free_force", "gradient_forces", "spin_at"]
+__all__ = ["drag_rate", "forces_in_gradient", "free_force", "gradient_forces", "spin_at", "spin_in_curl"]
 
 lift_coefficient = compiled(lift.lift_coefficient)
 magnus_factor = compiled(rotation.magnus_factor)
@@ -49,7 +49,13 @@ def drag_rate(grain, table, slip2):
 def spin_at(affine, grain, spin, t, s):
     """Spin at time s after t: the air of the loaded triangle turns it exactly, with its vorticity half way."""
     _, xy, yx, _ = gradient_at(affine, t + 0.5 * s)
-    half = 0.5 * (yx - xy)
+    return spin_in_curl(grain, spin, yx - xy, s)
+
+
+@compiled
+def spin_in_curl(grain, spin, curl, s):
+    """Spin after a time s in air of the vorticity ``curl`` (1/s)."""
+    half = 0.5 * curl
     return half - spin_decay(half - spin, s, grain[at.SPIN_RATE], grain[at.VORTICITY])
 
 
@@ -60,9 +66,15 @@ def gradient_forces(affine, grain, x, y, t, ux, uy, sx, sy, spin):
     (ux, uy) is the air's velocity, (sx, sy) that velocity less the granule's, in m/s; spin in rad/s.
     """
     xx, xy, yx, yy = gradient_at(affine, t)
+    tx, ty = rise_at(affine, x, y, t) if grain[at.INERTIAL] != 0.0 else (0.0, 0.0)
+    return forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, spin)
+
+
+@compiled
+def forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, spin):
+    """The same from the gradient (du/dx, du/dy, dv/dx, dv/dy) of the air's velocity and its rate (tx, ty) in time."""
     fx = fy = 0.0
     if grain[at.INERTIAL] != 0.0:
-        tx, ty = rise_at(affine, x, y, t)
         fx += grain[at.INERTIAL] * (tx + xx * ux + xy * uy)
         fy += grain[at.INERTIAL] * (ty + yx * ux + yy * uy)
     curl = yx - xy
