@@ -16,9 +16,9 @@ def sphere_caught(stokes: Any, reynolds: Any) -> Any:
     S <= S0 = (1.2 + ln(1 + R) / 12) / (1 + ln(1 + R)).
 
     ``stokes`` tau u / D (relaxation time at the relative speed u, diameter D of the sphere), S = twice that;
-    ``reynolds`` rho u D / mu of the sphere, R half of that. Slinn, W.G.N. 1984, in Atmospheric Science and Power
-    Production (DOE/TIC-27601), 466, for raindrops; read in Wang, X., Zhang, L. & Moran, M.D. 2010, Atmos. Chem. Phys.
-    10, 5685. A fit between creeping flow, which meets none below S0 = 1.2, and potential flow, S0 = 1/12, with whose
+    ``reynolds`` rho u D / mu of the sphere, R half of that. Slinn's fit for raindrops (1984), as an open program writes
+    it (rivm-syso/SBoo, after Wang, Zhang & Moran 2010, Atmos. Chem. Phys. Discuss. 10, 2503); neither paper was read.
+    A fit between creeping flow, which meets none below S0 = 1.2, and potential flow, S0 = 1/12, with whose
     paths it agrees to 0.03; for granules much smaller than the sphere. Takes arrays, and the compiled kernel's scalars.
     """
     turn = np.log(1.0 + 0.5 * reynolds)
