@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,9 @@ def test_shares_count_steady_operation_and_a_paired_difference_knows_more() -> N
     value, low, high = beside.paired_difference(ours, ours + np.array([0.01, 0.011, 0.009]), 10_000)
     assert (value, low, high) == pytest.approx((0.01, 0.01 - 0.00248, 0.01 + 0.00248), abs=1e-5)
     assert beside.paired_difference(ours, ours, 100)[1:] == pytest.approx((-0.005, 0.005))
+    rows = json.loads(json.dumps(beside._rows(["a", "b", "c"], shares, shares[::-1], 12)))
+    assert [row["bin"] for row in rows] == ["a", "b", "c"]
+    assert all(row["agree"] for row in rows)
 
 
 @pytest.mark.liggghts

@@ -90,7 +90,7 @@ def _rows(names: list[str], ours: Array, theirs: Array, total: int) -> list[dict
                 "ours": share_interval(own, total),
                 "theirs": share_interval(other, total),
                 "difference": difference,
-                "agree": difference[1] <= 0.0 <= difference[2],
+                "agree": bool(difference[1] <= 0.0 <= difference[2]),
             })  # fmt: skip
     return found
 
