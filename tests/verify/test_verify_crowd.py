@@ -69,6 +69,16 @@ def test_shares_count_steady_operation_and_a_paired_difference_knows_more() -> N
     assert all(row["agree"] for row in rows)
 
 
+def test_the_difference_of_two_crowds_is_no_surer_than_granules_that_fared_differently() -> None:
+    """Four granules, two from the left: who crosses and who lands in the middle; two pairs that differ alike."""
+    ours = [clouds.CloudFlight(np.array([0.2, 0.01, -0.2, -0.01]), 1.0)] * 2
+    theirs = [clouds.CloudFlight(np.array([0.2, -0.01, np.nan, -0.2]), 1.0)] * 2
+    assert ours[0].shares() == pytest.approx((1.0, 0.5, np.sqrt(0.5 * (0.2**2 + 0.01**2))))
+    assert theirs[0].outcomes().tolist() == [[True, False, False, True], [False, True, False, False]]
+    value, low, high = report._paired(theirs, ours, 0)
+    assert (value, high - value, value - low) == pytest.approx((-0.5, 1.96 * 2 / 8, 1.96 * 2 / 8))
+
+
 @pytest.mark.liggghts
 def test_liggghts_lands_the_same_granules_in_the_same_bins(tmp_path: Path) -> None:
     """At 500 kg/h every second granule meets another; paths part slowly, so that nearly all share their bin."""
