@@ -94,9 +94,9 @@ def test_liggghts_lands_the_same_granules_in_the_same_bins(tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.liggghts
-def test_the_machine_at_its_feed_has_the_shares_of_liggghts(tmp_path: Path) -> None:
+def test_the_machine_at_its_feed_has_the_shares_of_liggghts() -> None:
     """The table of docs/validation.md: no bin's paired difference is beyond 1.5 of its interval."""
-    found = beside.compare_machine(the_machine(1.0), 8, {"LIGGGHTS": liggghts.SoftSpheres()}, tmp_path)
+    found = beside.compare_machine(the_machine(1.0), 8, {"LIGGGHTS": liggghts.SoftSpheres()})
     assert found["granules"] > 5000
     for row in found["rows"]:
         value, low, high = row["difference"]
