@@ -15,8 +15,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {  # by marker: what a test with it may start
     "openfoam": (
-        "checkMesh", "decomposePar", "gmshToFoam", "icoUncoupledKinematicParcelFoam", "pimpleFoam", "reconstructPar",
-        "simpleFoam",
+        "DPMFoam", "MPPICFoam", "checkMesh", "decomposePar", "gmshToFoam", "icoUncoupledKinematicParcelFoam",
+        "pimpleFoam", "reconstructPar", "simpleFoam",
     ),
     "mpi": ("mpirun",),
     "liggghts": ("liggghts",),

@@ -48,7 +48,7 @@ def test_openfoams_parcels_land_in_the_same_bins(cases: Path) -> None:
     """
     changes = {"numerics.mesh_scale": 2.0, "numerics.rung": "draft", "fraction.*.impact": "paper"}
     scene = wf.Scene.load(cases / "rhombus.toml", changes)
-    rows, met = shares.compare(scene, Pipeline(scene, make_plan(scene, force={"air-loading": False})), 1024)
+    rows, met = shares.compare_shares(scene, Pipeline(scene, make_plan(scene, force={"air-loading": False})), 1024)
     assert {row.fraction for row in rows} == set(shares.FRACTIONS)
     assert met["wheat"] < 0.5
     for row in rows:

@@ -17,7 +17,7 @@ from ..core.files import atomic_write
 from ..laws.constants import GRAVITY
 from ..scene import Funnel
 
-__all__ = ["Cone", "cone_of", "loose_heap", "write_plate", "write_stl"]
+__all__ = ["Cone", "cone_of", "loose_heap", "write_plate", "write_stl", "write_triangles"]
 
 Array = NDArray[np.float64]
 SIDES = 36  # of the polygon that stands for the circle, of equal area
@@ -96,16 +96,16 @@ def write_stl(folder: Path, cone: Cone) -> None:
     circle = swell * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     rings = [_ring(circle, float(cone.radius(z)), z) for z in _heights(cone)]
     wall = [triangle for low, high in pairwise(rings) for triangle in _band(low, high)]
-    _write(folder / "cone.stl", "cone", wall)
+    write_triangles(folder / "cone.stl", "cone", wall)
     edge, middle = rings[0], np.zeros(3)
     lid = [np.stack([middle, edge[i], edge[(i + 1) % SIDES]]) for i in range(SIDES)]
-    _write(folder / "lid.stl", "lid", lid)
+    write_triangles(folder / "lid.stl", "lid", lid)
 
 
 def write_plate(folder: Path, size: float) -> None:
     """Write ``plate.stl``, a level square at z = 0 with sides of 2 ``size`` (m)."""
     corners = size * np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
-    _write(folder / "plate.stl", "plate", [corners[[0, 1, 2]], corners[[0, 2, 3]]])
+    write_triangles(folder / "plate.stl", "plate", [corners[[0, 1, 2]], corners[[0, 2, 3]]])
 
 
 def _heights(cone: Cone) -> list[float]:
@@ -131,7 +131,8 @@ def _band(low: Array, high: Array) -> list[Array]:
     return made
 
 
-def _write(path: Path, name: str, triangles: list[Array]) -> None:
+def write_triangles(path: Path, name: str, triangles: list[Array]) -> None:
+    """Write triangles (3, 3), corners in m, as a solid ``name`` of an STL file."""
     with atomic_write(path) as stream:
         stream.write(f"solid {name}\n")
         for corners in triangles:

@@ -37,7 +37,7 @@ def liggghts_version() -> str:
     """Version of the installed LIGGGHTS, "3.8.0". Raises ProgramError when there is none."""
     where = shutil.which(PROGRAM)
     if where is None:
-        raise ProgramError(f"a [funnel] needs LIGGGHTS: {INSTALL}", command=PROGRAM, ended="missing")
+        raise ProgramError(f"LIGGGHTS is needed: {INSTALL}", command=PROGRAM, ended="missing")
     _, text = capture([where, "-log", "none", "-help"])  # ends with code 1 after its help
     found = re.search(r"Version LIGGGHTS-PUBLIC ([\d.]+)", text)
     if found is None:
@@ -90,7 +90,10 @@ def run_script(folder: Path, script: Path, on_line: Callable[[str], None] | None
 
 
 def read_dump(path: Path) -> list[tuple[int, Array]]:
-    """Snapshots: step and rows (n, 5) of id, radius, x, y, z (m), sorted by id; an unfinished last one is left out."""
+    """Snapshots of five columns, id first: step and rows (n, 5), sorted by id; an unfinished last one is left out.
+
+    Those of the funnel are id, radius, x, y, z (m).
+    """
     lines = path.read_text().splitlines()
     found, at = [], 0
     while at + 9 <= len(lines):

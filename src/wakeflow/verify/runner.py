@@ -60,6 +60,12 @@ def _shares(slow: bool, tell: Tell) -> dict[str, Any]:
     return run_shares(FOLDER, slow=slow, tell=tell)
 
 
+def _crowd(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .crowd.report import run_crowd
+
+    return run_crowd(FOLDER, slow=slow, tell=tell)
+
+
 PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "tracker": _tracker,
     "problems": _problems,
@@ -67,8 +73,9 @@ PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "meshes": _meshes,
     "funnel": _funnel,
     "shares": _shares,
+    "crowd": _crowd,
 }
-OPTIONAL = ("funnel",)  # needs a program of its own: only when it is named
+OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
 
 
 def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, Any]]:
@@ -105,6 +112,10 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
             from .funnel import funnel_tables
 
             tables = funnel_tables(report)
+        elif name == "crowd":
+            from .crowd.report import crowd_tables
+
+            tables = crowd_tables(report)
         elif name == "shares":
             tables = [share_table(report)]
         else:

@@ -1,0 +1,1 @@
+"""Crowds beside their peers: LIGGGHTS, OpenFOAM's DPMFoam and MPPICFoam, and kinetic theory."""
