@@ -328,7 +328,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard"})
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
-        monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_: None)
+        monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_, **__: None)
     monkeypatch.setattr("wakeflow.runs._Run._drawn", lambda _run, result, *_: result)
     monkeypatch.setattr(Pipeline, "residence", None)  # of tracers, which the tracker flies too
     found, order = {}, {}

@@ -180,7 +180,7 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     child.wait()
     told: list[str] = []
     # The tracker is compiled in the session's own cache; beside OpenFOAM it would be compiled once more, in this one.
-    monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_: None)
+    monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_, **__: None)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "killed"))
     result = wf.run(
         scene, tmp_path / "out", rung="3d", force=OFF, target_error=0.5, listener=lambda _, text: told.append(text)

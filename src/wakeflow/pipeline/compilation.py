@@ -23,12 +23,21 @@ class Compilation:
     """The tracker's compilation, which a run waits for at most once: beside OpenFOAM, or before the first tracks."""
 
     children: list[Thread] = field(default_factory=list)
+    of_the_slab: list[Thread] = field(default_factory=list)
 
-    def begin(self, log: Path) -> None:
-        """Have the tracker compiled into its cache by another process, where a core is free for it."""
+    def begin(self, log: Path, *, slab: bool) -> None:
+        """Have the tracker, and the ``slab``'s own kernel, compiled into their cache by other processes, where a core
+        is free for them.
+        """
         if not self.children and cores() > 1:
-            self.children.append(Thread(target=_compile_in_child, args=(log,), daemon=True))
-            self.children[0].start()
+            self.children.append(_in_child("tracks:compile_tracker", log))
+            if slab:
+                self.of_the_slab.append(_in_child("crowd_flight:compile_slab", log.with_name(f"{log.name}-slab")))
+
+    def finish_slab(self) -> None:
+        """Wait for the slab's kernel, where another process compiles it."""
+        for child in self.of_the_slab:
+            child.join()
 
     def finish(self, cache: StageCache) -> None:
         """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
@@ -42,7 +51,14 @@ class Compilation:
         cache.seconds[COMPILED] = StageTime(time.monotonic() - started, cached=False)
 
 
-def _compile_in_child(log: Path) -> None:
-    log.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.suppress(ProgramError):  # only time is lost: the tracker compiles where it is first used
-        call_in_child("wakeflow.pipeline.tracks:compile_tracker", None, log=log)
+def _in_child(function: str, log: Path) -> Thread:
+    """A thread that waits for another process to call a ``function`` of this package."""
+
+    def wait() -> None:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(ProgramError):  # only time is lost: a kernel compiles where it is first used
+            call_in_child(f"wakeflow.pipeline.{function}", None, log=log)
+
+    thread = Thread(target=wait, daemon=True)
+    thread.start()
+    return thread

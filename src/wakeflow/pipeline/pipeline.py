@@ -189,7 +189,10 @@ class Pipeline:
         """The landings of granules that meet each other, of some replicates under a ``companion``'s change; None where
         the plan has no slab.
         """
-        return None if self.plan.crowd is None else self._crowd_stage.fly(companion)
+        if self.plan.crowd is None:
+            return None
+        self.compilation.finish_slab()
+        return self._crowd_stage.fly(companion)
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
@@ -197,4 +200,4 @@ class Pipeline:
 
     def compile_beside(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""
-        self.compilation.begin(self.store.root / "log.compile")
+        self.compilation.begin(self.store.root / "log.compile", slab=self.plan.crowd is not None)

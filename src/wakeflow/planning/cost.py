@@ -29,7 +29,7 @@ FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
-CROWD_AGAIN = 0.7  # of the slab's time: part of it once more with half the step, and in a slab of half the depth
+CROWD_AGAIN = 0.25  # of the slab's time: part of it again with twice the step, and in a slab of half the depth
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 

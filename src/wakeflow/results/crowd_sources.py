@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SlabDepth", "SlabStep"]
 
-FINER = 0.5  # step of the companion over the answer's
+COARSER = 2.0  # step of the companion over the answer's: changes more than the answer's own step errs
 THINNER = 0.5  # depth of the companion's slab over the answer's
 
 
@@ -52,10 +52,10 @@ class _SlabAgain(Source[SlabFound]):
 
 
 class SlabStep(_SlabAgain):
-    """The time step in which granules that meet are moved: part of the replicates with a finer one."""
+    """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
 
     name, place = "slab-time-step", 21
-    companion = CrowdCompanion("slab finer steps", step=FINER)
+    companion = CrowdCompanion("slab longer steps", step=COARSER)
 
 
 class SlabDepth(_SlabAgain):
