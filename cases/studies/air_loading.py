@@ -28,10 +28,11 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.momentum_source import write_source
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.pipeline.air_loading import AirLoading
-from wakeflow.pipeline.airflow_kinds import TimeResolvedAir
 from wakeflow.pipeline.case_field import case_field
 from wakeflow.pipeline.landings import load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.solved_air import TimeResolvedAir
 from wakeflow.pipeline.track_stage import Companion
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.plan import COMPARED
@@ -110,9 +111,8 @@ def flown(pipeline: Pipeline, field: FlowField, folder: Path) -> Shares:
     """Shares of the granules of a comparison in ``field``."""
     scene = pipeline.scene
     folder.mkdir(parents=True, exist_ok=True)
-    flight = Flight(
-        scene, pipeline.plan, field, scene.numerics.tolerance, replicates=COMPARED, cycles=pipeline.kind.cycles
-    )
+    airs = Realisations(field, cycles=pipeline.kind.realisations.cycles)
+    flight = Flight(scene, pipeline.plan, airs, scene.numerics.tolerance, replicates=COMPARED)
     flight.fly_all(folder, drawn=False)
     return shares_of(pipeline, load_tracked(folder, scene))
 

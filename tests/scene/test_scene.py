@@ -363,8 +363,9 @@ def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
 
     above = rhombus.replace({"body.two": ABOVE, "feed.height": 0.16, "numerics.rung": "draft"})
     assert above.obstacles == ["two"]
-    assert make_plan(rhombus, target_error=0.05).fractions["wheat"].mode == "injected"
-    assert make_plan(above, target_error=0.05).fractions["wheat"].mode == "resolved"
+    calm = {"air-loading": False}  # slowed air is no longer uniform, and nothing is injected in it
+    assert make_plan(rhombus, target_error=0.05, force=calm).fractions["wheat"].mode == "injected"
+    assert make_plan(above, target_error=0.05, force=calm).fractions["wheat"].mode == "resolved"
     assert above.replace({"body.two.at": [0.1, 0.12]}).obstacles == []
     assert above.replace({"body.two.at": [0.0, -0.12]}).obstacles == []
 
