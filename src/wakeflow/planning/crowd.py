@@ -28,7 +28,7 @@ MASS_LEVELS = 512  # parts of equal mass that a size distribution is taken apart
 MOST_IN_FLIGHT = 1e4  # granules of a fraction that are simulated one by one; chosen, for the run time
 LIGHT = 1e-4  # of the mass of the heaviest fraction's granules: lighter ones turn nobody, and fly as tracers; chosen
 WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not worth its granules
-REPLICATES = 4, 16  # fewest and most
+SAMPLES, MOST_REPLICATES = 4, 16  # fewest that an interval is told from; most that are flown
 FEWEST = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
 STEP = 1e-4  # s: that a granule of some mm is stepped by
 STEPS_A_SECOND = 1.6e6  # granule steps a second and core: measured with all forces, on a busy machine
@@ -64,8 +64,11 @@ def why_no_crowd(scene: Scene, *, asked: bool = False) -> str | None:
     return NO_RATE if scene.feed.rate is None and not asked else None
 
 
-def plan_crowd(scene: Scene, laws: Mapping[str, tuple[str, float]], target: float) -> CrowdPlan:
-    """The slab for a scene, whose shares are asked for to within ``target``; ``laws``: of drag, and the factor on it.
+def plan_crowd(
+    scene: Scene, laws: Mapping[str, tuple[str, float]], target: float, *, paired: bool = False
+) -> CrowdPlan:
+    """The slab for a scene, whose shares are asked for to within ``target``; ``laws``: of drag, and the factor on it;
+    ``paired``: every second replicate flies in the airflow's mirror image, and the two of a pair count as one.
 
     Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
     known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count, and for no more steps
@@ -79,7 +82,8 @@ def plan_crowd(scene: Scene, laws: Mapping[str, tuple[str, float]], target: floa
     in_flight = {name: rate * stays[name] for name, rate in rates.items()}
     start_up = max(stays[name] for name in scene.fraction if rates[name] or not any(rates.values()))
     count = min(scene.feed.count, math.ceil((0.98 / target) ** 2))
-    replicates, operation = _timing(scene, rates, start_up, count, sum(in_flight.values()))
+    fewest = SAMPLES * (2 if paired else 1)
+    replicates, operation = _timing(scene, rates, start_up, count, sum(in_flight.values()), fewest)
     lasting = operation + 2.0 * start_up
     seconds = (sum(in_flight.values()) + CLOCK) * replicates * lasting / STEP / STEPS_A_SECOND / CORES
     memory = BYTES_A_GRANULE * sum(rates.values()) * lasting * CORES
@@ -97,16 +101,19 @@ def _depth(scene: Scene, stays: Mapping[str, float]) -> float:
     return min(depth, scene.feed.depth)
 
 
-def _timing(scene: Scene, rates: Mapping[str, float], start_up: float, count: int, at_once: float) -> tuple[int, float]:
-    """Replicates, and the operation (s) of each that counts, for ``count`` granules of the fraction of most mass."""
-    least, most = REPLICATES
+def _timing(
+    scene: Scene, rates: Mapping[str, float], start_up: float, count: int, at_once: float, least: int
+) -> tuple[int, float]:
+    """Replicates, at ``least`` so many, and the operation (s) of each that counts, for ``count`` granules of the
+    fraction of most mass.
+    """
     mass = scene.mass_shares()
     real = [name for name, rate in rates.items() if rate]
     if not real:
-        return most, start_up
+        return MOST_REPLICATES, start_up
     whole = count / rates[max(real, key=lambda name: mass[name])]
     whole = max(whole, least * FEWEST / min(rates[name] for name in real))
-    replicates = int(np.clip(whole / (4.0 * start_up), least, most)) // 2 * 2
+    replicates = int(np.clip(whole / (4.0 * start_up), least, MOST_REPLICATES)) // 2 * 2
     affordable = MOST_STEPS * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
     return replicates, max(min(whole, affordable), least * start_up) / replicates
 

@@ -63,7 +63,7 @@ def make_plan(
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
     obstacle = LOOK if flown is not given else why_no_crowd(flown)
-    crowd = _crowd(flown, known, switches, target, obstacle)
+    crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
     decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
@@ -137,16 +137,18 @@ def _crowd(
     switches: Mapping[str, bool],
     target: float,
     obstacle: str | None,
+    *,
+    paired: bool,
 ) -> CrowdPlan | None:
     """The slab in which granules meet; None where that could not move a fraction by more than the accuracy allows, and
-    where an ``obstacle`` is in the way, unless it was asked for.
+    where an ``obstacle`` is in the way, unless it was asked for. ``paired``: as :func:`plan_crowd` says.
     """
     asked = switches.get(COLLISIONS)
     if asked is None:
         limit = limit_of(scene, target)
         asked = obstacle is None and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
     laws = {name: (one.law, one.scale) for name, one in approaches.items()}
-    return plan_crowd(scene, laws, target) if asked else None
+    return plan_crowd(scene, laws, target, paired=paired) if asked else None
 
 
 class _Decided(NamedTuple):
