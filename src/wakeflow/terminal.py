@@ -296,4 +296,4 @@ def _warn(console: Console, warnings: Sequence[str], grades: Sequence[str]) -> N
         style = "bold red" if grade == Grade.VOID.value else "yellow" if grade == Grade.LESS_SURE.value else ""
         console.print(f"! {grade}: {line}", highlight=False, markup=False, style=style)
     if len(warnings) > MOST_WARNINGS:
-        console.print(f"! and {len(warnings) - MOST_WARNINGS} lesser ones: report.html, or --json", highlight=False)
+        console.print(f"! and {len(warnings) - MOST_WARNINGS} more: report.html, or --json", highlight=False)

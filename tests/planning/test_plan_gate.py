@@ -154,7 +154,13 @@ def test_a_scene_may_switch_terms_itself_and_the_command_goes_before_it(draft: S
 
 
 @pytest.mark.parametrize(
-    ("table", "message"), [({"lifft": "off"}, "did you mean 'lift'"), ({"lift": "maybe"}, "write on or off")]
+    ("table", "message"),
+    [
+        ({"lifft": "off"}, "did you mean 'lift'"),
+        ({"lift": "maybe"}, "on or off"),
+        ({"lift": 1}, "on or off"),
+        ({"lift": ["on"]}, "on or off"),
+    ],
 )
 def test_a_wrong_switch_of_a_scene_is_one_line(draft: Scene, table: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):

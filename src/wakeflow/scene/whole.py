@@ -24,7 +24,7 @@ from .units import Name, WithUnit
 
 __all__ = ["Numerics", "SceneTables", "SpanTable"]
 
-STATES: Mapping[object, bool] = {"on": True, "off": False, True: True, False: False}
+STATES = "on", "off"
 Switches = dict[str, bool | Literal["on", "off"] | dict[str, bool | Literal["on", "off"]]]
 MOST_RANKS = 256  # beyond what any mesh of one layer can use
 
@@ -81,10 +81,10 @@ def _switches(value: object) -> object:
         inside = _switches(state)
         each = inside.items() if isinstance(inside, Mapping) else [("", state)]
         found.update({f"{key}.{term}" if term else str(key): on for term, on in each})
-    wrong = [key for key, on in found.items() if on not in STATES]
+    wrong = [key for key, on in found.items() if not isinstance(on, bool) and on not in STATES]
     if wrong:
         raise ValueError(f"{wrong[0]} = {found[wrong[0]]!r}: write on or off")
-    return {key: STATES[on] for key, on in found.items()}
+    return {key: on is True or on == "on" for key, on in found.items()}
 
 
 class SceneTables(Table):
