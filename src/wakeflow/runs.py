@@ -37,6 +37,7 @@ from .results.companions import airflow_on_grids
 from .results.crowd_summary import crowd_of
 from .results.funnel_summary import FunnelSummary, funnel_of
 from .results.impact_summary import impact_of
+from .results.input_summary import inputs_of
 from .results.landing_results import LandingResults
 from .results.notices import notices
 from .results.plan_summary import summary_of
@@ -44,6 +45,7 @@ from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, R
 from .results.separation import separate
 from .results.source import Flights
 from .results.sources import MODEL, UNLOADED
+from .results.total import totalled
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -211,7 +213,9 @@ class _Run:
 
     def _landings(self, flights: Flights) -> LandingResults:
         scene = self.pipeline.scene
-        separation = separate(scene, flights.landings)
+        found = separate(scene, flights.landings)
+        budget, inputs = make_budget(flights, found), flights.inputs(found.fractions)
+        separation = totalled(found, budget, inputs, scene)
         crowd = flights.crowd
         alone = None if crowd is None else separate(scene, flights.tracked.landings)
         slab = None if crowd is None else crowd_of(self.pipeline.plan, crowd)
@@ -219,7 +223,8 @@ class _Run:
         bracket = None if wakes is None else wakes.means(list(scene.bin))
         unloaded = flights.of(UNLOADED)
         effects = None if unloaded is None else unloaded.effects(separation.bins)
-        return LandingResults(separation, bracket, make_budget(flights, separation), alone, slab, effects)
+        summary, parts = inputs_of(inputs)
+        return LandingResults(separation, bracket, budget, alone, slab, effects, summary, parts)
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from .core.graded import Grade
 from .planning.plan import whole_terms
 from .report.words import (
+    HOLDS,
     NO_VALUE,
     TERMS,
     budget_columns,
@@ -33,9 +34,10 @@ if TYPE_CHECKING:
     from .results.funnel_summary import FunnelSummary
     from .results.result import Result
 
-__all__ = ["alone_table", "budget_table", "live", "separation_table", "show_plan", "show_result"]
+__all__ = ["alone_table", "budget_table", "live", "measure_next", "separation_table", "show_plan", "show_result"]
 
 MOST_WARNINGS = 3  # on screen; the rest is in the report
+TOLD_FROM = 0.1  # part of a share's variance from which an unknown number is told
 WEIGHS, MOST_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are told on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
 PLAIN_EVERY = 10.0  # s between lines when the output is not a terminal
@@ -158,7 +160,7 @@ def separation_table(result: Result, separation: Separation) -> Table:
     from rich.text import Text
 
     met = result.landings is not None and result.landings.slab is not None
-    title = f"share of each fraction's mass, %{', granules colliding' if met else ''}, with 95 % interval"
+    title = f"share of each fraction's mass, %{', granules colliding' if met else ''}"
     table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     table.add_column("bin")
     for name in separation.fractions:
@@ -174,7 +176,23 @@ def separation_table(result: Result, separation: Separation) -> Table:
         table.add_row(place, *cells, f"{separation.throughput[place]:.3g}", purest)
     table.add_section()
     table.add_row("recovery", *(percent(separation.recovery.get(name)) for name in separation.fractions), "", "")
+    table.caption, table.caption_justify = "\n".join([HOLDS, *measure_next(result)]), "left"
     return table
+
+
+def measure_next(result: Result) -> list[str]:
+    """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
+    moved = {} if result.landings is None else result.landings.measure_next or {}
+    told = []
+    for name, places in moved.items():
+        if not places:
+            continue
+        place, parts = max(places.items(), key=lambda one: sum(part.half**2 for part in one[1].values()))
+        known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM][:MOST_PARTS]
+        if known:
+            inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
+            told.append(f"to know {name} in {place} better, measure (points each): {inputs}")
+    return told
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:

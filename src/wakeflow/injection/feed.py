@@ -31,10 +31,12 @@ from ..laws.restitution import restitution_at
 from ..laws.size import normal_quantile
 from ..planning.impaction import axis
 from ..planning.plan import REPLICATES, FractionPlan, Plan
+from ..planning.unknowns import GranuleVariation
 from ..scene import Fraction, Scene, Speeds
 from ..tracking import Granules
 from .first_contact import first_contact, motion_of
 from .sobol import PLACED, TRAITS, samples, traits_of
+from .varied import varied_granules
 
 __all__ = ["Feedstock", "arrival", "contact_points", "entering", "fall_start", "feedstock", "granules_of"]
 
@@ -42,6 +44,7 @@ Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
 LEAST_WAY = 0.01  # body widths over which an acceleration is taken from speeds
 HALVINGS = 60  # of a bracket in time: to round-off
+AS_GIVEN = GranuleVariation()
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
 
 
@@ -195,11 +198,16 @@ def granules_of(
 
 
 def feedstock(
-    scene: Scene, plan: Plan, name: str, field_period: float | None, replicates: Sequence[int] = range(REPLICATES)
+    scene: Scene,
+    plan: Plan,
+    name: str,
+    field_period: float | None,
+    replicates: Sequence[int] = range(REPLICATES),
+    variation: GranuleVariation = AS_GIVEN,
 ) -> Feedstock:
     """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow.
 
-    ``replicates``: only those, the same granules as among all.
+    ``replicates``: only those, the same granules as among all, but for what a ``variation`` changes of each.
     """
     fraction, fraction_plan = scene.fraction[name], plan.fractions[name]
     measured = isinstance(fraction.terminal_velocity, Speeds)
@@ -210,7 +218,8 @@ def feedstock(
     x = scene.feed.places(points[:, 0])
     diameter = fraction.diameters(points[:, 1])
     settling = fraction.settling(points[:, 4] if measured else traits[:, 2])
-    grains = granules_of(fraction, fraction_plan, diameter, settling, traits[:, :2])
+    grains = varied_granules(granules_of(fraction, fraction_plan, diameter, settling, traits[:, :2]), variation)
+    diameter = grains.diameter
     if not scene.body:
         return Feedstock(entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
     assert scene.first_outline is not None

@@ -28,6 +28,7 @@ __all__ = ["MOST", "Restitution", "RestitutionLaw", "restitution_at", "restituti
 
 Array = NDArray[np.float64]
 MOST = 0.99  # largest e of laws that are elastic below a yield speed, so that a bouncing granule comes to rest
+LEAST_MEASURED = 1e-3  # smallest e that a law of the speed can have been measured with: chosen
 TABLE_SPEEDS = (1e-8, 1e3)  # m/s: between them a law is tabulated, beyond them it stays what it is there
 TABLE_CELLS = 24  # cells a decade
 PADE = (0.501086, 1.15345, 0.577977, 0.532178)  # of the viscoelastic law: c1 = b1, b2, b3, b4
@@ -205,6 +206,17 @@ class Restitution:
 
     def __hash__(self) -> int:
         return hash(repr(self))
+
+    def shifted(self, by: float) -> Restitution:
+        """The law with ``by`` added to what was measured of it, its ``value`` or ``values``, no more than it can be."""
+        most = self.parameters.get("most", MOST)
+        own = {key: self.parameters[key] for key in ("value", "values") if key in self.parameters}
+        least = 0.0 if self.law in ("constant", "table") else LEAST_MEASURED
+        most = 1.0 if least == 0.0 else most
+        changed = dict(self.parameters)
+        for key, measured in own.items():
+            changed[key] = np.clip(np.asarray(measured) + by, least, most).tolist()
+        return Restitution(self.law, **changed)
 
     @property
     def kinks(self) -> list[float]:

@@ -38,6 +38,7 @@ CODE = {
     "duct": ("wakeflow.pipeline.analytic",),
     "residence": ("wakeflow.tracking.residence",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
+    "draws": ("wakeflow.pipeline.draws", "wakeflow.field.varied"),
     "crowd": ("wakeflow.pipeline.crowd_flight", "wakeflow.pipeline.landings"),
 }
 

@@ -23,6 +23,7 @@ from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
 from .compilation import Compilation
 from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound
+from .draws import Draws, DrawStage
 from .stages import StageKey, StageTime
 from .track_stage import Companion, TrackStage
 
@@ -117,6 +118,8 @@ class Pipeline:
         """What the granules change of the airflow; None where the plan leaves it out."""
         if not self.plan.airflow.loaded:
             return None
+        if self.grid:  # the change is solved on the answer's own grid, and brought to the others
+            return self.on_grid(0).loading
         base = self if self.plan.airflow.stepping == "steady" else self.draft
         return AirLoading(base.scene, base.plan, base.cache, base._in_case, self.compilation, self.workers)
 
@@ -153,7 +156,8 @@ class Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
         assert self.planner is not None
         plan = self.planner.at(self.scene).plan("draft")
-        return replace(self, plan=plan, grid=0, label=f"{self.label}draft ")
+        grid = min(self.grid, len(plan.airflow.scales) - 1)
+        return replace(self, plan=plan, grid=grid, label=f"{self.label}draft ")
 
     def on_grid(self, grid: int) -> Pipeline:
         """The same scene on another of the plan's grids."""
@@ -174,6 +178,10 @@ class Pipeline:
     def tracks(self, companion: Companion | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         return self._track_stage.fly(companion)
+
+    def draws(self) -> Draws | None:
+        """Part of the granules under many draws of what nobody knows exactly; None where all is known."""
+        return DrawStage(self._track_stage).fly()
 
     @cached_property
     def _crowd_stage(self) -> CrowdStage:

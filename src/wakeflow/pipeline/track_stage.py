@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .air_loading import AirLoading
     from .landings import Tracked
     from .realisations import Realisations
+    from .tracks import Flight
 
 __all__ = ["Companion", "TrackStage"]
 
@@ -57,7 +58,8 @@ class TrackStage:
             del fraction["mass_share"], fraction["target"]
         for name in ("rate", "depth"):
             del tables["feed"][name]
-        del tables["numerics"], tables["picture"], tables["funnel"], tables["collisions"], tables["force"]
+        del tables["numerics"], tables["picture"], tables["funnel"], tables["collisions"]
+        del tables["force"], tables["uncertainty"]
         upstream = None if self.air.field is None else self.air.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
@@ -79,10 +81,9 @@ class TrackStage:
         unloaded = [] if change.loaded or self.loading is None else ["unloaded"]
         key = content_key(self.key, tolerance, change.wake, replicates, *unloaded)
         tell = partial(self.cache.tell, change.name)
-        airs = self._realised(change)
+        airs = self.realised(change)
         flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
-        if self._must_compile(change.name, key):
-            self.compilation.finish(self.cache)
+        self.finish_compiling(change.name, key)
         folder = self.cache.make(change.name, key, lambda part: flight.fly_all(part, drawn=companion is None))
         return load_tracked(folder, self.scene)
 
@@ -107,7 +108,7 @@ class TrackStage:
         found = self.air.realisations
         return found if self.loading is None else found.mapped(self.loading.apply)
 
-    def _realised(self, change: Companion) -> Realisations:
+    def realised(self, change: Companion) -> Realisations:
         """The airflow that granules fly in under a ``change``."""
         found = self.airs if change.loaded else self.air.realisations
         if change.wake is None or found.field is None:
@@ -117,7 +118,14 @@ class TrackStage:
         only = replace(self.air.realisations, field=other[1], others=())
         return only if self.loading is None or not change.loaded else only.mapped(self.loading.apply)
 
-    def _must_compile(self, stage: str, key: str) -> bool:
-        """Whether the stage will be flown by the tracker, for the first time in this run."""
+    def flight(self, scene: Scene, airs: Realisations) -> Flight:
+        """What flies granules of ``scene``, a variation of the stage's own, through ``airs`` as the answer's fly."""
+        from .tracks import Flight
+
+        return Flight(scene, self.plan, airs, self.scene.numerics.tolerance, self.workers)
+
+    def finish_compiling(self, stage: str, key: str) -> None:
+        """Wait for the tracker's compilation where a stage will be flown by it, for the first time in this run."""
         first = self.plan.flown_by == "tracker" and COMPILED not in self.cache.seconds
-        return first and not self.cache.store.holds(stage, key)
+        if first and not self.cache.store.holds(stage, key):
+            self.compilation.finish(self.cache)

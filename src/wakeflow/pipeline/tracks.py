@@ -21,6 +21,7 @@ from ..injection.feed import Feedstock, feedstock
 from ..injection.first_contact import motion_of
 from ..laws.constants import GRAVITY
 from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
+from ..planning.unknowns import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Fate, Granules, Tracks
@@ -106,6 +107,23 @@ class Flight:
             detail = DETAIL if len(chosen) <= 2 * DRAWN else COARSE
             tracks = self.fly(name, feed.granules[chosen], record=detail, stream=3 * REPLICATES)
             _save_drawn(folder / f"{name}.drawn.npz", _paths(tracks, feed.granules[chosen]))
+
+    def fly_part(self, name: str, replicate: int, part: slice, variation: GranuleVariation) -> NDArray[np.int64]:
+        """Index of the bin (m,), -1 for elsewhere, in which each granule of a ``part`` of a ``replicate`` lands, those
+        of the answer but for the ``variation``.
+        """
+        alone = range(replicate, replicate + 1, len(self.airs))
+        flight = replace(self, airs=Realisations(self.airs.make(replicate % len(self.airs))))
+        feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation)
+        grains, images = feed.granules[part], flight._images()
+        other = _second_half(feed, len(feed.replicate), alone)[part] & (len(images) > 1)
+        bins = np.full(len(other), -1, dtype=np.int64)
+        for image, chosen, stream in zip(images, (~other, other), (0, 2 * REPLICATES), strict=False):
+            if chosen.any():
+                flown = replace(flight, airs=Realisations(image))
+                line = flown.fly(name, grains[chosen], stream=stream + replicate).line
+                bins[chosen] = np.where((line >= 0) & (line < len(self.scene.bin)), line, -1)
+        return bins
 
     def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
         """The injected granule that met the body at the upward speed (m/s) nearest to the one given."""

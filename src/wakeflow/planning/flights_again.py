@@ -9,10 +9,12 @@ from collections.abc import Callable
 
 from ..core.registry import Registry
 from .airflow import AirflowPlan
+from .plan import COMPARED, REPLICATES
 
 __all__ = ["flights_again", "times_again"]
 
 flights_again: Registry[Callable[[AirflowPlan], int]] = Registry("source that flies granules again")
+flights_again.add("inputs", lambda _: REPLICATES // COMPARED)  # as many granules as the answer has
 flights_again.add("integration", lambda _: 0)  # finer steps: within the estimate's factor of three
 flights_again.add("airflow-model", lambda airflow: len(airflow.wakes_beside))
 flights_again.add("air-loading", lambda airflow: int(airflow.loaded))

@@ -32,10 +32,6 @@ class Wake(StrEnum):
 
     STEADY = "steady"
     TIME_RESOLVED = "time-resolved"
-    THETA_LOW = "theta-low"
-    THETA_HIGH = "theta-high"
-    STRENGTH_LOW = "strength-low"
-    STRENGTH_HIGH = "strength-high"
     MEAN = "mean"  # of the time-resolved wake
     HALF = "half"  # of its fluctuation
     ANSWER = "answer"  # the answer's own
@@ -44,22 +40,14 @@ class Wake(StrEnum):
 def wakes_beside(brackets: bool, estimate: WakeEstimate | None) -> dict[Wake, tuple[float, float]]:
     """Theta and strength of the wakes in which part of the granules fly beside the answer's own.
 
-    Around a best estimate: its two ends, and both ends of each range with the other number as it is. Around a
-    time-resolved wake that is the answer itself: the steady one, and two with less of the fluctuation.
+    Around a best estimate: its two ends. Around a time-resolved wake that is the answer itself: the steady one, and two
+    with less of the fluctuation.
     """
     if not brackets:
         return {}
     if estimate is None:
         return {Wake.STEADY: (0.0, 0.0), Wake.MEAN: (1.0, 0.0), Wake.HALF: (1.0, 0.5)}
-    theta, strength = estimate.theta, estimate.strength
-    return {
-        Wake.STEADY: (0.0, 0.0),
-        Wake.TIME_RESOLVED: (1.0, 1.0),
-        Wake.THETA_LOW: (theta.low, strength.value),
-        Wake.THETA_HIGH: (theta.high, strength.value),
-        Wake.STRENGTH_LOW: (theta.value, strength.low),
-        Wake.STRENGTH_HIGH: (theta.value, strength.high),
-    }
+    return {Wake.STEADY: (0.0, 0.0), Wake.TIME_RESOLVED: (1.0, 1.0)}
 
 
 def wake_of(scene: Scene, reynolds: float) -> WakeEstimate:

@@ -23,12 +23,13 @@ __all__ = [
 
 Cell = str | float | bool | None
 Row = dict[str, Cell]
-SEPARATION_COLUMNS = (  # low and high: the 95 % interval
+SEPARATION_COLUMNS = (  # low and high: the 95 % interval, of which computing alone makes a part
     "fraction",
     "bin",
     "share (%)",
     "share low (%)",
     "share high (%)",
+    "share by computing alone (+- %)",
     "purity (%)",
     "purity low (%)",
     "purity high (%)",
@@ -64,7 +65,7 @@ def separation_cells(result: Result, separation: Separation) -> list[Row]:
     for name, places in separation.fractions.items():
         for place, share in places.items():
             pure = (separation.purity.get(place) or {}).get(name)
-            values: list[float | None] = [share.value, share.low, share.high]
+            values: list[float | None] = [share.value, share.low, share.high, share.numerical]
             values += [None] * 3 if pure is None else [pure.value, pure.low, pure.high]
             numbers = [None if value is None else 100.0 * value for value in values]
             wanted = place in result.targets(name)

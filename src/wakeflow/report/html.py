@@ -13,6 +13,7 @@ from .csv import IMPACT_COLUMNS, impact_cells
 from .figures import captions
 from .pictures import found
 from .words import (
+    HOLDS,
     NO_VALUE,
     UNKNOWN_ERROR,
     budget_columns,
@@ -97,12 +98,13 @@ TRUNCATION = (
     ("pressure", "time-resolved field: pressure cut off, rms over rms of its fluctuation", ""),
 )
 IN_FULL = (1e3, 1e7)  # numbers between them are written without exponent
+MOST_MOVED = 3  # shares that are told of a number
 MINUTES_FROM = 120.0  # s: longer run times are written in minutes
 SCALE = {"mm": 1e3, "cm²": 1e4, "g/s": 1e3, "g": 1e3, "us": 1e6}
 HOW = {
     "measured": "from this run",
     "companion": "from flying granules again",
-    "calibrated": "a bound on the shift times the landing density found",
+    "calibrated": "a true bound: all that lands within the shift of the bin's ends",
     "unknown": "not known",
 }
 
@@ -136,7 +138,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(percent=percent, number=_number, seconds=_seconds)
+    environment.filters.update(percent=percent, points=_points, number=_number, seconds=_seconds)
     environment.globals.update(change_of=change_of)
     shown = captions() if texts is None else texts
     return environment.get_template("report.html.j2").render(
@@ -152,6 +154,8 @@ def render(
         **_shares(result),
         **_impacts(result),
         **_budget(result),
+        **_inputs(result),
+        holds=HOLDS,
         unknown=UNKNOWN_ERROR,
         dash=NO_VALUE,
     )
@@ -193,7 +197,27 @@ def _budget(result: Result) -> dict[str, Any]:
         "spent": source_seconds(rows),
         "error_text": error_text,
         "how": HOW,
+        "unsaid": list(dict.fromkeys(row.total.note for row in rows if row.total.error is None and row.total.note)),
     }
+
+
+def _inputs(result: Result) -> dict[str, Any]:
+    """What the page says of the numbers that are not known exactly, those first that move a share most."""
+    landings = result.landings
+    known = {} if landings is None else landings.inputs or {}
+    parts = {} if landings is None else landings.measure_next or {}
+    moves: dict[str, list[tuple[float, str]]] = {key: [] for key in known}
+    for name, places in parts.items():
+        for place, effects in places.items():
+            for key, effect in effects.items():
+                moves[key].append((effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
+    rows = []
+    for key, number in known.items():
+        most = sorted(moves[key], key=lambda one: -one[0])[:MOST_MOVED]
+        rows.append(
+            (most[0][0] if most else 0.0, {"key": key, "number": number, "moves": ", ".join(t for _, t in most)})
+        )
+    return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
 
 
 def _rounded(value: Any) -> Any:
@@ -287,6 +311,11 @@ def _number(value: float | None) -> str:
     if isinstance(value, int) or (value and IN_FULL[0] <= abs(value) < IN_FULL[1]):
         return f"{value:.0f}"
     return f"{value:.4g}"
+
+
+def _points(value: float | None) -> str:
+    """A share as percentage points, two digits; a dash for None."""
+    return NO_VALUE if value is None else f"{100 * value:.2g}"
 
 
 def _seconds(value: float | None) -> str:

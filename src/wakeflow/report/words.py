@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..results.result import Result
 
 __all__ = [
+    "HOLDS",
     "NO_VALUE",
     "TERMS",
     "UNKNOWN_ERROR",
@@ -27,24 +28,35 @@ __all__ = [
 ]
 
 NO_VALUE = "–"
+HOLDS = (
+    "The interval holds 95 %: what the scene does not say exactly, granules, sheddings, steps, mesh, terms left out. "
+    "No measurement of granules validates this machine."
+)
 UNKNOWN_ERROR = "unknown"
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
 MOST_DIGITS = 4  # after the point of a percentage, however narrow its interval
+ALIKE = 0.4  # of half of an interval: arms that differ by no more are shown as one
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
 
 
 def percent(number: Measured | Share | None) -> str:
-    """``"62.1 ± 0.8"`` from a measured number in 0..1: percent and half its 95 % interval; a dash for none.
+    """``"62.1 ± 0.8"`` from a measured number in 0..1: percent and half its 95 % interval, or its two arms where they
+    differ, ``"98.2 -3.1 +0.9"``; a dash for none.
 
-    The number of decimals follows the interval, so that it never shows as zero unless it is.
+    The number of decimals follows the shorter arm, so that it never shows as zero unless it is.
     """
     if number is None or number.value is None:
         return NO_VALUE
     if number.low is None or number.high is None:
         return f"{100 * number.value:.1f}"
-    half = 50.0 * (number.high - number.low)
-    digits = 1 if half <= 0 else min(MOST_DIGITS, max(1, -math.floor(math.log10(half))))
-    return f"{100 * number.value:.{digits}f} ± {half:.{digits}f}"
+    below, above = 100.0 * (number.value - number.low), 100.0 * (number.high - number.value)
+    half, shorter = 0.5 * (below + above), min(below, above)
+    alike = max(below, above) - shorter <= ALIKE * half
+    least = half if alike or shorter <= 0.0 else shorter
+    digits = 1 if least <= 0 else min(MOST_DIGITS, max(1, -math.floor(math.log10(least))))
+    value = f"{100 * number.value:.{digits}f}"
+    arms = [f"-{below:.{digits}f}"] * (below > 0.0) + [f"+{above:.{digits}f}"] * (above > 0.0)
+    return f"{value} ± {half:.{digits}f}" if alike else " ".join([value, *arms])
 
 
 def change_of(before: Measured | Share | None, after: Measured | Share | None) -> str:

@@ -1,7 +1,7 @@
 """The budget: what each source of error contributes to an answer, and what knowing it cost in run time.
 
-The sources are registered objects (:mod:`wakeflow.results.sources`). What none of them knows is named and unknown, and
-so is the total: a sum that leaves parts out is no total.
+The sources are registered objects (:mod:`wakeflow.results.sources`); their parts make one total a row
+(:mod:`wakeflow.results.total`).
 """
 
 from __future__ import annotations
@@ -15,8 +15,11 @@ from ..planning.terms import TYPICAL
 from . import crowd_sources, sources  # noqa: F401 - their imports register the program's own sources
 from .landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
 from .source import Flights, FractionResults, Source, budget_sources
+from .total import whole
 
 __all__ = ["flights_ahead", "fly_again", "make_budget", "together"]
+
+ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with finer ones"
 
 
 def fly_again(flights: Flights) -> None:
@@ -38,14 +41,16 @@ def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ..
     term has a note and a kind: left-out (small enough for the accuracy asked for) or not-computed.
     """
     pipeline = flights.pipeline
-    everything = BudgetTotal(None, sum(spent.seconds for spent in pipeline.seconds.values()))
+    spent = sum(stage.seconds for stage in pipeline.seconds.values())
     rows: list[BudgetRow] = []
     places: list[BudgetRow] = []
     for name, shares in separation.fractions.items():
         fraction = FractionResults(name, flights.landings[name], shares, flights)
-        rows += _share_rows(fraction, everything)
+        rows += _share_rows(fraction, spent)
         parts = tuple(part for source in _in_row() for part in source.landing(fraction))
-        cost = BudgetTotal(None, flights.tracking + sum(part.seconds for part in parts))
+        spent_here = flights.tracking + sum(part.seconds for part in parts)
+        largest = max((part.error for part in parts if part.error is not None), default=None)
+        cost = BudgetTotal(largest, spent_here, note=ONLY_STEPS)
         places.append(BudgetRow(f"landing.{name}", pipeline.scene.unit, parts, cost))
     return (*rows, *places)
 
@@ -55,7 +60,7 @@ def _in_row() -> list[Source[object]]:
     return sorted((budget_sources[name] for name in budget_sources), key=lambda source: source.place)
 
 
-def _share_rows(fraction: FractionResults, total: BudgetTotal) -> list[BudgetRow]:
+def _share_rows(fraction: FractionResults, seconds: float) -> list[BudgetRow]:
     """A row for each bin that got any of the fraction, or could have by a source that fills empty bins."""
     found = [(source, source.shares(fraction)) for source in _in_row()]
     rows = []
@@ -64,6 +69,7 @@ def _share_rows(fraction: FractionResults, total: BudgetTotal) -> list[BudgetRow
         if share.value == 0.0 and not any(part.error for part in filling):
             continue
         parts = tuple(part for _, parts in found for part in parts.get(place, ()))
+        total = whole(share.value, parts, seconds)
         rows.append(BudgetRow(f"share.{fraction.name}.{place}", None, parts, total))
     return rows
 

@@ -19,6 +19,8 @@ __all__ = [
     "BudgetPart",
     "BudgetRow",
     "BudgetTotal",
+    "InputPart",
+    "InputSummary",
     "LandingResults",
     "LoadingEffect",
     "Separation",
@@ -58,6 +60,12 @@ class BudgetPart(Partial):
     kind: str | None = column(
         "", "of a term: left-out (small enough) or not-computed; else left out", absent=True, default=None
     )
+    low: float | None = column(
+        "1", "of inputs: lower end of what they change; else left out", absent=True, default=None
+    )
+    high: float | None = column(
+        "1", "of inputs: upper end of what they change; else left out", absent=True, default=None
+    )
     note: str | None = column(
         "", "what stands behind the error; left out where nothing does", absent=True, default=None
     )
@@ -65,10 +73,14 @@ class BudgetPart(Partial):
 
 @dataclass(frozen=True)
 class BudgetTotal:
-    """The sum of a row."""
+    """All parts of a row together, as the half and the ends of a 95 % interval."""
 
-    error: float | None = column("1 or the row's unit", "null: a sum that leaves parts out is no total")
+    error: float | None = column("1 or the row's unit", "null: a part is of unknown size, and `note` says what to do")
     seconds: float = column("s", "run time of everything that the row rests on")
+    low: float | None = column("1", "of a share: lower end, of all known parts", absent=True, default=None)
+    high: float | None = column("1", "of a share: upper end, of all known parts", absent=True, default=None)
+    numerical: float | None = column("1", "of a share: half by computing alone", absent=True, default=None)
+    note: str | None = column("", "what is unknown or only a bound; else left out", absent=True, default=None)
 
 
 @dataclass(frozen=True)
@@ -95,6 +107,26 @@ class LoadingEffect:
 
 
 @dataclass(frozen=True)
+class InputPart:
+    """What one number of the scene that is not known exactly does to a share."""
+
+    half: float = column("1", "half of the 95 % range of the share that it alone gives")
+    variance: float = column("1", "its part of the share's variance over all unknowns: first-order index")
+    error: float = column("1", "how far that index may be off, 95 %")
+
+
+@dataclass(frozen=True)
+class InputSummary:
+    """A number of the scene that is not known exactly, as it was drawn."""
+
+    value: float = column("as said", "the number itself")
+    low: float = column("as said", "lower end of its 95 % interval")
+    high: float = column("as said", "upper end of its 95 % interval")
+    unit: str = column("", "of the three")
+    why: str = column("", "what the interval rests on")
+
+
+@dataclass(frozen=True)
 class LandingResults:
     """What the landings of all granules amount to."""
 
@@ -115,3 +147,9 @@ class LandingResults:
         "1", "by fraction and bin, what the granules' force on the air does, each granule alone; left out where the "
         "air does not feel them", absent=True, default=None,
     )  # fmt: skip
+    inputs: dict[str, InputSummary] | None = column(
+        "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None
+    )
+    measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
+        "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
+    )

@@ -1,7 +1,8 @@
 """Terms that are left out: what each could change a share by.
 
-The plan bounds how far each term could move a landing. That bound times the landing density found at a bin's ends is
-what it could change the bin's share by.
+The plan bounds how far each term could move a landing. What lands no farther than that from a bin's end could land on
+its other side: all of what is inside, or all of what is outside, whichever is more, is the most by which the bin's
+share could change. It is a true bound, however the landings heap up at the end.
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
+from ..planning.bounds import COLLISIONS
 from ..planning.plan import Plan
 from ..planning.terms import LeftOut
 from ..scene import RESERVED_BIN, Scene
 from .landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
 from .separation import upper_limit
 
-__all__ = ["crossing_share", "free_ends", "left_out_terms"]
+__all__ = ["free_ends", "left_out_terms", "most_crossing"]
 
 Array = NDArray[np.float64]
 Ends = dict[str, list[tuple[float, float]]]  # m: the ends of every bin
-WINDOW = 0.1  # body widths to each side of a bin's end over which the landing density is taken, or the shift if more
 SAME_PLACE = 1e-9  # channel widths: an end of a bin so near to a corner of the channel is in it
 DIGITS = 9  # of a place in m: ends that agree in them are one end
 
@@ -30,21 +31,24 @@ DIGITS = 9  # of a place in m: ends that agree in them are one end
 def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
     """Parts of the budget for every bin of fraction ``name``: what each left-out term could change its share by.
 
-    It is the bound times the landing density at the bin's ends. Without a body the whole floor and top are bins and no
-    end is near; there a term that could matter counts by its bound, as for granules spread over one channel width.
+    Without a body the whole floor and top are bins and no end is near; there a term that could matter counts by its
+    bound, as for granules spread over one channel width.
     """
+    asked = scene.feed.rate is not None  # without one the question is that of single granules
     rows = [row for row in plan.left_out if row.fraction == name and row.bound is not None]
+    rows = [row for row in rows if asked or row.name != COLLISIONS]
     ends = free_ends(scene)
     parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
     if not rows or not len(landing.bin):
         return parts
     limit = plan.fractions[name].limit or 0.0
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in _all(ends)}
-    for row in rows:
-        assert row.bound is not None
-        moved = {point: crossing_share(away, row.bound, landing.weight) for point, away in distance.items()}
-        for place, found in parts.items():
-            error = min(1.0, sum(moved[point] for point in ends[place]))
+    number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
+    for place, found in parts.items():
+        away = np.min([distance[point] for point in ends[place]], axis=0, initial=np.inf)
+        for row in rows:
+            assert row.bound is not None
+            error = most_crossing(away, landing.bin == number[place], row.bound, landing.weight)
             kind = LEFT_OUT if row.bound <= limit else NOT_COMPUTED
             if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
                 error = max(error, min(1.0, row.bound))
@@ -53,20 +57,23 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
 
 
 def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
-    note = f"a landing shift of at most {row.bound:.2g} {unit} times the landing density at the bin's ends"
-    return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note)
+    note = f"all that lands within {row.bound:.2g} {unit} of the bin's ends on one side of them"
+    return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note)
 
 
-def crossing_share(distance: Array, shift: float, weight: Array | None = None) -> float:
-    """Share of granules that a landing ``shift`` (body widths) can carry over a bin's end ``distance`` (n,) from them.
+def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weight: Array | None = None) -> float:
+    """The most by which a landing ``shift`` (body widths) could change the share of a bin, from whose ends granules
+    land at a ``distance`` (n,), those that are ``inside`` (n,) among them.
 
-    The shift times the density of landings there: granules within WINDOW on both sides, or within the shift where that
-    is more (upper 95 % limit of their share), over that length. ``weight`` (n,) of each, by default 1.
+    Upper 95 % limit of the share that lands within the shift inside the ends, or of that outside them where it is
+    larger. ``weight`` (n,) of each granule, by default 1.
     """
-    window = max(WINDOW, shift)
     each = np.ones(len(distance)) if weight is None else weight
-    near, total = round(float(each[distance <= window].sum())), round(float(each.sum()))
-    return shift * upper_limit(near, total) / (2.0 * window)
+    near, total = distance <= shift, round(float(each.sum()))
+    if not near.any() and shift <= 0.0:
+        return 0.0
+    sides = (round(float(each[near & side].sum())) for side in (inside, ~inside))
+    return upper_limit(max(sides), total)
 
 
 def free_ends(scene: Scene) -> Ends:

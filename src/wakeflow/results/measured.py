@@ -16,6 +16,9 @@ class Measured:
     value: float | None = column("as said", "the number; null where it could not be measured")
     low: float | None = column("as said", "lower end of the 95 % interval; null where none is known")
     high: float | None = column("as said", "upper end of the 95 % interval; null where none is known")
+    numerical: float | None = column(
+        "as said", "half of the 95 % interval by computing alone, of purities and recoveries", absent=True, default=None
+    )
 
     @property
     def half(self) -> float | None:
@@ -28,5 +31,11 @@ class Share:
     """The share of a fraction's mass that lands in a bin, 0 to 1, and its 95 % interval."""
 
     value: float = column("1", "the share, by mass", key="share")
-    low: float = column("1", "lower end of the 95 % interval: finite numbers of granules and of sheddings")
-    high: float = column("1", "upper end of the 95 % interval: finite numbers of granules and of sheddings")
+    low: float = column("1", "lower end of the 95 % interval that holds every known part of the error")
+    high: float = column("1", "upper end of the 95 % interval that holds every known part of the error")
+    numerical: float | None = column(
+        "1",
+        "half of the 95 % interval by computing alone, with the scene's numbers as given",
+        absent=True,
+        default=None,
+    )

@@ -23,7 +23,8 @@ RENAMED = {"fractions": "share"}  # as the rows of the budget are called
 @dataclass(frozen=True)
 class TableQuantity:
     """One number of a result: ``value`` in ``unit`` ("1" for plain numbers), ends of its 95 % interval, None where none
-    is known, and ``error``, the total of its budget, None where parts are unknown or there is none.
+    is known, ``error``, the total of its budget, None where parts are unknown or there is none, and ``numerical``, half
+    of the interval by computing alone, None where no other part is known.
     """
 
     name: str
@@ -32,6 +33,7 @@ class TableQuantity:
     low: float | None = None
     high: float | None = None
     error: float | None = None
+    numerical: float | None = None
 
 
 def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
@@ -73,7 +75,7 @@ def _numbers(value: Any, name: str, unit: str, errors: Mapping[str, float | None
             yield from _numbers(member, f"{name}.{key}", unit, errors)
     elif isinstance(value, Measured | Share):
         if value.value is not None:
-            yield TableQuantity(name, unit, value.value, value.low, value.high, errors.get(name))
+            yield TableQuantity(name, unit, value.value, value.low, value.high, errors.get(name), value.numerical)
     elif is_dataclass(value):
         yield from _inside(value, f"{name}.", errors)
     elif isinstance(value, float):

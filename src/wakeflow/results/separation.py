@@ -19,7 +19,7 @@ from .landing_results import Separation
 from .measured import Measured, Share
 from .spread import LEVEL, Spread, Tally, cycles_of, spread_of
 
-__all__ = ["separate", "share_interval", "share_spreads", "upper_limit"]
+__all__ = ["purity_slopes", "separate", "share_interval", "share_spreads", "upper_limit"]
 
 Array = NDArray[np.float64]
 HOUR = 3600.0  # s
@@ -123,9 +123,9 @@ def _purity(
     replicates, what the intervals of the shares allow.
     """
     own = tallies[name]
-    total = sum(mass[other] * tally.share for other, tally in tallies.items())
-    value = mass[name] * own.share / total
-    slope = {other: mass[other] * (float(other == name) - value) / total for other in tallies}
+    shares = {other: tally.share for other, tally in tallies.items()}
+    value = mass[name] * own.share / sum(mass[other] * share for other, share in shares.items())
+    slope = purity_slopes(name, mass, shares)
     deviations = np.sum([slope[other] * tally.deviations for other, tally in tallies.items()], axis=0)
     chance = sum(slope[other] ** 2 * tally.chance for other, tally in tallies.items())
     half = spread_of(deviations, own.realisation, chance).together
@@ -137,3 +137,13 @@ def _purity(
         low = min(low, least_own / (least_own + most) if least_own + most > 0 else 0.0)
         high = max(high, most_own / (most_own + least) if most_own + least > 0 else 1.0)
     return Measured(value, max(0.0, low), min(1.0, high))
+
+
+def purity_slopes(name: str, mass: Mapping[str, float], shares: Mapping[str, float]) -> dict[str, float]:
+    """By how much the share of fraction ``name`` in a bin's mass grows with each fraction's own share in that bin.
+
+    ``mass``: share of every fraction in the feed; ``shares`` of each in the bin, which must hold some.
+    """
+    total = sum(mass[other] * share for other, share in shares.items())
+    value = mass[name] * shares[name] / total
+    return {other: mass[other] * (float(other == name) - value) / total for other in shares}

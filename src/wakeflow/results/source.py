@@ -12,10 +12,12 @@ from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from .airflow_summary import Airflow, airflow_of
 from .companions import compared
+from .inputs import Inputs
 from .landing_results import BudgetPart
 from .measured import Share
 from .separation import share_spreads
 from .spread import Spread
+from .total import INPUTS
 
 if TYPE_CHECKING:
     from ..pipeline.crowd_stage import SlabFound
@@ -86,6 +88,11 @@ class Flights:
             self._made[source.name] = source.fly(self.pipeline, self.tracked)
         found: Flown | None = self._made[source.name]
         return found
+
+    def inputs(self, shares: Mapping[str, Mapping[str, Share]]) -> Inputs | None:
+        """What the unknown inputs do to ``shares`` by fraction and bin; None where everything is known exactly."""
+        draws = self._made.get(INPUTS)
+        return None if draws is None else Inputs(draws, shares, self.pipeline.scene.mass_shares())
 
     @property
     def landings(self) -> Mapping[str, Landings]:

@@ -1,14 +1,13 @@
 """The sources of the budget.
 
 Measured: sampling (spread of independent replicates) and the airflow's statistics (spread of shedding cycles). By
-companions, the same granules flown again: integration (at a hundredth of the tolerance), the airflow's model (with
-another theta and strength of the wake) and the mesh (on other grids). Calibrated: each term that is left out, by the
-plan's bound on its landing shift times the landing density found at a bin's ends. The rest is named and unknown.
+companions, the same granules flown again: the inputs (draws of what the scene does not say exactly), integration (at a
+hundredth of the tolerance), the airflow's model (another wake) and the mesh (on other grids). Calibrated: each term
+that is left out, by what lands within the plan's bound of a bin's ends. The rest is named and unknown.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -35,25 +34,28 @@ from .left_out import left_out_terms
 from .separation import upper_limit
 from .source import FractionResults, Source, budget_sources
 from .spread import cycles_of
+from .total import INPUTS
 
 if TYPE_CHECKING:
+    from ..pipeline.draws import Draws
     from ..pipeline.landings import Tracked
 
 __all__ = [
     "AirflowModel",
     "AirflowStatistics",
-    "ImpactParameters",
     "Integration",
     "LeftOutTerms",
     "LoadedAir",
     "Mesh",
     "Sampling",
+    "UnknownInputs",
 ]
 
 Parts = Mapping[str, Sequence[BudgetPart]]
 # Of what the force moves: the error of taking the steady end's change for that of both ends. Measured in the shipped
 # rhombus (cases/studies/air_loading.py --both): 1.2 for dust, 0.1 for chaff and wheat; the largest counts
 OTHER_WAKE = 1.2
+WEIGHTY, MOST_TOLD = 0.1, 3  # part of the variance from which an unknown is told, and how many are
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
 INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
 
@@ -110,8 +112,8 @@ class LeftOutTerms(Source[None]):
 
 
 class AirflowModel(Source[Comparison[Wake]]):
-    """The airflow's model: of a best estimate the ranges of its two numbers, each with the other as it is; of a
-    time-resolved airflow the farthest of the steady wake, the mean wake and half of the fluctuation.
+    """The airflow's model: of a time-resolved airflow the farthest of the steady wake, the mean wake and half of the
+    fluctuation. The two numbers of a best estimate are unknowns among the others; the ends are flown for comparison.
     """
 
     name, how, place, fills = "airflow-model", COMPANION, 50, True
@@ -126,18 +128,9 @@ class AirflowModel(Source[Comparison[Wake]]):
         wakes = fraction.flights.of(self)
         if wakes is None:
             return _unless_known(self.name, fraction)
-        told = self._farthest if fraction.pipeline.plan.airflow.wake is None else self._ranges
-        return {bin_: [told(moved, wakes.seconds)] for bin_, moved in _moved(wakes, fraction)}
-
-    def _ranges(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
-        """Root of the squares of the largest changes: nobody knows that theta and the strength err together."""
-        parts = {"theta": (Wake.THETA_LOW, Wake.THETA_HIGH), "strength": (Wake.STRENGTH_LOW, Wake.STRENGTH_HIGH)}
-        error = math.hypot(*(max(abs(moved[wake]) for wake in ends) for ends in parts.values()))
-        told = (
-            f"{name} at its low and high end {100 * moved[low]:+.2g} and {100 * moved[high]:+.2g}"
-            for name, (low, high) in parts.items()
-        )
-        return self.part(error, seconds, f"{', '.join(told)} points")
+        if fraction.pipeline.plan.airflow.wake is not None:
+            return {}
+        return {bin_: [self._farthest(moved, wakes.seconds)] for bin_, moved in _moved(wakes, fraction)}
 
     def _farthest(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
         which = max(moved, key=lambda wake: abs(moved[wake]))
@@ -206,13 +199,28 @@ class Mesh(Source[Comparison[Grid]]):
         return self.part(half, flown.seconds, found.why)
 
 
-class ImpactParameters(Source[None]):
-    """Restitution and friction as measured elsewhere, on other granules: nobody says how far they are off."""
+class UnknownInputs(Source["Draws"]):
+    """The numbers of the scene that are not known exactly: the range of the share over draws of them all."""
 
-    name, how, place = "impact-parameters", UNKNOWN, 90
+    name, how, place, fills = INPUTS, COMPANION, 15, True
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Draws | None:
+        del tracked  # the draws are of the tracks in the cache
+        return pipeline.draws()
 
     def shares(self, fraction: FractionResults) -> Parts:
-        return fraction.everywhere(unknown(self.name))
+        inputs = fraction.flights.inputs({fraction.name: fraction.shares})
+        if inputs is None:
+            return {}
+        seconds = fraction.pipeline.spent("draws")
+        found = {}
+        for bin_ in fraction.shares:
+            over = inputs.of_share(fraction.name, [bin_])
+            weighty = [one for one in over.effects if one.share >= WEIGHTY][:MOST_TOLD]
+            told = ", ".join(f"{one.unknown.key} {100 * one.share:.0f} %" for one in weighty)
+            note = f"of its variance {told}" if told else None
+            found[bin_] = [replace(self.part(over.half, seconds, note), low=over.low, high=over.high)]
+        return found
 
 
 def unknown(source: str) -> BudgetPart:
@@ -234,6 +242,6 @@ def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple
 MODEL, UNLOADED = AirflowModel(), LoadedAir()
 # In the order in which they fly; each is named in the budget and run once.
 for _source in (
-    Sampling(), Integration(), MODEL, Mesh(), UNLOADED, AirflowStatistics(), LeftOutTerms(), ImpactParameters(),
+    Sampling(), Integration(), MODEL, Mesh(), UNLOADED, AirflowStatistics(), LeftOutTerms(), UnknownInputs(),
 ):  # fmt: skip
     budget_sources.add(_source.name, _source)

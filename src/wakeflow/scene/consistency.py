@@ -14,6 +14,7 @@ from ..core.quantities import metres, say
 from ..core.registry import did_you_mean
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
+from .uncertainty import unknown_uncertainties
 from .whole import SceneTables
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
@@ -245,4 +246,5 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _inlets_fit,
     _pictures_fit,
     _rung_fits,
+    unknown_uncertainties,
 )

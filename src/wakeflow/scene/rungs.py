@@ -49,6 +49,7 @@ rungs.add(
         "one steady solution: the flow itself below the onset of shedding; above, its wake is too long and its suction "
         "too weak",
         "steady",
+        scales=(1.0, GRIDS),
         resolves="standard",
     ),
 )
@@ -58,6 +59,7 @@ rungs.add(
         "time-resolved in two dimensions, started from the draft: the flow itself up to the onset of three-dimensional "
         "motion; where the wake is turbulent, one of the two ends of the best estimate that is flown in",
         "time-resolved",
+        scales=(1.0, GRIDS),
     ),
 )
 rungs.add(

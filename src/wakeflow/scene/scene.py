@@ -23,6 +23,7 @@ from .consistency import CHECKS
 from .doubts import doubts, with_units
 from .messages import explain, units_in
 from .overrides import changed, unquoted_in
+from .uncertainty import with_uncertainty_table
 from .user_case import air_of, find_case
 from .vibration_samples import read_samples
 from .whole import SceneTables
@@ -44,6 +45,7 @@ class Scene(SceneTables):
         """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
+        data = with_uncertainty_table(data)
         data = _with_samples(_with_case(data, base or Path(), name), base or Path(), name)
         with speaking(units_in(data)):
             try:

@@ -20,11 +20,13 @@ from .pictures import AnyPicture
 from .rungs import rungs
 from .surroundings import Air, Body, Channel, Vibration
 from .table import Array, Table
+from .uncertainty import Margin, margins
 from .units import Name, WithUnit
 
 __all__ = ["Numerics", "SceneTables", "SpanTable"]
 
 STATES = "on", "off"
+Margins = dict[str, float | str | dict[str, float | str | dict[str, float | str]]]
 Switches = dict[str, bool | Literal["on", "off"] | dict[str, bool | Literal["on", "off"]]]
 MOST_RANKS = 256  # beyond what any mesh of one layer can use
 
@@ -101,6 +103,9 @@ class SceneTables(Table):
     collisions: Crowding = Crowding()
     force: Annotated[dict[str, bool], BeforeValidator(_switches, json_schema_input_type=Switches)] = Field(
         {}, description="terms switched by hand, on or off: TERM for all fractions, FRACTION.TERM for one"
+    )
+    uncertainty: Annotated[dict[str, Margin], BeforeValidator(margins, json_schema_input_type=Margins)] = Field(
+        {}, description="half of the 95 % interval of a number, by its key: uncertainty.air.speed = '3 %'; 0: exact"
     )
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     numerics: Numerics = Numerics()

@@ -26,7 +26,8 @@ HEADS = ("scene", "against", "quantity", "difference", "low", "high", "clear", "
 class Difference:
     """A quantity of one run less that of the first: ``value`` and its 95 % interval, None where one of them has none.
 
-    The interval takes the two as independent (squares of the arms add up: Zou & Donner 2008, Stat. Med. 27, 1693).
+    What is unknown of the scene is the same in both runs and moves both alike: the interval of a share holds what
+    computing adds, and takes that as independent (squares of the arms add up: Zou & Donner 2008, Stat. Med. 27, 1693).
     Runs that feed the same granules agree better than that, so that it errs on the wide side.
     """
 
@@ -132,5 +133,8 @@ def _ends(base: TableQuantity, one: TableQuantity) -> tuple[float | None, float 
     if base.low is None or base.high is None or one.low is None or one.high is None:
         return None, None
     value = one.value - base.value
+    if one.numerical is not None and base.numerical is not None:
+        half = math.hypot(one.numerical, base.numerical)
+        return value - half, value + half
     low = value - math.hypot(one.value - one.low, base.high - base.value)
     return low, value + math.hypot(one.high - one.value, base.value - base.low)

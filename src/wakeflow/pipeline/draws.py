@@ -1,0 +1,157 @@
+"""The granules flown again under many draws of what nobody knows exactly: what that does to their shares.
+
+Every draw flies a part of the answer's own granules, with the answer's own random numbers but for what the draw varies,
+so that what it moves is seen between the same granules: its error is that of the difference. Each granule flies alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.files import atomic_write
+from ..core.store import content_key
+from ..laws.size import normal_quantile
+from ..planning.plan import REPLICATES, replicate_size
+from ..planning.unknowns import AirVariation, Unknown, drawn, unknown_kinds, unknowns
+from .cache import code_of
+
+if TYPE_CHECKING:
+    from ..field import FlowField
+    from .landings import Tracked
+    from .realisations import Realisations
+    from .track_stage import TrackStage
+
+__all__ = ["DRAWS", "DrawStage", "Draws"]
+
+Array = NDArray[np.float64]
+DRAWS = 64  # of everything; their regression has some forty degrees of freedom
+SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
+ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1
+PARTS = DRAWS // REPLICATES  # of a replicate: each flies under one draw
+
+
+@dataclass(frozen=True)
+class Draws:
+    """``unknowns`` (K) and where each draw lies in them, ``z`` (R, K) in standard deviations; by fraction the bins in
+    which the granules of every draw landed, ``varied`` (R, M), and where the same ones land in the answer, ``own``
+    (R, M): indices of bins, the last one for elsewhere.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    z: Array
+    varied: Mapping[str, NDArray[Any]]
+    own: Mapping[str, NDArray[Any]]
+
+    def hits(self, name: str, bins: Sequence[int]) -> tuple[Array, Array]:
+        """Whether (R, M) each granule of a fraction lands in one of ``bins``: under its draw, and in the answer."""
+        return (
+            np.isin(self.varied[name], bins).astype(float),
+            np.isin(self.own[name], bins).astype(float),
+        )
+
+
+@dataclass
+class DrawStage:
+    """The draws of one scene, flown as the ``tracks`` are."""
+
+    tracks: TrackStage
+
+    @cached_property
+    def unknowns(self) -> list[Unknown]:
+        """What is drawn."""
+        return unknowns(self.tracks.scene, self.tracks.plan)
+
+    @cached_property
+    def design(self) -> Array:
+        """Where every draw lies (DRAWS, K): scrambled Sobol points as standard normal ones; of the air fewer, each for
+        several draws.
+        """
+        shared = np.array([unknown_kinds[one.kind].of_air for one in self.unknowns], dtype=bool)
+        seed = self.tracks.scene.feed.seed
+        z = np.zeros((DRAWS, len(shared)))
+        z[:, ~shared] = _normal(int((~shared).sum()), DRAWS, seed, 0)
+        z[:, shared] = np.repeat(_normal(int(shared.sum()), DRAWS // SAME_AIR, seed, 1), SAME_AIR, axis=0)
+        return z
+
+    def fly(self) -> Draws | None:
+        """The draws, from the cache or flown; None where everything is known exactly."""
+        if not self.unknowns:
+            return None
+        stage = self.tracks
+        tolerance = stage.scene.numerics.tolerance
+        known = [[one.key, one.kind, one.value, one.low, one.high] for one in self.unknowns]
+        key = content_key("draws", stage.key, tolerance, known, self.design.tolist(), code_of("draws"))
+        tracked = stage.fly()  # whose granules these are
+        stage.finish_compiling("draws", key)
+        folder = stage.cache.make("draws", key, lambda part: self._fly_all(part, tracked))
+        with np.load(folder / "draws.npz") as data:
+            names = list(stage.scene.fraction)
+            varied, own = ({name: data[f"{which}.{name}"] for name in names} for which in ("varied", "own"))
+        return Draws(tuple(self.unknowns), self.design, varied, own)
+
+    def _fly_all(self, folder: Path, tracked: Tracked) -> None:
+        scene, plan = self.tracks.scene, self.tracks.plan
+        found: dict[str, list[NDArray[Any]]] = {}
+        air: tuple[AirVariation, Realisations] | None = None
+        for number, z in enumerate(self.design):
+            self.tracks.cache.tell("draws", f"{number} of {DRAWS}")
+            made = drawn(scene, plan, self.unknowns, z)
+            replicate, part = number % REPLICATES, _part(replicate_size(scene.feed.count), number // REPLICATES)
+            if air is None or air[0] != made.air:
+                air = made.air, self._air(made.air)
+            flight = self.tracks.flight(made.fed(scene), air[1])
+            for name in scene.fraction:
+                landing = tracked.landings[name]
+                own = landing.bin[landing.replicate == replicate][part].astype(np.int64)
+                varied = flight.fly_part(name, replicate, part, made.of(name))
+                for which, bins in (("own", own), ("varied", varied)):
+                    found.setdefault(f"{which}.{name}", []).append(np.where(bins >= 0, bins, len(scene.bin)))
+        with atomic_write(folder / "draws.npz", "wb") as stream:
+            arrays: dict[str, Any] = {key: np.array(rows, dtype=np.int16) for key, rows in found.items()}
+            np.savez(stream, **arrays)
+
+    def _air(self, air: AirVariation) -> Realisations:
+        """The airflow as a draw has it."""
+        from ..field.varied import varied
+        from .track_stage import Companion
+
+        found = self.tracks.airs
+        if air.theta is not None or air.strength is not None:
+            wake = self.tracks.plan.airflow.wake
+            assert wake is not None
+            theta = wake.theta.value if air.theta is None else air.theta
+            strength = wake.strength.value if air.strength is None else air.strength
+            found = self.tracks.realised(Companion("draws", wake=(theta, strength)))
+
+        def change(field: FlowField) -> FlowField:
+            return varied(field, air.speed, air.energy, air.lifetime)
+
+        return found.mapped(change)
+
+
+def _normal(dimensions: int, count: int, seed: int, *apart: int) -> Array:
+    """Points (count, dimensions) of independent standard normal numbers that fill the space evenly."""
+    from scipy.stats import qmc
+
+    if not dimensions:
+        return np.zeros((count, 0))
+    points = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng([seed, *apart])).random(count)
+    return np.asarray(normal_quantile(np.clip(points, ROUND_OFF, 1.0 - ROUND_OFF)))
+
+
+def _part(size: int, number: int) -> slice:
+    """Part ``number`` of PARTS of a replicate of ``size`` granules; all of a replicate that is too small to be parted.
+
+    Blocks of 2^m points of a Sobol set are balanced samples themselves.
+    """
+    if size < PARTS:
+        return slice(0, size)
+    step = size // PARTS
+    return slice(number * step, (number + 1) * step)

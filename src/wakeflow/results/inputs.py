@@ -1,0 +1,148 @@
+"""What the inputs that nobody knows exactly do to a number of the answer: its range over them, and each one's part.
+
+The draws (:mod:`wakeflow.pipeline.draws`) say by how much the number changes in each. A regression on where the draws
+lie parts that into what each unknown does alone, what they do beyond it (interactions, curvature), and the sampling of
+few granules a draw, whose size is known from the same granules in the answer and is no part of the range (Saltelli, A.
+et al. 2008, Global Sensitivity Analysis, ch. 1, standardised regression coefficients). The range is that of the
+regression with the part beyond it, over many more points than there are draws: the quantiles of 64 draws themselves
+would hold too little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..laws.size import normal_quantile
+from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
+from .measured import Share
+from .separation import purity_slopes
+from .spread import LEVEL
+
+if TYPE_CHECKING:
+    from ..pipeline.draws import Draws
+
+__all__ = ["InputEffect", "InputRange", "Inputs"]
+
+Array = NDArray[np.float64]
+POINTS = 4096  # at which the regression is read
+SEED = 20110  # of those points: any, but always the same
+ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1
+NOTHING = 1e-12  # of a share: a change that is none
+
+
+@dataclass(frozen=True)
+class InputEffect:
+    """What one unknown does to a number: ``half`` of the 95 % range that it alone gives, and its ``share`` of the
+    variance over all unknowns (first-order index), itself known to +- ``error``.
+    """
+
+    unknown: Unknown
+    half: float
+    share: float
+    error: float
+
+
+@dataclass(frozen=True)
+class InputRange:
+    """The change of a number from the answer over all unknowns: ends of the middle 95 %, ``low`` to ``high``; the
+    ``effects``, largest first.
+    """
+
+    low: float
+    high: float
+    effects: tuple[InputEffect, ...]
+
+    @property
+    def half(self) -> float:
+        """The larger of the two ends."""
+        return max(-self.low, self.high, 0.0)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The draws of one run, and the answer's ``shares`` by fraction and bin, of which they say the changes."""
+
+    draws: Draws
+    shares: Mapping[str, Mapping[str, Share]]
+    mass: Mapping[str, float]
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {place: i for i, place in enumerate(next(iter(self.shares.values())))}
+
+    def of_share(self, name: str, places: Sequence[str]) -> InputRange:
+        """The range of the share of fraction ``name`` that lands in any of ``places``."""
+        change, noise = self._change(name, places)
+        return self._range(change, noise, [name])
+
+    def of_purity(self, name: str, place: str) -> InputRange:
+        """The range of the share of fraction ``name`` in the mass in a bin."""
+        own = {other: found[place].value for other, found in self.shares.items()}
+        changes = {other: self._change(other, [place]) for other in own}
+        slopes = purity_slopes(name, self.mass, own)
+        inside = {other: self.mass[other] * np.clip(own[other] + changes[other][0], 0.0, 1.0) for other in own}
+        total = np.sum(list(inside.values()), axis=0)
+        now = self.mass[name] * own[name] / sum(self.mass[other] * own[other] for other in own)
+        change = np.divide(inside[name], total, out=np.full(len(total), now), where=total > 0.0) - now
+        noise = np.sum([slopes[other] ** 2 * changes[other][1] for other in own], axis=0)
+        return self._range(change, noise, list(own))
+
+    def _change(self, name: str, places: Sequence[str]) -> tuple[Array, Array]:
+        """By how much each draw (R,) changes a share, and the variance of that for being taken from few granules."""
+        varied, own = self.draws.hits(name, [self._places[place] for place in places])
+        moved = varied - own
+        return moved.mean(axis=1), moved.var(axis=1) / moved.shape[1]
+
+    def _range(self, change: Array, noise: Array, names: Sequence[str]) -> InputRange:
+        known = self.draws.unknowns
+        acting = [i for i, one in enumerate(known) if one.fraction is None or one.fraction in names]
+        return regressed(self.draws.z[:, acting], change, noise, [known[i] for i in acting])
+
+
+def regressed(z: Array, change: Array, noise: Array, known: Sequence[Unknown]) -> InputRange:
+    """The range of a number over its unknowns, from its ``change`` (R,) in draws at ``z`` (R, K) and the variance
+    ``noise`` (R,) of each for its granules.
+    """
+    if np.abs(change).max() < NOTHING:
+        return InputRange(0.0, 0.0, ())
+    z = np.clip(z, -FARTHEST, FARTHEST)
+    design = np.column_stack([np.ones(len(z)), z])
+    found, *_ = np.linalg.lstsq(design, change, rcond=None)
+    free = max(1, len(z) - design.shape[1])
+    rest = change - design @ found
+    scatter = float(rest @ rest) / free
+    beyond = max(0.0, scatter - float(noise.mean()))  # what is neither linear nor sampling
+    slope_error = np.sqrt(scatter * np.diag(np.linalg.pinv(design.T @ design)))[1:]
+    slopes, spread = found[1:], z.std(axis=0)
+    variance = float(np.sum((slopes * spread) ** 2)) + beyond
+    points, kick = _points(z.shape[1]), np.sqrt(beyond / scatter) if scatter > 0.0 else 0.0
+    chance = np.random.default_rng(SEED).choice(rest, len(points)) * np.sqrt(len(rest) / free)
+    many = found[0] + points @ slopes + kick * chance
+    low, high = np.quantile(many, [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
+    effects = [
+        InputEffect(
+            one,
+            float(SIGMAS * abs(slope)),
+            float((slope * width) ** 2 / variance) if variance > 0.0 else 0.0,
+            float(2.0 * SIGMAS * abs(slope) * error * width**2 / variance) if variance > 0.0 else 0.0,
+        )
+        for one, slope, width, error in zip(known, slopes, spread, slope_error, strict=True)
+    ]
+    return InputRange(float(low), float(high), tuple(sorted(effects, key=lambda effect: -effect.share)))
+
+
+def _points(dimensions: int) -> Array:
+    """Many points (POINTS, dimensions) of independent standard normal numbers, cut off as the draws are."""
+    from scipy.stats import qmc
+
+    if not dimensions:
+        return np.zeros((POINTS, 0))
+    uniform = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(SEED)).random(POINTS)
+    points = np.asarray(normal_quantile(np.clip(uniform, ROUND_OFF, 1.0 - ROUND_OFF)), dtype=float)
+    return np.asarray(np.clip(points, -FARTHEST, FARTHEST))

@@ -1,0 +1,150 @@
+"""One interval for every number that leaves the program: all parts of its error together.
+
+What nobody knows of the scene gives a range (:mod:`.inputs`). Beside it stand the parts that computing leaves: halves
+of 95 % intervals (granules, sheddings, steps, mesh, the slab, the air's load), which count as independent and add up in
+squares; and true bounds (terms left out), of which nothing is known between -bound and +bound: a rectangular
+distribution of the standard deviation bound / sqrt(3) (JCGM 100:2008, 4.3.7). A part of unknown size makes the total
+unknown: the row then says what to give or to run, and its interval holds what is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ..planning.unknowns import SIGMAS
+from ..scene import Scene
+from .landing_results import LEFT_OUT, MEASURED, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal, Separation
+from .measured import Measured, Share
+from .separation import purity_slopes
+
+if TYPE_CHECKING:
+    from .inputs import InputRange, Inputs
+
+__all__ = ["INPUTS", "numerical", "totalled", "whole"]
+
+INPUTS = "inputs"  # the part of what the scene does not say exactly
+BOUNDS = (LEFT_OUT, NOT_COMPUTED)
+WEIGHS = 1.0 / 3.0  # of a total: a bound larger than that must be computed, or the row says so
+REMEDIES = {  # of parts of unknown size: what to give or to run
+    "airflow-model": "numerics.rung = 'standard', or in a duct air.case, a solved OpenFOAM case of yours",
+    "mesh": "numerics.rung = 'reference'",
+    "airflow-statistics": "numerics.rung = '3d', or air.time = 'all' of a case of yours",
+}
+
+
+def numerical(parts: Iterable[BudgetPart]) -> float:
+    """Half of the 95 % interval by everything in a row but the inputs."""
+    return math.sqrt(sum(_half(part) ** 2 for part in parts if part.source != INPUTS))
+
+
+def _half(part: BudgetPart) -> float:
+    """Half of a 95 % interval that a part is worth among others."""
+    error = part.error or 0.0
+    return SIGMAS / math.sqrt(3.0) * error if part.kind in BOUNDS else error
+
+
+def whole(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:
+    """The total of a row of a share with ``value``; ``seconds``: run time of everything that it rests on."""
+    beside = numerical(parts)
+    inputs = next((part for part in parts if part.source == INPUTS), None)
+    below, above = _ends(inputs)
+    low, high = max(0.0, value - math.hypot(below, beside)), min(1.0, value + math.hypot(above, beside))
+    error, told = max(value - low, high - value), []
+    missing = [part.source for part in parts if part.error is None]
+    if missing:
+        remedies = dict.fromkeys(REMEDIES.get(source, "") for source in missing)
+        told.append(f"not known: {', '.join(missing)}; {'; '.join(one for one in remedies if one)}".rstrip("; "))
+    large = [part.source for part in parts if part.kind in BOUNDS and (part.error or 0.0) > WEIGHS * max(error, 1e-12)]
+    if large:
+        told.append(f"mostly a bound on what is not computed: {', '.join(large)}")
+    return BudgetTotal(None if missing else error, seconds, low, high, beside, "; ".join(told) or None)
+
+
+def _ends(inputs: BudgetPart | None) -> tuple[float, float]:
+    """How far below and above the value the inputs reach."""
+    if inputs is None or inputs.error is None:
+        return 0.0, 0.0
+    low = -inputs.error if inputs.low is None else inputs.low
+    high = inputs.error if inputs.high is None else inputs.high
+    return max(0.0, -low), max(0.0, high)
+
+
+def totalled(separation: Separation, budget: Sequence[BudgetRow], inputs: Inputs | None, scene: Scene) -> Separation:
+    """``separation`` with the total of its ``budget`` as the interval of every number; what was its interval, of finite
+    numbers of granules and sheddings, is part of that. ``inputs``: what they change; None where nothing is uncertain.
+    """
+    rows = {row.quantity: row for row in budget}
+    fractions = {
+        name: {place: _with_total(share, rows.get(f"share.{name}.{place}")) for place, share in shares.items()}
+        for name, shares in separation.fractions.items()
+    }
+    parts = {
+        (name, place): rows[f"share.{name}.{place}"].parts if f"share.{name}.{place}" in rows else ()
+        for name, shares in separation.fractions.items()
+        for place in shares
+    }
+    made = _Combined(separation, parts, inputs, scene)
+    recovery = {name: found and made.recovery(name, found) for name, found in separation.recovery.items()}
+    purity = {
+        place: found and {name: made.purity(name, place, pure) for name, pure in found.items()}
+        for place, found in separation.purity.items()
+    }
+    return replace(separation, fractions=fractions, recovery=recovery, purity=purity)
+
+
+def _with_total(share: Share, row: BudgetRow | None) -> Share:
+    if row is None or row.total.low is None or row.total.high is None:
+        return share
+    return replace(share, low=row.total.low, high=row.total.high, numerical=row.total.numerical)
+
+
+@dataclass(frozen=True)
+class _Combined:
+    """Totals of what is made of several shares: their errors by one source may all point one way, and count with the
+    sum of their sizes.
+    """
+
+    separation: Separation
+    parts: Mapping[tuple[str, str], Sequence[BudgetPart]]
+    inputs: Inputs | None
+    scene: Scene
+
+    def recovery(self, name: str, found: Measured) -> Measured:
+        """A fraction's share in its targets. Its error by a source is also that of all other bins together."""
+        targets = self.scene.fraction[name].targets
+        others = [place for place in self.separation.bins if place not in targets]
+        weights = [{(name, place): 1.0 for place in places} for places in (targets, others)]
+        inside, outside = (self._by_source(one) for one in weights)
+        beside = math.sqrt(sum(min(inside.get(key, 0.0), outside.get(key, 0.0)) ** 2 for key in inside))
+        return _ranged(found, beside, None if self.inputs is None else self.inputs.of_share(name, targets))
+
+    def purity(self, name: str, place: str, found: Measured) -> Measured:
+        """A fraction's share of what is in a bin: by the slope of that with every fraction's share there."""
+        own = {other: shares[place].value for other, shares in self.separation.fractions.items()}
+        slopes = purity_slopes(name, self.scene.mass_shares(), own)
+        by_source = self._by_source({(other, place): abs(slope) for other, slope in slopes.items()})
+        beside = math.sqrt(sum(error**2 for error in by_source.values()))
+        return _ranged(found, beside, None if self.inputs is None else self.inputs.of_purity(name, place))
+
+    def _by_source(self, weights: Mapping[tuple[str, str], float]) -> dict[str, float]:
+        """Weighted sums of the errors of some shares, by source, but for what is measured on the number itself."""
+        found: dict[str, float] = {}
+        for which, weight in weights.items():
+            for part in self.parts.get(which, ()):
+                if part.how != MEASURED and part.source != INPUTS:
+                    found[part.source] = found.get(part.source, 0.0) + weight * _half(part)
+        return found
+
+
+def _ranged(found: Measured, beside: float, inputs: InputRange | None) -> Measured:
+    """A number with the interval that its own, other parts of its error and its inputs make together."""
+    if found.value is None or found.low is None or found.high is None:
+        return found
+    below, above = (0.0, 0.0) if inputs is None else (max(0.0, -inputs.low), max(0.0, inputs.high))
+    own = 0.5 * (found.high - found.low)
+    low = found.value - math.hypot(found.value - found.low, beside, below)
+    high = found.value + math.hypot(found.high - found.value, beside, above)
+    return replace(found, low=max(0.0, low), high=min(1.0, high), numerical=math.hypot(own, beside))

@@ -1,0 +1,114 @@
+"""[uncertainty]: how far the scene's own numbers may be off.
+
+``fraction.wheat.restitution = {value = 0.5, uncertainty = 0.1}`` says that the mean restitution of the wheat at hand
+lies between 0.4 and 0.6 in 19 of 20 cases. The same stands in the table [uncertainty] under the key's own name, where
+every command finds it: ``uncertainty.fraction.wheat.restitution``. What is not given has the default of
+``laws.uncertainties``; 0 says that a number is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from ..core.quantities import quantity, split_quantity
+from ..core.registry import did_you_mean
+
+if TYPE_CHECKING:
+    from .whole import SceneTables
+
+__all__ = [
+    "OF_FRACTION",
+    "OF_SCENE",
+    "Margin",
+    "margins",
+    "uncertain_keys",
+    "unknown_uncertainties",
+    "with_uncertainty_table",
+]
+
+Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
+VALUE, MARGIN, TABLE = "value", "uncertainty", "uncertainty"
+# What may be uncertain, and the unit of each number
+OF_FRACTION = {"restitution": "1", "friction": "1", "rebound_scatter": "rad", "terminal_velocity": "m/s", "size": "m"}
+OF_SCENE = {
+    "feed.width": "m", "feed.position": "m", "air.speed": "m/s", "air.turbulence": "1", "wake.theta": "1",
+    "wake.strength": "1", "dispersion": "1",
+}  # fmt: skip
+
+
+def with_uncertainty_table(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The tables of a scene with every {value, uncertainty} as the value, its uncertainty in [uncertainty]."""
+    found: dict[str, Any] = {}
+    plain = _plain(data, "", found)
+    if not found:
+        return data
+    given = plain.get(TABLE, {})
+    return {**plain, TABLE: {**found, **given} if isinstance(given, Mapping) else given}
+
+
+def _plain(table: Mapping[str, Any], place: str, found: dict[str, Any]) -> dict[str, Any]:
+    """A copy of ``table``, whose uncertainties go to ``found`` by the dotted key of the number that has them."""
+    made: dict[str, Any] = {}
+    for key, value in table.items():
+        inside = f"{place}{key}"
+        if not isinstance(value, Mapping) or inside == TABLE:
+            made[key] = value
+        elif _is_uncertain(inside) and MARGIN in value:
+            found[inside] = value[MARGIN]
+            rest = {name: part for name, part in value.items() if name != MARGIN}
+            made[key] = rest[VALUE] if rest.keys() == {VALUE} else rest
+        else:
+            made[key] = _plain(value, f"{inside}.", found)
+    return made
+
+
+def _is_uncertain(key: str) -> bool:
+    first, _, rest = key.partition(".")
+    return key in OF_SCENE or (first == "fraction" and rest.rpartition(".")[2] in OF_FRACTION)
+
+
+def margins(value: object) -> object:
+    """{"air.speed": 0.1} from {air: {speed: "0.1 m/s"}}, as TOML reads ``uncertainty.air.speed = "0.1 m/s"``.
+
+    Raises ValueError for what is no uncertainty.
+    """
+    if not isinstance(value, Mapping):
+        return value
+    return dict(_flat(value, ""))
+
+
+def _flat(table: Mapping[Any, Any], place: str) -> Iterator[tuple[str, Margin]]:
+    for key, value in table.items():
+        inside = f"{place}{key}"
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{inside}.")
+        else:
+            yield inside, _margin(inside, value)
+
+
+def _margin(key: str, value: Any) -> Margin:
+    """An uncertainty as it is kept: a number of the SI, or a percentage as text."""
+    unit = OF_SCENE.get(key) or OF_FRACTION.get(key.rpartition(".")[2], "1")
+    example = "5 %" if unit == "1" else f"0.1 {unit}"
+    if isinstance(value, str):
+        parts = split_quantity(value)
+        if parts is not None and parts[1] == "%" and parts[0] >= 0.0:
+            return f"{parts[0]:g} %"
+        value = quantity(value, unit, example)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):
+        raise ValueError(f"{key} = {value!r}: needs a number that is not negative, or a part of the value: '5 %'")
+    return float(value)
+
+
+def uncertain_keys(scene: SceneTables) -> list[str]:
+    """Keys of the numbers of a scene that may have an uncertainty."""
+    return [*(f"fraction.{name}.{key}" for name in scene.fraction for key in OF_FRACTION), *OF_SCENE]
+
+
+def unknown_uncertainties(scene: SceneTables) -> Iterator[str]:
+    """A mistake for every uncertainty of what has none."""
+    known = uncertain_keys(scene)
+    for key in scene.uncertainty:
+        if key not in known:
+            yield f"uncertainty.{key}: no such number{did_you_mean(key, known)} (known: {', '.join(known)})"
