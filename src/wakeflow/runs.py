@@ -38,7 +38,8 @@ from .results.crowd_summary import crowd_of
 from .results.funnel_summary import FunnelSummary, funnel_of
 from .results.impact_summary import impact_of
 from .results.input_summary import inputs_of
-from .results.landing_results import LandingResults
+from .results.inputs import Inputs
+from .results.landing_results import BudgetRow, LandingResults, Separation
 from .results.notices import notices
 from .results.plan_summary import summary_of
 from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, Result, asked_in, key_in
@@ -213,11 +214,9 @@ class _Run:
 
     def _landings(self, flights: Flights) -> LandingResults:
         scene = self.pipeline.scene
-        found = separate(scene, flights.landings)
-        budget, inputs = make_budget(flights, found), flights.inputs(found.fractions)
-        separation = totalled(found, budget, inputs, scene)
+        separation, budget, inputs = _with_totals(scene, flights)
         crowd = flights.crowd
-        alone = None if crowd is None else separate(scene, flights.tracked.landings)
+        alone = None if crowd is None else _with_totals(scene, replace(flights, crowd=None))[0]
         slab = None if crowd is None else crowd_of(self.pipeline.plan, crowd)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
@@ -257,6 +256,13 @@ class _Run:
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
         return result
+
+
+def _with_totals(scene: Scene, flights: Flights) -> tuple[Separation, tuple[BudgetRow, ...], Inputs | None]:
+    """The shares of the granules of ``flights`` with all parts of their error in the intervals, and these parts."""
+    found = separate(scene, flights.landings)
+    budget, inputs = make_budget(flights, found), flights.inputs(found.fractions)
+    return totalled(found, budget, inputs, scene), budget, inputs
 
 
 def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings], result: Result) -> None:

@@ -34,7 +34,7 @@ from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.terms import TYPICAL, LeftOutTerm
 from wakeflow.results.budget import together
 from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.results.left_out import crossing_share, free_ends, left_out_terms
+from wakeflow.results.left_out import free_ends, left_out_terms, most_crossing
 from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate, Granules, Tracks
@@ -450,12 +450,14 @@ def landings_at(x: np.ndarray, scene: Scene) -> Landings:
     return Landings(position, place, np.arange(len(x)) % 16, zero, none, zero, none, none, none)
 
 
-def test_a_shift_carries_its_length_times_the_density_over_an_end() -> None:
+def test_a_shift_carries_all_of_one_side_of_an_end_over_it() -> None:
     rng = np.random.default_rng(2)
     x = rng.uniform(-2.0, 2.0, 100_000)  # body widths: density 1/4
-    for shift in (1e-3, 0.05, 0.5):
-        assert crossing_share(np.abs(x), shift) == pytest.approx(shift / 4, rel=0.05)
-    assert 0.0 < crossing_share(np.full(1000, 9.0), 0.01) < 1e-3  # none near: what was not seen is admitted
+    for shift in (0.05, 0.2, 0.5):
+        assert most_crossing(np.abs(x), x > 0.0, shift) == pytest.approx(shift / 4, rel=0.1)
+    heap = np.concatenate([np.full(900, 0.02), rng.uniform(-2.0, 0.0, 100)])  # on one side of the end
+    assert most_crossing(np.abs(heap), heap > 0.0, 0.03) >= 0.9
+    assert 0.0 < most_crossing(np.full(1000, 9.0), np.ones(1000, dtype=bool), 0.01) < 5e-3  # what was not seen counts
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

@@ -39,7 +39,7 @@ def test_auto_goes_by_reynolds_number_and_accuracy(
     found = choose_airflow(at(rhombus, reynolds), "auto", target)
     assert (found.rung, found.stepping, found.turbulence, found.brackets) == (rung, stepping, turbulence, brackets)
     assert found.half == (stepping == "steady")
-    assert len(found.scales) == (3 if rung == "reference" else 1)
+    assert len(found.scales) == (3 if rung == "reference" else 2)
     assert f"Re {reynolds:.3g}" in found.why
 
 

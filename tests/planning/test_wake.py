@@ -11,6 +11,7 @@ from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, choose_airflow
 from wakeflow.planning.flights_again import times_again
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.wake import Wake, family_of, wake_of, wakes_beside
 from wakeflow.scene import Scene
 
@@ -90,8 +91,8 @@ def test_the_plan_carries_it_and_says_it_in_a_line(rhombus: Scene) -> None:
         (0.9 * FLAT_BELOW, "auto", "time-resolved", 0),
         (1.1 * FLAT_BELOW, "auto", "time-resolved", 3),  # laminar: nothing of the estimate is used
         (0.9 * LAMINAR_BELOW, "standard", "time-resolved", 3),
-        (1.1 * LAMINAR_BELOW, "standard", "best-estimate", 6),
-        (16_500.0, "reference", "best-estimate", 6),
+        (1.1 * LAMINAR_BELOW, "standard", "best-estimate", 2),
+        (16_500.0, "reference", "best-estimate", 2),
         (16_500.0, "draft", "steady", 0),
     ],
 )
@@ -102,16 +103,11 @@ def test_only_a_turbulent_wake_in_time_is_estimated(
     assert found.kind == kind
     assert (found.wake is not None) == (kind == "best-estimate")
     assert len(found.wakes_beside) == beside
-    assert times_again(found) == beside + len(found.scales) - 1
+    assert times_again(found) == beside + len(found.scales) - 1 + REPLICATES // COMPARED  # the draws: one of the answer
 
 
-def test_the_other_wakes_are_the_ends_and_the_ends_of_the_ranges() -> None:
+def test_the_other_wakes_are_the_ends() -> None:
     estimate = best_estimate("rhombus", 0.125, 1.65e4)
-    theta, strength = estimate.theta, estimate.strength
-    found = wakes_beside(True, estimate)
-    assert found[Wake.STEADY] == (0.0, 0.0)
-    assert found[Wake.TIME_RESOLVED] == (1.0, 1.0)
-    assert found[Wake.THETA_LOW] == (theta.low, strength.value)
-    assert found[Wake.STRENGTH_HIGH] == (theta.value, strength.high)
+    assert wakes_beside(True, estimate) == {Wake.STEADY: (0.0, 0.0), Wake.TIME_RESOLVED: (1.0, 1.0)}
     assert list(wakes_beside(True, None)) == [Wake.STEADY, Wake.MEAN, Wake.HALF]
     assert wakes_beside(False, None) == {}

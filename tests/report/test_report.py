@@ -376,7 +376,7 @@ def test_shares_in_the_landing_picture_are_the_results(rhombus: Scene, drawn: li
     for axes, shares in zip(panels, result["separation"]["fractions"].values(), strict=True):
         told = {t.get_text() for t in axes.texts}
         for place, row in shares.items():
-            text = f"{100 * row['share']:.1f}\n± {50 * (row['high'] - row['low']):.1f} %"
+            text = percent(Share(row["share"], row["low"], row["high"])).replace(" ", "\n", 1) + " %"
             assert (f"elsewhere\n{text}" if place == "elsewhere" else text) in told
 
 
@@ -476,7 +476,9 @@ def test_no_tracks_are_an_empty_file(tmp_path: Path) -> None:
     [
         (Measured(0.621, 0.613, 0.629), "62.1 ± 0.8"),
         (Share(0.62144, 0.62104, 0.62184), "62.14 ± 0.04"),
-        (Measured(1.0, 0.99998, 1.0), "100.000 ± 0.001"),
+        (Measured(1.0, 0.99998, 1.0), "100.000 -0.002"),
+        (Share(0.982, 0.951, 0.991), "98.2 -3.1 +0.9"),
+        (Share(0.0, 0.0, 0.004), "0.0 +0.4"),
         (Measured(0.25, 0.25, 0.25), "25.0 ± 0.0"),
         (Measured(0.5, None, None), "50.0"),
         (Measured(None, None, None), "–"),

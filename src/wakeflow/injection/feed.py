@@ -209,16 +209,9 @@ def feedstock(
 
     ``replicates``: only those, the same granules as among all, but for what a ``variation`` changes of each.
     """
-    fraction, fraction_plan = scene.fraction[name], plan.fractions[name]
-    measured = isinstance(fraction.terminal_velocity, Speeds)
-    points, replicate = samples(name, scene.feed.count, scene.feed.seed, replicates, PLACED if measured else 4)
-    traits = np.zeros((len(points), TRAITS))
-    if fraction.varies:
-        traits = traits_of(name, scene.feed.count, scene.feed.seed, replicates)
-    x = scene.feed.places(points[:, 0])
-    diameter = fraction.diameters(points[:, 1])
-    settling = fraction.settling(points[:, 4] if measured else traits[:, 2])
-    grains = varied_granules(granules_of(fraction, fraction_plan, diameter, settling, traits[:, :2]), variation)
+    fraction_plan = plan.fractions[name]
+    points, traits, replicate, born = _born(scene, fraction_plan, name, replicates)
+    grains, x = varied_granules(born, variation), scene.feed.places(points[:, 0])
     diameter = grains.diameter
     if not scene.body:
         return Feedstock(entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
@@ -245,6 +238,23 @@ def feedstock(
         velocity[i], spin[i] = _rebound(grains[i], fall[i] + pull * since, normal[i], wall, traits[i, 3])
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin)
     return Feedstock(entered, replicate, injected)
+
+
+def _born(
+    scene: Scene, plan: FractionPlan, name: str, replicates: Sequence[int]
+) -> tuple[Array, Array, NDArray[np.int64], Granules]:
+    """Random numbers (n, 4 or more) of where and when granules come and of what each has of its own (n, TRAITS), the
+    replicate (n,) of each, and the granules, at rest at the origin.
+    """
+    fraction, feed = scene.fraction[name], scene.feed
+    measured = isinstance(fraction.terminal_velocity, Speeds)
+    points, replicate = samples(name, feed.count, feed.seed, replicates, PLACED if measured else 4)
+    traits = np.zeros((len(points), TRAITS))
+    if fraction.varies:
+        traits = traits_of(name, feed.count, feed.seed, replicates)
+    settling = fraction.settling(points[:, 4] if measured else traits[:, 2])
+    diameter = fraction.diameters(points[:, 1])
+    return points, traits, replicate, granules_of(fraction, plan, diameter, settling, traits[:, :2])
 
 
 def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed: Array, fall: Array) -> Array:

@@ -19,7 +19,7 @@ from ..core.files import atomic_write
 from ..core.store import content_key
 from ..laws.size import normal_quantile
 from ..planning.plan import REPLICATES, replicate_size
-from ..planning.unknowns import AirVariation, Unknown, drawn, unknown_kinds, unknowns
+from ..planning.unknowns import AirVariation, Unknown, unknown_kinds, unknowns, variation_at
 from .cache import code_of
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class DrawStage:
         air: tuple[AirVariation, Realisations] | None = None
         for number, z in enumerate(self.design):
             self.tracks.cache.tell("draws", f"{number} of {DRAWS}")
-            made = drawn(scene, plan, self.unknowns, z)
+            made = variation_at(scene, plan, self.unknowns, z)
             replicate, part = number % REPLICATES, _part(replicate_size(scene.feed.count), number // REPLICATES)
             if air is None or air[0] != made.air:
                 air = made.air, self._air(made.air)

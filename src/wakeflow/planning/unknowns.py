@@ -32,9 +32,9 @@ __all__ = [
     "Unknown",
     "UnknownKind",
     "Variation",
-    "drawn",
     "unknown_kinds",
     "unknowns",
+    "variation_at",
 ]
 
 Array = NDArray[np.float64]
@@ -147,7 +147,7 @@ def unknowns(scene: Scene, plan: Plan) -> list[Unknown]:
     return [one for one in found if one.low > 0.0 or one.high > 0.0]
 
 
-def drawn(scene: Scene, plan: Plan, known: Sequence[Unknown], z: Array) -> Variation:
+def variation_at(scene: Scene, plan: Plan, known: Sequence[Unknown], z: Array) -> Variation:
     """The draw in which each unknown lies ``z`` (K,) standard deviations off."""
     made = Variation()
     for one, off in zip(known, z, strict=True):

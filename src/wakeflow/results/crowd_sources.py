@@ -38,7 +38,7 @@ class _SlabAgain(Source[SlabFound]):
 
     def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
         again = fraction.flights.of(self)
-        if again is None:
+        if again is None or fraction.flights.crowd is None:
             return {}
         bins, name = len(fraction.shares) - 1, fraction.name
         changed = again.landings[name].counts(bins)

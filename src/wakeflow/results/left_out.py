@@ -8,19 +8,22 @@ share could change. It is a true bound, however the landings heap up at the end.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.landings import Landings
-from ..planning.bounds import COLLISIONS
+from ..planning.bounds import COLLISIONS, VIBRATION
+from ..planning.lock_in import vibration_of_scene
 from ..planning.plan import Plan
 from ..planning.terms import LeftOut
 from ..scene import RESERVED_BIN, Scene
+from .inputs import InputEffect
 from .landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
 from .separation import upper_limit
 
-__all__ = ["free_ends", "left_out_terms", "most_crossing"]
+__all__ = ["free_ends", "left_out_terms", "most_crossing", "swung"]
 
 Array = NDArray[np.float64]
 Ends = dict[str, list[tuple[float, float]]]  # m: the ends of every bin
@@ -45,7 +48,9 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in _all(ends)}
     number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
     for place, found in parts.items():
-        away = np.min([distance[point] for point in ends[place]], axis=0, initial=np.inf)
+        away = np.full(len(landing.bin), np.inf)
+        for point in ends[place]:
+            away = np.minimum(away, distance[point])
         for row in rows:
             assert row.bound is not None
             error = most_crossing(away, landing.bin == number[place], row.bound, landing.weight)
@@ -59,6 +64,24 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
 def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
     note = f"all that lands within {row.bound:.2g} {unit} of the bin's ends on one side of them"
     return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note)
+
+
+def swung(scene: Scene, plan: Plan, part: BudgetPart, of_speed: InputEffect | None) -> BudgetPart:
+    """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
+    sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
+
+    They change as the mean wake does, whose drag and base pressure differ by no more than was measured
+    (``planning.lock_in``): as if the air were faster by that part, ``of_speed`` being what the air's speed does to the
+    share. Any other ``part`` comes back as it is, and so does this one where nothing was drawn.
+    """
+    if part.source != VIBRATION or part.kind != NOT_COMPUTED or of_speed is None:
+        return part
+    motion = vibration_of_scene(scene, plan.airflow.accuracy)
+    if motion is None or motion.used:
+        return part
+    error = of_speed.half * motion.bound * of_speed.unknown.value / of_speed.unknown.high
+    note = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ; {motion.why}"
+    return replace(part, error=min(error, part.error or 0.0), kind=LEFT_OUT, note=note)
 
 
 def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weight: Array | None = None) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..pipeline.pipeline import Pipeline
-from ..planning.bounds import LOADING
+from ..planning.bounds import LOADING, VIBRATION
 from ..planning.wake import Wake
 from .air_loading import Unloaded, fly_unloaded
 from .companions import (
@@ -30,7 +30,7 @@ from .companions import (
     steady_wake,
 )
 from .landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
-from .left_out import left_out_terms
+from .left_out import left_out_terms, swung
 from .separation import upper_limit
 from .source import FractionResults, Source, budget_sources
 from .spread import cycles_of
@@ -55,6 +55,7 @@ Parts = Mapping[str, Sequence[BudgetPart]]
 # Of what the force moves: the error of taking the steady end's change for that of both ends. Measured in the shipped
 # rhombus (cases/studies/air_loading.py --both): 1.2 for dust, 0.1 for chaff and wheat; the largest counts
 OTHER_WAKE = 1.2
+AIR_SPEED = "air.speed"  # the unknown that stands for what the air beside a body that vibrates does
 WEIGHTY, MOST_TOLD = 0.1, 3  # part of the variance from which an unknown is told, and how many are
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
 INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
@@ -107,8 +108,16 @@ class LeftOutTerms(Source[None]):
     name, how, place = "terms-left-out", CALIBRATED, 30
 
     def shares(self, fraction: FractionResults) -> Parts:
-        pipeline = fraction.pipeline
-        return left_out_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        pipeline, flights = fraction.pipeline, fraction.flights
+        found = left_out_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        inputs = flights.inputs({fraction.name: fraction.shares})
+        if inputs is None or VIBRATION in pipeline.plan.force:
+            return found
+        for place, parts in found.items():
+            effects = inputs.of_share(fraction.name, [place]).effects
+            of_speed = next((one for one in effects if one.unknown.key == AIR_SPEED), None)
+            found[place] = [swung(pipeline.scene, pipeline.plan, part, of_speed) for part in parts]
+        return found
 
 
 class AirflowModel(Source[Comparison[Wake]]):

@@ -36,8 +36,8 @@ REMEDIES = {  # of parts of unknown size: what to give or to run
 
 
 def numerical(parts: Iterable[BudgetPart]) -> float:
-    """Half of the 95 % interval by everything in a row but the inputs."""
-    return math.sqrt(sum(_half(part) ** 2 for part in parts if part.source != INPUTS))
+    """Half of the 95 % interval by computing alone: granules, sheddings, steps, mesh; neither inputs nor bounds."""
+    return math.sqrt(sum((part.error or 0.0) ** 2 for part in parts if part.source != INPUTS and part.kind is None))
 
 
 def _half(part: BudgetPart) -> float:
@@ -48,7 +48,7 @@ def _half(part: BudgetPart) -> float:
 
 def whole(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:
     """The total of a row of a share with ``value``; ``seconds``: run time of everything that it rests on."""
-    beside = numerical(parts)
+    beside = math.sqrt(sum(_half(part) ** 2 for part in parts if part.source != INPUTS))
     inputs = next((part for part in parts if part.source == INPUTS), None)
     below, above = _ends(inputs)
     low, high = max(0.0, value - math.hypot(below, beside)), min(1.0, value + math.hypot(above, beside))
@@ -60,7 +60,7 @@ def whole(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTo
     large = [part.source for part in parts if part.kind in BOUNDS and (part.error or 0.0) > WEIGHS * max(error, 1e-12)]
     if large:
         told.append(f"mostly a bound on what is not computed: {', '.join(large)}")
-    return BudgetTotal(None if missing else error, seconds, low, high, beside, "; ".join(told) or None)
+    return BudgetTotal(None if missing else error, seconds, low, high, numerical(parts), "; ".join(told) or None)
 
 
 def _ends(inputs: BudgetPart | None) -> tuple[float, float]:
@@ -118,33 +118,39 @@ class _Combined:
         others = [place for place in self.separation.bins if place not in targets]
         weights = [{(name, place): 1.0 for place in places} for places in (targets, others)]
         inside, outside = (self._by_source(one) for one in weights)
-        beside = math.sqrt(sum(min(inside.get(key, 0.0), outside.get(key, 0.0)) ** 2 for key in inside))
+        beside = {key: min(error, outside.get(key, 0.0)) for key, error in inside.items()}
         return _ranged(found, beside, None if self.inputs is None else self.inputs.of_share(name, targets))
 
     def purity(self, name: str, place: str, found: Measured) -> Measured:
         """A fraction's share of what is in a bin: by the slope of that with every fraction's share there."""
         own = {other: shares[place].value for other, shares in self.separation.fractions.items()}
         slopes = purity_slopes(name, self.scene.mass_shares(), own)
-        by_source = self._by_source({(other, place): abs(slope) for other, slope in slopes.items()})
-        beside = math.sqrt(sum(error**2 for error in by_source.values()))
+        beside = self._by_source({(other, place): abs(slope) for other, slope in slopes.items()})
         return _ranged(found, beside, None if self.inputs is None else self.inputs.of_purity(name, place))
 
-    def _by_source(self, weights: Mapping[tuple[str, str], float]) -> dict[str, float]:
-        """Weighted sums of the errors of some shares, by source, but for what is measured on the number itself."""
-        found: dict[str, float] = {}
+    def _by_source(self, weights: Mapping[tuple[str, str], float]) -> dict[tuple[str, bool], float]:
+        """Weighted sums of the errors of some shares, by source and whether it is a bound, but for what is measured on
+        the number itself.
+        """
+        found: dict[tuple[str, bool], float] = {}
         for which, weight in weights.items():
             for part in self.parts.get(which, ()):
                 if part.how != MEASURED and part.source != INPUTS:
-                    found[part.source] = found.get(part.source, 0.0) + weight * _half(part)
+                    key = part.source, part.kind is not None
+                    found[key] = min(1.0, found.get(key, 0.0) + weight * _half(part))
         return found
 
 
-def _ranged(found: Measured, beside: float, inputs: InputRange | None) -> Measured:
-    """A number with the interval that its own, other parts of its error and its inputs make together."""
+def _ranged(found: Measured, beside: Mapping[tuple[str, bool], float], inputs: InputRange | None) -> Measured:
+    """A number with the interval that its own, other parts of its error (by source, and whether that is a bound) and
+    its inputs make together.
+    """
     if found.value is None or found.low is None or found.high is None:
         return found
     below, above = (0.0, 0.0) if inputs is None else (max(0.0, -inputs.low), max(0.0, inputs.high))
     own = 0.5 * (found.high - found.low)
-    low = found.value - math.hypot(found.value - found.low, beside, below)
-    high = found.value + math.hypot(found.high - found.value, beside, above)
-    return replace(found, low=max(0.0, low), high=min(1.0, high), numerical=math.hypot(own, beside))
+    computed = math.hypot(*(error for (_, bound), error in beside.items() if not bound))
+    rest = math.hypot(*beside.values())
+    low = found.value - math.hypot(found.value - found.low, rest, below)
+    high = found.value + math.hypot(found.high - found.value, rest, above)
+    return replace(found, low=max(0.0, low), high=min(1.0, high), numerical=math.hypot(own, computed))

@@ -14,7 +14,7 @@ from ..core.quantities import metres, say
 from ..core.registry import did_you_mean
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
-from .uncertainty import unknown_uncertainties
+from .uncertainty import OF_FRACTION, OF_SCENE
 from .whole import SceneTables
 
 __all__ = ["CHECKS", "RESERVED_BIN"]
@@ -234,6 +234,13 @@ def _rung_fits(scene: SceneTables) -> Iterator[str]:
         yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
 
 
+def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
+    known = [*(f"fraction.{name}.{key}" for name in scene.fraction for key in OF_FRACTION), *OF_SCENE]
+    for key in scene.uncertainty:
+        if key not in known:
+            yield f"uncertainty.{key}: no such number{did_you_mean(key, known)} (known: {', '.join(known)})"
+
+
 CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bodies_apart,
     _body_fits,
@@ -246,5 +253,5 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _inlets_fit,
     _pictures_fit,
     _rung_fits,
-    unknown_uncertainties,
+    _uncertain_numbers_exist,
 )

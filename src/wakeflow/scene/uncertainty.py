@@ -9,23 +9,11 @@ every command finds it: ``uncertainty.fraction.wheat.restitution``. What is not 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..core.quantities import quantity, split_quantity
-from ..core.registry import did_you_mean
 
-if TYPE_CHECKING:
-    from .whole import SceneTables
-
-__all__ = [
-    "OF_FRACTION",
-    "OF_SCENE",
-    "Margin",
-    "margins",
-    "uncertain_keys",
-    "unknown_uncertainties",
-    "with_uncertainty_table",
-]
+__all__ = ["OF_FRACTION", "OF_SCENE", "Margin", "margins", "with_uncertainty_table"]
 
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
 VALUE, MARGIN, TABLE = "value", "uncertainty", "uncertainty"
@@ -99,16 +87,3 @@ def _margin(key: str, value: Any) -> Margin:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):
         raise ValueError(f"{key} = {value!r}: needs a number that is not negative, or a part of the value: '5 %'")
     return float(value)
-
-
-def uncertain_keys(scene: SceneTables) -> list[str]:
-    """Keys of the numbers of a scene that may have an uncertainty."""
-    return [*(f"fraction.{name}.{key}" for name in scene.fraction for key in OF_FRACTION), *OF_SCENE]
-
-
-def unknown_uncertainties(scene: SceneTables) -> Iterator[str]:
-    """A mistake for every uncertainty of what has none."""
-    known = uncertain_keys(scene)
-    for key in scene.uncertainty:
-        if key not in known:
-            yield f"uncertainty.{key}: no such number{did_you_mean(key, known)} (known: {', '.join(known)})"

@@ -148,7 +148,7 @@ def _shares(scene: Scene, name: str, landing: Landed, separation: Separation | N
     """What is written over every bin: its share in percent, with half its interval where known."""
     if separation is not None:
         rows = separation.fractions[name]
-        return {place: percent(row).replace(" ±", "\n±") + " %" for place, row in rows.items()}
+        return {place: percent(row).replace(" ", "\n", 1) + " %" for place, row in rows.items()}
     weight, places = np.asarray(landing.weight, dtype=float), np.asarray(landing.bin)
     total = float(weight.sum())
     names = {**dict(enumerate(scene.bin)), -1: "elsewhere"}
