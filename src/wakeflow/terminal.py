@@ -22,7 +22,7 @@ from .report.words import (
     percent,
     source_seconds,
 )
-from .results.landing_results import SHARE_UNIT, BudgetRow, Separation
+from .results.landing_results import SHARE_UNIT, BudgetRow, LandingResults, Separation, least_certain
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -34,9 +34,14 @@ if TYPE_CHECKING:
     from .results.funnel_summary import FunnelSummary
     from .results.result import Result
 
-__all__ = ["alone_table", "budget_table", "live", "measure_next", "separation_table", "show_plan", "show_result"]
+__all__ = [
+    "alone_table", "budget_table", "live", "measure_next", "separation_table", "show_plan", "show_result",
+    "show_sensitivity",
+]  # fmt: skip
 
 MOST_WARNINGS = 3  # on screen; the rest is in the report
+MOST_NUMBERS = 6  # told of a share
+NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }; of wake.*: numerics.rung = '3d'."
 TOLD_FROM = 0.1  # part of a share's variance from which an unknown number is told
 WEIGHS, MOST_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are told on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
@@ -182,17 +187,13 @@ def separation_table(result: Result, separation: Separation) -> Table:
 
 def measure_next(result: Result) -> list[str]:
     """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
-    moved = {} if result.landings is None else result.landings.measure_next or {}
     told = []
-    for name, places in moved.items():
-        if not places:
-            continue
-        place, parts = max(places.items(), key=lambda one: sum(part.half**2 for part in one[1].values()))
+    for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
         known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM][:MOST_PARTS]
         if known:
             inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
-            told.append(f"to know {name} in {place} better, measure (points each): {inputs}")
-    return told
+            told.append(f"{name} in {place} hangs most on (points each): {inputs}")
+    return [*told, NEXT] if told else []
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:
@@ -212,6 +213,30 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
     recoveries = ((alone.recovery.get(name), separation.recovery.get(name)) for name in separation.fractions)
     table.add_row("recovery", *(f"{percent(one)}  ({change_of(one, met)})" for one, met in recoveries))
     return table
+
+
+def show_sensitivity(landings: LandingResults) -> None:
+    """Print for each fraction's least certain share what each unknown number moves it by, alone, and the part that it
+    has of the share's variance.
+    """
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    known = landings.inputs or {}
+    table = Table(title="what to measure next", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
+    table.add_column("share")
+    table.add_column("number", no_wrap=True)
+    for head in ("from", "to", "points", "variance, %"):
+        table.add_column(head, justify="right")
+    for name, (place, parts) in least_certain(landings).items():
+        for row, (key, part) in enumerate(list(parts.items())[:MOST_NUMBERS]):
+            number = known[key]
+            ends = [f"{end:.3g} {number.unit}".removesuffix(" 1") for end in (number.low, number.high)]
+            index = f"{100 * part.variance:.0f} ± {100 * part.error:.0f}"
+            table.add_row("" if row else f"{name} in {place}", key, *ends, f"± {100 * part.half:.2g}", index)
+        table.add_section()
+    Console().print(table)
 
 
 def budget_table(budget: Sequence[BudgetRow]) -> Table:

@@ -49,7 +49,7 @@ ONE = 1.0
 @dataclass(frozen=True)
 class GranuleVariation:
     """What a draw changes of a fraction's granules: added to the restitution, factors on the rest. ``drag``: on the
-    drag coefficient; ``size``: on the diameter.
+    drag coefficient; ``size``: on the diameter; ``turning``: on m r^2 / I, how easily a blow turns it.
     """
 
     restitution: float = 0.0
@@ -57,6 +57,7 @@ class GranuleVariation:
     scatter: float = ONE
     drag: float = ONE
     size: float = ONE
+    turning: float = ONE
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,12 @@ def _confidence(fraction: Fraction, name: str) -> str:
     return material.confidence if evidence is None else evidence.confidence
 
 
-def _of_fractions(entry: str, unit: str, value: Callable[[Fraction], float | None]) -> Callable[..., Iterator[Unknown]]:
+def _of_fractions(
+    entry: str,
+    unit: str,
+    value: Callable[[Fraction], float | None],
+    confidence: Callable[[Fraction, str], str] = _confidence,
+) -> Callable[..., Iterator[Unknown]]:
     """Finds one unknown a fraction, under its own name in a scene."""
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
@@ -189,10 +195,22 @@ def _of_fractions(entry: str, unit: str, value: Callable[[Fraction], float | Non
             fraction = scene.fraction[name]
             number, key = value(fraction), f"fraction.{name}.{entry}"
             if number is not None and number > 0.0:
-                half, why = _half(scene, key, entry, number, _confidence(fraction, entry))
+                half, why = _half(scene, key, entry, number, confidence(fraction, entry))
                 yield Unknown(key, entry, number, half, half, unit, why, name)
 
     return found
+
+
+def _turning(fraction: Fraction) -> float | None:
+    """m r^2 / I of granules that turn."""
+    return None if fraction.inertia is None else 1.0 / fraction.inertia
+
+
+def _how_known(fraction: Fraction, name: str) -> str:
+    """How well it is known how granules turn: as their material's impact model is, or given."""
+    del name
+    own = fraction.impact is not None or fraction.own_inertia is not None
+    return GIVEN if own or fraction.material is None else materials[fraction.material].evidence["impact"].confidence
 
 
 def _restitution(fraction: Fraction) -> float:
@@ -261,6 +279,7 @@ unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
 unknown_kinds.add(
     "size", UnknownKind(_of_fractions("size", "m", lambda f: f.properties.diameter), _of_granules("size"))
 )
+unknown_kinds.add("turning", UnknownKind(_of_fractions("turning", "1", _turning, _how_known), _of_granules("turning")))
 
 
 # -- of the curtain and the air ----------------------------------------------------------------------------------------
