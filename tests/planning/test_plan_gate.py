@@ -180,7 +180,7 @@ def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(draft: Scene) -> N
 def test_spin_lift_acts_wherever_the_spin_is_known_unless_it_is_switched_off(draft: Scene) -> None:
     """Whatever its bound: the material says that kernels turn, and what turns in air is lifted."""
     plan = make_plan(draft, target_error=0.5)
-    assert {name for name, how in plan.fractions.items() if "magnus" in how.forces} == {"wheat"}
+    assert {name for name, how in plan.fractions.items() if "magnus" in how.forces} == {"chaff", "dust", "wheat"}
     assert plan.fractions["wheat"].bounds["magnus"] < plan.fractions["wheat"].limit  # type: ignore[operator]
     off = make_plan(draft, target_error=0.5, force={"magnus": False})
     assert "magnus" not in off.fractions["wheat"].forces
