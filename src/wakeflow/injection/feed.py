@@ -31,7 +31,7 @@ from ..laws.restitution import restitution_at
 from ..laws.size import normal_quantile
 from ..planning.impaction import axis
 from ..planning.plan import REPLICATES, FractionPlan, Plan
-from ..planning.unknowns import GranuleVariation
+from ..planning.variation import GranuleVariation
 from ..scene import Fraction, Scene, Speeds
 from ..tracking import Granules
 from .first_contact import first_contact, motion_of

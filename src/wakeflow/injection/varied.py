@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..laws.restitution import Restitution
-from ..planning.unknowns import GranuleVariation
+from ..planning.variation import GranuleVariation
 from ..tracking import Granules
 
 __all__ = ["varied_granules"]
