@@ -34,6 +34,7 @@ NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, w
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
 SWITCHED_OFF = "switched off by --force"
+IN_SLAB = "computed for granules alone; those of the slab, where granules meet, fly without it"
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
@@ -127,7 +128,8 @@ def open_gate(
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together.
 
-    What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
+    A force that remembers the past is computed for granules alone, and left out of the slab in which they meet. What
+    acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
     known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
@@ -137,13 +139,17 @@ def open_gate(
     small = _small(shifts, blocked, limit)
     if scene.body:
         small -= {term for term in shifts if term in forces and forces[term].turns and blocked[term] is None}
-    used, left_out, missing = set(), [], {}
+    used, left_out = set(), []
+    missing: dict[str, str] = {}
     for term, shift in shifts.items():
         if term in whole:
             continue
         switched, obstacle = _switch(force, name, term), blocked[term]
         if switched or (switched is None and term not in small and obstacle is None):
             used.add(term)
+            if COLLISIONS in whole and term in forces and forces[term].memory is not None:
+                left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {IN_SLAB}", name))
+                missing |= {term: IN_SLAB} if shift > limit else {}
             continue
         reason = too_small(limit, target)
         if switched is False:

@@ -94,7 +94,7 @@ def memories_of(
     (n, COUNT) 1/s of each memory in the force per mass.
 
     The slip in Mei & Adrian's kernel, which is that of small changes about a steady slip U, is the granule's terminal
-    speed in air at rest. Above Re of about 10 the kernel hardly knows U: all that it depends on is the time
+    speed in air at rest. Above Re of about 100 the kernel hardly knows U: all that it depends on is the time
 
         t* = 4^(4/3) pi^(-1/3) (a^2 / nu) (f_H / Re)^2      when    K = (pi t* nu / a^2)^(-1/2) k(t / t*)
 

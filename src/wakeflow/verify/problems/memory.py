@@ -79,9 +79,7 @@ def _lines(grains: Granules, strain: tuple[float, float]) -> Iterator[tuple[_Lin
     for d, density, time, weight in zip(grains.diameter, grains.density, own, weights, strict=True):
         tau, ratio = density * d * d / (18 * VISCOSITY), DENSITY / density
         pulls = (0.0, -G * (1.0 - ratio))
-        yield tuple(
-            _Line(tau, ratio, time * MEMORIES, weight, a, pull) for a, pull in zip(strain, pulls, strict=True)
-        )  # type: ignore[misc]
+        yield tuple(_Line(tau, ratio, time * MEMORIES, weight, a, pull) for a, pull in zip(strain, pulls, strict=True))  # type: ignore[misc]
 
 
 def _heavy_and_light(start: tuple[float, float]) -> Granules:
@@ -238,7 +236,7 @@ BLOWS = {  # diameter m, density kg/m3; speed before and after the blow, air's s
 
 
 @number(
-    "memory-at-finite-reynolds-numbers", "way that the history force adds to a fall, over that by Mei & Adrian's kernel",
+    "memory-at-finite-reynolds-numbers", "way that the history force adds to a fall over that of Mei & Adrian's kernel",
     "Mei & Adrian 1992, J. Fluid Mech. 237, 323; product integration over all of the past",
     "affine nonlinear drag gravity buoyancy basset-history", tuple(BLOWS), 0.98, 1.02, np.ones(len(BLOWS)),
 )  # fmt: skip
