@@ -139,17 +139,13 @@ def open_gate(
     small = _small(shifts, blocked, limit)
     if scene.body:
         small -= {term for term in shifts if term in forces and forces[term].turns and blocked[term] is None}
-    used, left_out = set(), []
-    missing: dict[str, str] = {}
+    used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
         if term in whole:
             continue
         switched, obstacle = _switch(force, name, term), blocked[term]
         if switched or (switched is None and term not in small and obstacle is None):
             used.add(term)
-            if COLLISIONS in whole and term in forces and forces[term].memory is not None:
-                left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {IN_SLAB}", name))
-                missing |= {term: IN_SLAB} if shift > limit else {}
             continue
         reason = too_small(limit, target)
         if switched is False:
@@ -161,9 +157,18 @@ def open_gate(
             missing[term] = obstacle
         left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
     order = tuple(term for term in forces if term in used)
+    alone = order if COLLISIONS in whole else ()
+    missing |= {term: IN_SLAB for term in alone if forces[term].memory is not None and shifts[term] > limit}
+    left_out += _left_out_of_slab(name, alone, shifts)
     return Gate(
         (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
     )  # fmt: skip
+
+
+def _left_out_of_slab(name: str, used: Sequence[str], shifts: Mapping[str, float]) -> list[LeftOutTerm]:
+    """Those of the ``used`` forces of a fraction that granules which meet fly without."""
+    past = [term for term in used if forces[term].memory is not None]
+    return [LeftOutTerm(term, shifts[term], f"{bounds[term].why}; {IN_SLAB}", name) for term in past]
 
 
 def _always() -> tuple[str, ...]:
