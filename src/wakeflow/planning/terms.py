@@ -34,6 +34,7 @@ NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, w
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
 SWITCHED_OFF = "switched off by --force"
+IN_SLAB = "computed for granules alone; those of the slab, where granules meet, fly without it"
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
@@ -127,7 +128,8 @@ def open_gate(
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together.
 
-    What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
+    A force that remembers the past is computed for granules alone, and left out of the slab in which they meet. What
+    acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
     known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
@@ -155,9 +157,18 @@ def open_gate(
             missing[term] = obstacle
         left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
     order = tuple(term for term in forces if term in used)
+    alone = order if COLLISIONS in whole else ()
+    missing |= {term: IN_SLAB for term in alone if forces[term].memory is not None and shifts[term] > limit}
+    left_out += _left_out_of_slab(name, alone, shifts)
     return Gate(
         (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
     )  # fmt: skip
+
+
+def _left_out_of_slab(name: str, used: Sequence[str], shifts: Mapping[str, float]) -> list[LeftOutTerm]:
+    """Those of the ``used`` forces of a fraction that granules which meet fly without."""
+    past = [term for term in used if forces[term].memory is not None]
+    return [LeftOutTerm(term, shifts[term], f"{bounds[term].why}; {IN_SLAB}", name) for term in past]
 
 
 def _always() -> tuple[str, ...]:
