@@ -93,7 +93,7 @@ def _thrown(reynolds: float) -> Happened:
     """A sphere thrown into still air at a Reynolds number: of 20 mm, or finer, at 0.1 m/s; over its way."""
     diameter = min(0.02, reynolds * VISCOSITY / (DENSITY * 0.1))
     speed = reynolds * VISCOSITY / (DENSITY * diameter)
-    grains = Granules([[-0.9, 0.3]], [[speed, 0.0]], diameter, 1300.0)
+    grains = Granules(np.array([[-0.9, 0.3]]), np.array([[speed, 0.0]]), diameter, 1300.0)
     until = min(0.3, 1.5 / speed)
     end = falls_in_uniform_air(grains, until, (0.0, 0.0), AIR, LAW, submerged=False)
     way = float(np.linalg.norm(end - grains.position))
@@ -130,7 +130,7 @@ for _reynolds in (1e-3, 1.0, 1e3, 1e5, 2e5):
 def _of_density(ratio: float, fluid: tuple[float, float], diameter: float) -> Happened:
     """Released at rest in a stream, with buoyancy and added mass."""
     stream, until = (0.3, 0.1), 0.3
-    grains = Granules([[-0.4, 0.1]], [[0.0, 0.0]], diameter, ratio * fluid[0])
+    grains = Granules(np.array([[-0.4, 0.1]]), np.zeros((1, 2)), diameter, ratio * fluid[0])
     end = falls_in_uniform_air(grains, until, stream, fluid, LAW, submerged=True)
     return against_answer(Setting(uniform(stream, fluid), grains, until, {"forces": SUBMERGED}), end)
 
@@ -172,7 +172,7 @@ def _four_decades() -> Happened:
 def _settles(diameter: float) -> Happened:
     """Falls from rest in still air, relative to the way it falls; the finest with the slip of air past it."""
     slips = float(slip_correction(diameter))
-    grains = Granules([[0.0, 0.0]], [[0.0, 0.0]], diameter, 1000.0, drag_scale=1.0 / slips)
+    grains = Granules(np.zeros((1, 2)), np.zeros((1, 2)), diameter, 1000.0, drag_scale=1.0 / slips)
     way = min(float(terminal_velocity(diameter, 1000.0, *AIR, law=LAW, drag_scale=1.0 / slips)), 0.5 * G)
     end = falls_in_uniform_air(grains, 1.0, (0.0, 0.0), AIR, LAW, submerged=False)
     return against_answer(Setting(uniform([0.0, 0.0], half=10.0), grains, 1.0, {"length": way}), end)

@@ -23,7 +23,7 @@ __all__ = ["extreme_tables", "extremes_markdown", "run_extremes"]
 Tell = Callable[[str], None]
 Row = dict[str, Any]
 HEAD = ("extreme", "what happened", "error", "allowed", "of", "against", "steps", "seconds", "verdict")
-REFUSALS = ("extreme", "refused, with the number that says why")
+REFUSALS = ("refused", "with the number that says why")
 
 
 def run_extremes(folder: Path, *, slow: bool, tell: Tell) -> dict[str, Any]:
@@ -45,6 +45,7 @@ def run_extremes(folder: Path, *, slow: bool, tell: Tell) -> dict[str, Any]:
         "missed": [f"{row['name']}: {row['why']}" for row in rows if row["verdict"] == MISSED],
         "notes": [f"{unit}: {meaning}" for unit, meaning in ERROR_UNITS.items()]
         + [f"{row['name']}: {row['stops']}" for row in rows if row["stops"]]
+        + [f"{row['name']}: {row['note']}" for row in rows if row["note"]]
         + ([f"{left} more rows take minutes: wakeflow verify extremes --slow"] if left else []),
     }
     report["notes"] += [f"MISSED {why}" for why in report["missed"]]

@@ -184,8 +184,8 @@ _REFUSED: tuple[tuple[str, str, str, Options, Mapping[str, bool] | None], ...] =
     ("feed", "500 t/h", "rhombus", {"feed.rate": "500 t/hour"}, None),
     ("feed", "50 t/h, collisions forced on", "vacuum", DENSE, {"collisions": True}),
 )
-for _group, _value, _template, _changes, _force in _REFUSED:
-    _add(_group, _value, partial(_asked_for, _template, _changes, _force), refused=True)
+for _what, _how, _template, _asked, _force in _REFUSED:
+    _add(_what, _how, partial(_asked_for, _template, _asked, _force), refused=True)
 
 
 # -- a feed of 50 t/h --------------------------------------------------------------------------------------------------
