@@ -21,7 +21,7 @@ __all__: list[str] = []
 Array = NDArray[np.float64]
 RADIUS = 1e-3  # m
 FREQUENCY = 30.0  # Hz, of the table
-SCAN = 2000  # looks a period for the moment at which a ball meets the table
+SCAN = 500  # looks a period for the moment at which a ball meets the table
 FLOOR = np.array([[-9.0, -0.5], [9.0, -0.5], [9.0, 0.0], [-9.0, 0.0]])  # m, its top is y = 0
 VACUUM: dict[str, Any] = {"forces": ("gravity",), "length": 1.0}
 

@@ -26,7 +26,7 @@ WATER = (998.2, 1.002e-3)  # kg/m3, Pa s, at 20 C
 LAW = "brown-lawler"
 START, SPEED = np.array([0.23, 0.71]), np.array([0.8, -0.3])  # m, m/s, of a granule in Taylor-Green cells
 SUBMERGED = ("drag", "gravity", "buoyancy", "added-mass")
-SWARM = 2048  # granules whose variance is compared; two directions: standard deviation 1 / sqrt(SWARM)
+SWARM = 1024  # granules whose variance is compared; two directions: standard deviation 1 / sqrt(SWARM)
 FORMULA = "scipy's DOP853 or Radau with the drag law's own formula"
 
 
