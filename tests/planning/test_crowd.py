@@ -179,6 +179,21 @@ def test_only_what_can_be_simulated_one_by_one_is(draft: Scene) -> None:
     assert 0.0 < spread.in_flight["chaff"] <= MOST_IN_FLIGHT
 
 
+def test_a_feed_of_too_many_heavy_granules_is_no_crowd_of_tracers_alone() -> None:
+    """Where the heaviest cannot be simulated nobody would meet anybody: it is left out, and the plan says so."""
+    vacuum = shipped("vacuum", {"feed.rate": "50 t/hour"})
+    plan = make_plan(vacuum)
+    assert plan.crowd is None
+    found = next(one for one in plan.left_out if one.name == "collisions" and one.fraction == "hard")
+    assert "in flight in a slab 0.03 m deep, more than the 10000" in found.why
+    assert any("independent granules strained" in notice.text for notice in plan.notices)
+    with pytest.raises(SceneError, match=r"set collisions.depth below 0.02\d m, or feed.rate below"):
+        make_plan(vacuum, force={"collisions": True})
+    thin = make_plan(vacuum.replace({"collisions.depth": "10 mm"})).crowd
+    assert thin is not None
+    assert thin.in_flight["hard"] > 1000
+
+
 def test_a_tighter_accuracy_counts_for_longer(draft: Scene) -> None:
     known = laws(draft)
     whole = [s.replicates * s.operation for s in (plan_crowd(draft, known, target) for target in (0.1, 0.03, 0.01))]

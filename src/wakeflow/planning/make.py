@@ -21,7 +21,7 @@ from .approach import Approach, approaches, arrival_at_body
 from .bounds import COLLISIONS, LOADING, VIBRATION, bounds, moved_by_air
 from .cost import estimate_cost
 from .coupling import Limit, limits
-from .crowd import CrowdPlan, plan_crowd, why_no_crowd
+from .crowd import CrowdPlan, plan_crowd, too_many_to_meet, why_no_crowd
 from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
 from .meetings import Encounters, shifted
@@ -62,7 +62,8 @@ def make_plan(
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
-    obstacle = LOOK if flown is not given else why_no_crowd(flown)
+    laws = {name: (one.law, one.scale) for name, one in known.items()}
+    obstacle = LOOK if flown is not given else why_no_crowd(flown) or too_many_to_meet(flown, laws)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
@@ -172,7 +173,7 @@ def _decide(
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
     if scene.air is None:
         return _in_vacuum(scene, name, known, switches, target, whole, obstacle)
-    gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole)
+    gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole, crowded=obstacle)
     turned = known.turned
     small = LOADING not in whole and turned is not None and turned.missed <= target and turned.shift <= gate.limit
     arrival = arrival_at_body(scene, name, known.law, known.scale)

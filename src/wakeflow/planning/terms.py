@@ -124,9 +124,11 @@ def open_gate(
     turbulence: str | None,
     *,
     whole: Collection[str] = (),
+    crowded: str | None = None,
 ) -> Gate:
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
-    share; ``whole``: terms that are computed for the run as a whole, of all fractions together.
+    share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
+    collisions cannot be, None where they can.
 
     A force that remembers the past is computed for granules alone, and left out of the slab in which they meet. What
     acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
@@ -135,7 +137,7 @@ def open_gate(
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
-    blocked = {term: _blocked(scene, scene.fraction[name], term, turbulence) for term in bounds}
+    blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
     small = _small(shifts, blocked, limit)
     if scene.body:
         small -= {term for term in shifts if term in forces and forces[term].turns and blocked[term] is None}
@@ -209,10 +211,10 @@ def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit
     return small
 
 
-def _blocked(scene: Scene, fraction: Fraction, term: str, turbulence: str | None) -> str | None:
-    """Why a term cannot be computed for a fraction; None where it can."""
+def _blocked(fraction: Fraction, term: str, turbulence: str | None, crowded: str | None) -> str | None:
+    """Why a term cannot be computed for a fraction; None where it can. ``crowded``: why collisions cannot."""
     if term == COLLISIONS:
-        return why_no_crowd(scene)
+        return crowded
     if term == VIBRATION:
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
     if term == LOADING:

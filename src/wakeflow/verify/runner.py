@@ -11,12 +11,11 @@ from ..core.errors import SceneError
 from ..core.files import write_json
 from ..core.registry import did_you_mean
 
-__all__ = ["PROOFS", "prove", "show"]
+__all__ = ["PROOFS", "prove", "show", "verdict_code"]
 
 Tell = Callable[[str], None]
 FOLDER = Path("runs", "verify")
 WIDE = 150  # columns of a table that goes into a file
-PLANNED = ("extremes",)  # refused by name: the test-suite holds the extremes, no report does
 
 
 def _tracker(slow: bool, tell: Tell) -> dict[str, Any]:
@@ -66,6 +65,12 @@ def _crowd(slow: bool, tell: Tell) -> dict[str, Any]:
     return run_crowd(FOLDER, slow=slow, tell=tell)
 
 
+def _extremes(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .extremes.report import run_extremes
+
+    return run_extremes(FOLDER, slow=slow, tell=tell)
+
+
 PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "tracker": _tracker,
     "problems": _problems,
@@ -74,6 +79,7 @@ PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "funnel": _funnel,
     "shares": _shares,
     "crowd": _crowd,
+    "extremes": _extremes,
 }
 OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
 
@@ -88,11 +94,14 @@ def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, An
         from .airflow.airflow import run_scene
 
         return {f"scene-{Path(what).stem}": run_scene(Path(what), FOLDER, tell=tell)}
-    if what in PLANNED:
-        raise SceneError(f"verify {what}: not in this version; choose one of: {', '.join(PROOFS)}")
     if what is not None and what not in PROOFS:
         raise SceneError(f"verify {what!r}: unknown{did_you_mean(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
     return {name: PROOFS[name](slow, tell) for name in ([what] if what else [p for p in PROOFS if p not in OPTIONAL])}
+
+
+def verdict_code(reports: dict[str, dict[str, Any]]) -> int:
+    """That of the command: 1 where a row of the stability matrix was missed."""
+    return int(any(report.get("missed") for report in reports.values()))
 
 
 def show(reports: dict[str, dict[str, Any]]) -> None:
@@ -116,6 +125,10 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
             from .crowd.report import crowd_tables
 
             tables = crowd_tables(report)
+        elif name == "extremes":
+            from .extremes.report import extreme_tables
+
+            tables = extreme_tables(report)
         elif name == "shares":
             tables = [share_table(report)]
         else:
