@@ -62,8 +62,7 @@ def make_plan(
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
-    laws = {name: (one.law, one.scale) for name, one in known.items()}
-    obstacle = LOOK if flown is not given else why_no_crowd(flown) or too_many_to_meet(flown, laws)
+    obstacle = LOOK if flown is not given else _why_none_meet(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
@@ -148,8 +147,17 @@ def _crowd(
     if asked is None:
         limit = limit_of(scene, target)
         asked = obstacle is None and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
-    laws = {name: (one.law, one.scale) for name, one in approaches.items()}
-    return plan_crowd(scene, laws, target, paired=paired) if asked else None
+    return plan_crowd(scene, _laws(approaches), target, paired=paired) if asked else None
+
+
+def _why_none_meet(scene: Scene, approaches: Mapping[str, Approach]) -> str | None:
+    """Why no slab can be flown for a scene at its feed rate; None where one can."""
+    return why_no_crowd(scene) or too_many_to_meet(scene, _laws(approaches))
+
+
+def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
+    """Of each fraction: its drag law and the factor on it."""
+    return {name: (one.law, one.scale) for name, one in approaches.items()}
 
 
 class _Decided(NamedTuple):
