@@ -126,8 +126,8 @@ def _constants(grains: Grains, air: AirProperties) -> Slots:
 
 
 def _memory(granule: Granule) -> tuple[tuple[float, float], ...]:
-    one = (np.array([value]) for value in (granule.diameter, granule.density, granule.drag_scale))
-    own, weights = memories_of(*one, granule.air_density, granule.viscosity)
+    diameter, density, scale = (np.array([x]) for x in (granule.diameter, granule.density, granule.drag_scale))
+    own, weights = memories_of(diameter, density, scale, granule.air_density, granule.viscosity)
     return tuple(zip((own[0] * MEMORIES).tolist(), weights[0].tolist(), strict=True))
 
 

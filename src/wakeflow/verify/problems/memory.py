@@ -208,7 +208,7 @@ def flown_with_all_of_the_past(
         return np.asarray(np.interp(np.maximum(since, 0.0) ** 0.25, known**0.25, felt))
 
     def rate(speed: float) -> float:
-        return float(law(abs(wind - speed) * diameter / KINEMATIC, 1.0)) * (wind - speed) / stokes + pull
+        return float(law(np.asarray(abs(wind - speed) * diameter / KINEMATIC), 1.0)) * (wind - speed) / stokes + pull
 
     slopes, way, pushed, begun = np.zeros(PIECES), 0.0, 0.0, v
     middle = 0.5 * (time[1:] + time[:-1])
@@ -248,7 +248,7 @@ def memory_at_finite_reynolds_numbers(tolerance: float) -> Array:
             flown_with_all_of_the_past(diameter, density, speeds, wind, lasts, kernel_speed)
             for kernel_speed in (settling, np.inf)
         ]  # fmt: skip
-        field = field_on(box(1, (-2.0, -2.0), (2.0, 2.0)), lambda p, w=wind: np.tile([0.0, -w], (len(p), 1)))
+        field = field_on(box(1, (-2.0, -2.0), (2.0, 2.0)), np.tile([0.0, -wind], (4, 1)))
         grains = Granules(
             np.zeros((1, 2)), np.array([[0.0, -speeds[1]]]), diameter, density, arrival=np.array([[0.0, -speeds[0]]])
         )
