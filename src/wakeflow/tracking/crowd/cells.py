@@ -18,7 +18,7 @@ from ..kernel import layout as at
 from ..kernel.jit import compiled, inlined
 from . import layout as of
 
-__all__ = ["AHEAD", "across", "follow", "near", "relist", "unlist"]
+__all__ = ["AHEAD", "across", "keep_lists", "near", "relist", "unlist"]
 
 PX, PY, PZ = np.int64(73856093), np.int64(19349663), np.int64(83492791)  # primes of Teschner et al.
 AHEAD = 16.0  # steps for which a range is meant at most; measured: twice and half of it are slower
@@ -187,7 +187,7 @@ def _begin_anew(crowd, cells, clock, counts):
 
 
 @compiled
-def follow(crowd, cells, clock, counts):
+def keep_lists(crowd, cells, clock, counts):
     """Put a ball about the way of every granule in this step, and list those anew that have left their ranges."""
     for k in range(counts[of.LIVING]):
         i = crowd.living[k]

@@ -11,7 +11,7 @@ from ..kernel.track_points import store_point
 from ..kernel.track_start import begin_track
 from . import layout as of
 from .air import refresh
-from .cells import follow, unlist
+from .cells import keep_lists, unlist
 from .flight import fly_on
 from .meetings import foretell, meet_all, settle_all
 
@@ -120,7 +120,7 @@ def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
 @compiled
 def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """What follows the flight of a step: meetings, contact that lasts, ends."""
-    follow(crowd, cells, clock, counts)
+    keep_lists(crowd, cells, clock, counts)
     foretell(crowd, cells, counts, clock)
     meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
     settle_all(crowd, laws, walls, rules, clock, room, cells, counts)
