@@ -138,9 +138,7 @@ def open_gate(
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
     blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
-    small = _small(shifts, blocked, limit)
-    if scene.body:
-        small -= {term for term in shifts if term in forces and forces[term].turns and blocked[term] is None}
+    small = _small(shifts, blocked, limit, turning=bool(scene.body))
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
         if term in whole:
@@ -153,10 +151,9 @@ def open_gate(
         if switched is False:
             reason = SWITCHED_OFF
         elif term not in small and obstacle is not None:
-            reason = obstacle
             if term in forces and not forces[term].computed:
                 raise SceneError(_refusal(name, term, shift, limit, target, scene.unit))
-            missing[term] = obstacle
+            missing[term] = reason = obstacle
         left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
     order = tuple(term for term in forces if term in used)
     alone = order if COLLISIONS in whole else ()
@@ -197,9 +194,10 @@ def limit_of(scene: Scene, target: float) -> float:
     return target * _sides(scene) / TYPICAL
 
 
-def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit: float) -> set[str]:
+def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit: float, *, turning: bool) -> set[str]:
     """Terms small enough to be left out: those below ``limit``, and of those that can be computed, smallest first,
-    only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING).
+    only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING). What acts
+    on granules that turn is not among them where a body makes them turn (``turning``).
     """
     below = sorted((term for term, shift in shifts.items() if shift <= limit), key=lambda term: shifts[term])
     small = {term for term in below if blocked[term] is not None}
@@ -208,7 +206,8 @@ def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit
         if term not in small and (total + shifts[term] <= 0.5 * limit or shifts[term] <= NOTHING * limit):
             small.add(term)
             total += shifts[term]
-    return small
+    acting = {term for term in small if term in forces and forces[term].turns and blocked[term] is None}
+    return small - acting if turning else small
 
 
 def _blocked(fraction: Fraction, term: str, turbulence: str | None, crowded: str | None) -> str | None:
