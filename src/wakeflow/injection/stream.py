@@ -220,6 +220,6 @@ def _overlapping(points: Array, width: Array, depth: float) -> NDArray[np.int64]
 
 
 def _joined(parts: list[Granules]) -> Granules:
-    """The granules of several fractions as one; they have no places across the slab yet."""
-    names = [field.name for field in fields(Granules) if field.name != "depth"]
+    """The granules of several fractions as one; they have no places across the slab yet, and remember no impact."""
+    names = [field.name for field in fields(Granules) if field.name not in ("depth", "arrival")]
     return Granules(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

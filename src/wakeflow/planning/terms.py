@@ -30,6 +30,7 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
+DEAR = 3.0  # weight of a term's run time against what it moves, when small terms are chosen
 NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, whatever else is; chosen
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
@@ -195,11 +196,16 @@ def limit_of(scene: Scene, target: float) -> float:
 
 
 def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit: float, *, turning: bool) -> set[str]:
-    """Terms small enough to be left out: those below ``limit``, and of those that can be computed, smallest first,
-    only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING). What acts
-    on granules that turn is not among them where a body makes them turn (``turning``).
+    """Terms small enough to be left out: those below ``limit``, and of those that can be computed, smallest for their
+    cost first, only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING).
+    What acts on granules that turn is not among them where a body makes them turn (``turning``).
     """
-    below = sorted((term for term, shift in shifts.items() if shift <= limit), key=lambda term: shifts[term])
+
+    def worth(term: str) -> float:
+        """What a second for it buys: a force that costs as much as a flight counts as a quarter of what it moves."""
+        return shifts[term] / (1.0 + DEAR * (forces[term].effort if term in forces else 0.0))
+
+    below = sorted((term for term, shift in shifts.items() if shift <= limit), key=worth)
     small = {term for term in below if blocked[term] is not None}
     total = sum(shifts[term] for term in below if term in small and term in forces)
     for term in below:
