@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import SceneError
 from ..core.files import write_json
 from ..core.registry import did_you_mean
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 __all__ = ["PROOFS", "prove", "show", "verdict_code"]
 
@@ -71,6 +75,12 @@ def _extremes(slow: bool, tell: Tell) -> dict[str, Any]:
     return run_extremes(FOLDER, slow=slow, tell=tell)
 
 
+def _coverage(slow: bool, tell: Tell) -> dict[str, Any]:
+    from .coverage.report import run_coverage
+
+    return run_coverage(FOLDER, slow=slow, tell=tell)
+
+
 PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "tracker": _tracker,
     "problems": _problems,
@@ -80,6 +90,7 @@ PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
     "shares": _shares,
     "crowd": _crowd,
     "extremes": _extremes,
+    "coverage": _coverage,
 }
 OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
 
@@ -131,11 +142,23 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
             tables = extreme_tables(report)
         elif name == "shares":
             tables = [share_table(report)]
+        elif name == "coverage":
+            tables = _coverage_tables(report)
         else:
             tables = [problem_table(report)] if name == "problems" else airflow_tables(report)
-        for table in tables:
-            console.print(table)
-            console.print()
+        _print(console, tables)
         for note in report.get("notes", []):
             console.print(note, highlight=False)
         console.print(f"report: {FOLDER / name}.json", highlight=False, soft_wrap=True)
+
+
+def _coverage_tables(report: dict[str, Any]) -> list[Table]:
+    from .coverage.report import coverage_tables
+
+    return coverage_tables(report)
+
+
+def _print(console: Console, tables: list[Table]) -> None:
+    for table in tables:
+        console.print(table)
+        console.print()
