@@ -58,6 +58,10 @@ def run(
 ) -> None:
     """Compute where each fraction of a scene lands; results in runs/NAME and what was changed (or --out).
 
+    With --target-error the granules, the tolerance, the mesh and the averages are chosen so that computing alone knows
+    every bin's share so well, in rounds that say what they buy; what computing cannot bring there is said after the
+    first, with what to measure or switch on.
+
     Parameters
     ----------
     scene

@@ -24,7 +24,6 @@ from wakeflow.results.landing_results import NOT_COMPUTED, BudgetPart, BudgetRow
 from wakeflow.results.refinement import Refinement, Settings
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
-from wakeflow.sweeps.comparison import compare
 
 NOW = Settings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
 SPENT = {"tracks": StageTime(4.0, False), "companion": StageTime(2.0, False), "draws": StageTime(5.0, False)}
@@ -105,11 +104,12 @@ def test_rows_that_no_setting_brings_below_the_target_are_told_apart() -> None:
     plan = make_plan(scene, rung="draft")
     bound = BudgetPart("lift", 0.06, 0.0, "calibrated", NOT_COMPUTED)
     rows = [row(sampling(0.05)), row(sampling(0.05), bound, place="chaff.middle")]
-    assert reachable(rows, NOW, 0.02) == rows[:1]
+    assert reachable(rows, NOW, 0.02) == rows  # a bound is no part of what computing alone leaves
     (line,) = told_unmet(rows, NOW, 0.02, scene, plan)
     assert line.startswith("chaff in middle: lift is not computed")
     assert line.endswith("--force chaff.lift=on")
     model = row(BudgetPart("airflow-model", 0.1, 0.0, "companion"))
+    assert reachable([model], NOW, 0.02) == []
     (line,) = told_unmet([model], NOW, 0.02, scene, plan)
     assert line == "dust in middle: airflow-model stays at 10 points: run rung 3d (--rung 3d)"
 
@@ -121,8 +121,8 @@ def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
     assert own.averaging is None
     assert own.slab is not None
     first = cheapest(own, 0.02)
-    assert (first.granules, first.mesh_scale) == (256, 2.0)
-    assert own_settings(applied(scene, first), make_plan(applied(scene, first), rung="draft")).granules == 256
+    assert (first.granules, first.mesh_scale) == (1024, 2.0)
+    assert own_settings(applied(scene, first), make_plan(applied(scene, first), rung="draft")).granules == 1024
     assert finer(first, own) == replace(own, slab=own.slab)
     assert cheapest(replace(own, granules=64), 0.02).granules == 64  # never finer than the scene
     finest = finest_of(own)
@@ -150,7 +150,7 @@ def run_to_target(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, lis
     told: list[str] = []
     scene = shipped("vacuum", {"feed.count": 16384})
     folder = tmp_path_factory.mktemp("target")
-    result = wf.run(scene, folder, target_error=0.02, report=False, listener=lambda _, text: told.append(text))
+    result = wf.run(scene, folder, target_error=0.016, report=False, listener=lambda _, text: told.append(text))
     return result, told
 
 
@@ -160,9 +160,9 @@ def test_a_run_buys_what_the_target_needs_and_no_more(run_to_target: tuple[Resul
     assert table is not None
     assert table.met
     rows = [row for row in result.budget if row.total.numerical is not None]
-    assert table.numerical == max(row.total.numerical or 0.0 for row in rows) <= 0.02
+    assert table.numerical == max(row.total.numerical or 0.0 for row in rows) <= 0.016
     first, last = table.rounds[0], table.rounds[-1]
-    assert first.found > 0.02  # a first look is no answer here
+    assert first.found > 0.016  # a first look is no answer here
     assert first.settings.granules < last.settings.granules < 16384
     assert result.scene["feed"]["count"] == last.settings.granules
     assert all(one.expected is not None and one.expected_seconds is not None for one in table.rounds[1:])
@@ -179,14 +179,14 @@ def test_what_the_inputs_leave_is_said_with_what_to_measure(run_to_target: tuple
     table = result.refinement
     assert table is not None
     assert table.total is not None
-    assert table.total > 0.02
+    assert table.total > 0.016
     assert any(line.startswith("hard in ") and "measure " in line and " to +- " in line for line in table.measure)
     assert any("by a first look" in line and "measure " in line for line in told)
 
 
 def test_a_killed_way_is_gone_again_from_the_cache(run_to_target: tuple[Result, list[str]], tmp_path: Path) -> None:
     result, _ = run_to_target
-    again = wf.run(shipped("vacuum", {"feed.count": 16384}), tmp_path, target_error=0.02, report=False)
+    again = wf.run(shipped("vacuum", {"feed.count": 16384}), tmp_path, target_error=0.016, report=False)
     assert again.refinement == result.refinement
     assert again.key == result.key
     stages = {name: stage for name, stage in again.seconds.items() if name != "compile"}
@@ -203,7 +203,6 @@ def test_the_table_is_read_back_and_drawn_again(run_to_target: tuple[Result, lis
 
     report_again(result.folder)
     assert json.loads((result.folder / "result.json").read_text())["refinement"] == wf_table
-    assert compare([result.folder, result.folder])
 
 
 def test_without_the_option_nothing_is_chosen(tmp_path: Path) -> None:

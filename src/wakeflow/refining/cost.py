@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import log
 
+from ..pipeline.compilation import COMPILED
 from ..pipeline.stages import StageTime
 from ..planning.plan import COMPARED, REPLICATES
 from ..results.companions import FINER
@@ -15,7 +16,7 @@ __all__ = ["expected_seconds"]
 OVERHEAD = 0.4  # s of a stage in which granules fly, however few they are
 AIR = ("airflow", "momentum", "loaded-airflow", "span")  # stages that OpenFOAM runs in
 CELLS = ("mesh", "field", "blend", "change", "residence", "layers")  # stages whose time goes by the cells
-ONCE = ("funnel", "compile", "given", "duct")  # the same in every round
+ONCE = ("funnel", str(COMPILED), "given", "duct")  # the same in every round
 LEAST_POWER, MOST_POWER = 0.02, 0.34  # of a flight's time with its tolerance: from one step a cell to order three
 
 

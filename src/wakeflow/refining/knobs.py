@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil, log2, sqrt
+from typing import Any
 
 from ..core.registry import Registry
-from ..planning.plan import REPLICATES, Plan, replicate_size
+from ..planning.plan import COMPARED, REPLICATES, Plan, replicate_size
+from ..planning.unknowns import SIGMAS
 from ..results.refinement import Settings
 from ..scene import Scene
 
@@ -21,7 +23,9 @@ COARSER_MESH = 2.0  # of the cheapest pass, times the scene's own cells: an eigh
 MOST_COARSE = 4.0  # largest numerics.mesh_scale of a scene
 LOOSER = 0.1  # of the target: a landing error that moves few granules over a bin's end
 FEWEST = 256  # granules of the cheapest pass: 16 a replicate
-IN_FIRST = 4.0  # granules of the cheapest pass times the target: a quarter of what any answer needs for that target
+# Granules of the cheapest pass times the target: what any answer needs, since the limit of a share of which nothing was
+# found among the granules that fly again is SIGMAS^2 over their number
+IN_FIRST = SIGMAS**2 * REPLICATES / COMPARED
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,8 @@ class Knob:
 
     def at(self, settings: Settings, value: float) -> Settings:
         """The settings with the knob at a value."""
-        return replace(settings, **{self.field: round(value) if self.step > 1.0 else value})
+        change: dict[str, Any] = {self.field: round(value) if self.step > 1.0 else value}
+        return replace(settings, **change)
 
     def next(self, settings: Settings) -> Settings | None:
         """One step finer; None at the finest."""

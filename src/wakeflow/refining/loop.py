@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from ..pipeline.cache import Listener
+from ..pipeline.compilation import COMPILED
 from ..planning.plan import Plan
 from ..results.landing_results import BudgetRow
 from ..results.refinement import Refinement, RefinementRound, Settings
@@ -33,7 +34,7 @@ STAGE = "target error"  # as the listener hears of it
 class Compute(Protocol):
     """One run of a scene, with the table of the rounds so far; ``last``: its report may be drawn."""
 
-    def __call__(self, scene: Scene, refinement: Refinement | None = None, *, last: bool = False) -> Result: ...
+    def __call__(self, scene: Scene, /, refinement: Refinement | None = None, *, last: bool = False) -> Result: ...
 
 
 def refined(
@@ -77,7 +78,8 @@ class _Way:
     def judged(self, result: Result, now: Settings, choice: Choice | None) -> Refinement:
         """The table of all rounds, with the one that ``result`` is of."""
         rows, can = _rows(result), reachable(_rows(result), now, self.target)
-        spent = {(name, stage.seconds) for name, stage in result.seconds.items()} - self.made
+        known = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
+        spent = set(known) - self.made
         self.made |= spent
         before = self.rounds[-1].settings if self.rounds else None
         self.rounds.append(
@@ -95,7 +97,7 @@ class _Way:
         known = [error for error in totals if error is not None]
         return Refinement(
             target=self.target,
-            met=not unmet and _largest(rows) <= self.target,
+            met=_largest(rows) <= self.target and not any(part.error is None for row in rows for part in row.parts),
             numerical=_largest(rows),
             total=max(known, default=0.0) if len(known) == len(totals) else None,
             rounds=tuple(self.rounds),

@@ -14,7 +14,7 @@ from ..planning.terms import check_switches
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
 from ..results.refinement import Settings
 from ..results.result import Result
-from ..results.total import INPUTS, numerical
+from ..results.total import INPUTS
 from ..scene import Scene
 from .knobs import finest_of
 from .prediction import expected_half, expected_part
@@ -38,51 +38,54 @@ OTHERS: Mapping[str, str] = {  # parts that no setting lowers, and what does
 
 @dataclass(frozen=True)
 class _Obstacle:
-    """A part of a fraction's error in a bin that no setting lowers enough, worth ``half`` of a 95 % interval."""
+    """A ``part`` of a fraction's error in a bin, as it is with the finest settings: too large all the same."""
 
     name: str
     place: str
     part: BudgetPart
-    half: float
+
+    @property
+    def error(self) -> float:
+        return self.part.error or 0.0
 
 
 def told_unmet(rows: Sequence[BudgetRow], now: Settings, target: float, scene: Scene, plan: Plan) -> tuple[str, ...]:
-    """A line for each fraction and part that keeps its shares from the ``target`` however fine the settings; the
-    ``rows`` were found with those of ``now``.
+    """A line for each fraction and part of its error, but for the inputs, that is beyond the ``target`` however fine
+    the settings; the ``rows`` were found with those of ``now``.
     """
     worst: dict[tuple[str, str], _Obstacle] = {}
     unknown: dict[str, str] = {}
     for row in rows:
         for found in _obstacles(row, now, target):
             at = found.name, found.part.source
-            if at not in worst or found.half > worst[at].half:
+            if at not in worst or found.error > worst[at].error:
                 worst[at] = found
         if any(part.error is None for part in row.parts) and row.total.note is not None:
-            unknown.setdefault(f"{row.quantity.removeprefix('share.').replace('.', ' in ', 1)}: {row.total.note}", "")
-    lines = [_line(found, scene, plan) for found in sorted(worst.values(), key=lambda one: -one.half)]
-    return (*lines, *unknown)
+            unknown.setdefault(row.total.note, row.quantity.removeprefix("share."))
+    lines = [_line(found, scene, plan) for found in sorted(worst.values(), key=lambda one: -one.error)]
+    return (*lines, *(f"{place}: {note}" for note, place in unknown.items()))
 
 
 def _obstacles(row: BudgetRow, now: Settings, target: float) -> Iterator[_Obstacle]:
-    """The parts of a row that stand in its way: none where the row can meet the target."""
+    """The parts of a row that stand in its way: bounds beyond the target, and what no setting computes well enough."""
     finest = finest_of(now)
-    if expected_half(row, now, finest) <= target:
-        return
     name, _, place = row.quantity.removeprefix("share.").partition(".")
-    left = sorted(
-        ((numerical([replace(part, error=expected_part(part, now, finest))]), part) for part in row.parts),
-        key=lambda one: -one[0],
-    )
-    for half, part in left[:1] + [one for one in left[1:] if one[0] > WEIGHTY * target]:
-        yield _Obstacle(name, place, part, half)
+    parts = (replace(part, error=expected_part(part, now, finest)) for part in row.parts if part.source != INPUTS)
+    left = sorted(parts, key=lambda part: -(part.error or 0.0))
+    computed = [part for part in left if part.kind is None and part.error is not None]
+    beyond = [part for part in left if part.kind is not None and (part.error or 0.0) > target]
+    if expected_half(row, now, finest) > target:
+        beyond += computed[:1] + [part for part in computed[1:] if (part.error or 0.0) > WEIGHTY * target]
+    for part in beyond:
+        yield _Obstacle(name, place, part)
 
 
 def _line(found: _Obstacle, scene: Scene, plan: Plan) -> str:
     """One obstacle in words, with what to do."""
     source = found.part.source
-    where, much = f"{found.name} in {found.place}", f"{100 * found.half:.2g} points"
+    where, much = f"{found.name} in {found.place}", f"{100 * found.error:.2g} points"
     if found.part.kind in (LEFT_OUT, NOT_COMPUTED):
-        return f"{where}: {source} is not computed and could change it by {much}: {_switch(found, scene, plan)}"
+        return f"{where}: {source} is not computed and could change it by up to {much}: {_switch(found, scene, plan)}"
     remedy = OTHERS.get(source, "beyond the finest settings of a scene; ask for a larger --target-error")
     return f"{where}: {source} stays at {much}: {remedy}"
 

@@ -39,9 +39,11 @@ class Refinement:
     """How a target error was met, or why it could not be."""
 
     target: float = column("1", "half width asked for every bin share, by computing alone")
-    met: bool = column("", "whether every bin share meets it by computing alone")
+    met: bool = column("", "whether every bin share meets it by computing alone, with no part unknown")
     numerical: float = column("1", "largest half width of a bin share by computing alone")
     total: float | None = column("1", "largest half width with the inputs; null where a part is unknown")
     rounds: tuple[RefinementRound, ...] = column("", "every run on the way, the last one is the answer's")
-    unmet: tuple[str, ...] = column("", "what computing cannot bring to the target, and what to give or run instead")
+    unmet: tuple[str, ...] = column(
+        "", "parts and bounds that no setting brings to the target, and what to give or run instead"
+    )
     measure: tuple[str, ...] = column("", "what to measure, how well, for totals that meet the target too")
