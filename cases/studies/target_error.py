@@ -18,7 +18,7 @@ import numpy as np
 
 import wakeflow as wf
 from wakeflow.pipeline.tracks import compile_tracker
-from wakeflow.verify.settings import Point, best_fixed, reference, to_target
+from wakeflow.verify.settings import TimedRun, best_fixed, reference_shares, to_target
 
 CASES = Path(__file__).parents[1]
 TARGETS = (0.03, 0.02, 0.015)  # half widths of every bin share, in turn
@@ -35,9 +35,9 @@ class Row:
 
     name: str
     target: float
-    led: Point
+    led: TimedRun
     error: float
-    fixed: Point | None
+    fixed: TimedRun | None
 
     @property
     def met(self) -> bool:
@@ -118,7 +118,7 @@ def measured(name: str, scene: wf.Scene, target: float) -> Row:
     """One scene both ways."""
     led = to_target(scene, target)
     fixed = best_fixed(scene, target, TOLERANCES) if led.settings.mesh_scale is None else None
-    return Row(name, target, led, led.error(reference(scene, led.settings)), fixed)
+    return Row(name, target, led, led.error(reference_shares(scene, led.settings)), fixed)
 
 
 def main(names: Sequence[tuple[str, wf.Scene]], targets: Sequence[float] = TARGETS) -> list[Row]:
@@ -141,7 +141,7 @@ def main(names: Sequence[tuple[str, wf.Scene]], targets: Sequence[float] = TARGE
     times = [row.times for row in rows if row.times is not None]
     print(f"\nwithin the target against the reference: {met} of {len(rows)} scenes")
     if times:
-        print(f"processor time over that of the best fixed settings: median {np.median(times):.2f}, most {max(times):.2f}")
+        print(f"processor time over that of the best fixed one: median {np.median(times):.2f}, most {max(times):.2f}")
     return rows
 
 

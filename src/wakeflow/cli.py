@@ -205,12 +205,13 @@ def verify(
     ----------
     what
         tracker, problems, airflow, meshes, shares, crowd or funnel; or a scene file: its airflow beside published
-        values, or on three grids. Default: all but crowd (granules that meet, beside LIGGGHTS, DPMFoam, MPPICFoam and
-        kinetic theory) and funnel, which need LIGGGHTS. Reports go to runs/verify.
+        values, or where nothing is published the error of its shares against run time. Default: all but crowd (granules
+        that meet, beside LIGGGHTS, DPMFoam, MPPICFoam and kinetic theory) and funnel, which need LIGGGHTS. Reports go
+        to runs/verify.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
-        an hour or two of one core. crowd: more replicates and variants, a quarter of an hour. funnel:
-        more beads, and the paper's 35 g.
+        an hour or two of one core. A scene: its own airflow instead of a draft, and that on three grids. crowd: more
+        replicates and variants, a quarter of an hour. funnel: more beads, and the paper's 35 g.
     as_json
         Print JSON instead of tables.
     """

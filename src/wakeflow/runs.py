@@ -23,7 +23,6 @@ from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
 from .planning.make import Planner, make_plan
-from .planning.plan import Plan
 from .refining.loop import refined
 from .results.air_loading import loading_of
 from .results.airflow_summary import (
@@ -94,13 +93,9 @@ def run(
     if target_error is None or until is not None or not refine:
         return once(asked, report=report)
 
-    def compute(one: Scene, refinement: Refinement | None = None, *, last: bool = False) -> Result:
-        return once(one, report=report and last, refinement=refinement)
-
-    def plan_of(one: Scene) -> Plan:
-        return make_plan(one, rung=rung, force=force, target_error=target_error)
-
-    return refined(asked, target_error, compute, plan_of, listener)
+    plan = make_plan(asked, rung=rung, force=force, target_error=target_error)
+    found = refined(asked, target_error, partial(once, report=False), plan, listener)
+    return once(Scene.parse(found.scene), report=True, refinement=found.refinement) if report else found
 
 
 def _run_once(
@@ -205,7 +200,6 @@ class _Run:
             seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
             versions=versions(),
             key=self._key(tracked),
-            pictures=None,
             refinement=self.refinement,
             folder=self.folder,
         )

@@ -21,11 +21,11 @@ from wakeflow.refining.knobs import applied, cheapest, finer, finest_of, knobs, 
 from wakeflow.refining.prediction import expected_half, expected_part
 from wakeflow.refining.unmet import told_unmet
 from wakeflow.results.landing_results import NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.results.refinement import Refinement, Settings
+from wakeflow.results.refinement import KnobSettings, Refinement
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
 
-NOW = Settings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
+NOW = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
 SPENT = {"tracks": StageTime(4.0, False), "companion": StageTime(2.0, False), "draws": StageTime(5.0, False)}
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ..pipeline.stages import StageTime
 from ..results.landing_results import BudgetRow
-from ..results.refinement import Settings
+from ..results.refinement import KnobSettings
 from .cost import expected_seconds
 from .knobs import finest_of, knobs
 from .prediction import expected_half
@@ -24,23 +24,23 @@ QUICKEST = 1e-3  # s: a step that costs nothing still costs that
 
 @dataclass(frozen=True)
 class Choice:
-    """Settings for the next round, the largest ``half`` width by computing that is expected of the rows that can meet
-    the target, and the run time expected (s).
+    """The ``settings`` of the next round, the largest ``half`` width by computing that is expected of the rows that can
+    meet the target, and the run time expected (s).
     """
 
-    settings: Settings
+    settings: KnobSettings
     half: float
     seconds: float
 
 
-def reachable(rows: Sequence[BudgetRow], now: Settings, target: float) -> list[BudgetRow]:
+def reachable(rows: Sequence[BudgetRow], now: KnobSettings, target: float) -> list[BudgetRow]:
     """The rows that settings can bring below the target, found with those of ``now``."""
     finest = finest_of(now)
     return [row for row in rows if expected_half(row, now, finest) <= target]
 
 
 def choose(
-    rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: Settings, start: Settings, target: float
+    rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: KnobSettings, start: KnobSettings, target: float
 ) -> Choice:
     """The cheapest settings, from those of ``start`` on, with which every row of ``rows`` is expected to meet the
     ``target``; ``now``: those with which the rows were found and the run times ``spent``.
@@ -65,7 +65,9 @@ def choose(
     return Choice(chosen, half, expected_seconds(spent, now, chosen))
 
 
-def _thrifty(rows: Sequence[BudgetRow], now: Settings, chosen: Settings, way: Sequence[str], target: float) -> Settings:
+def _thrifty(
+    rows: Sequence[BudgetRow], now: KnobSettings, chosen: KnobSettings, way: Sequence[str], target: float
+) -> KnobSettings:
     """The settings without the steps that are needless beside the others, the last first."""
     if _excess(rows, now, chosen, target) > 0.0:
         return chosen
@@ -78,6 +80,6 @@ def _thrifty(rows: Sequence[BudgetRow], now: Settings, chosen: Settings, way: Se
     return chosen
 
 
-def _excess(rows: Sequence[BudgetRow], now: Settings, then: Settings, target: float) -> float:
+def _excess(rows: Sequence[BudgetRow], now: KnobSettings, then: KnobSettings, target: float) -> float:
     """Sum over the rows of how far the squares of their errors lie beyond the target's."""
     return sum(max(0.0, expected_half(row, now, then) ** 2 - target**2) for row in rows)

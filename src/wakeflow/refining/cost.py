@@ -9,7 +9,7 @@ from ..pipeline.compilation import COMPILED
 from ..pipeline.stages import StageTime
 from ..planning.plan import COMPARED, REPLICATES
 from ..results.companions import FINER
-from ..results.refinement import Settings
+from ..results.refinement import KnobSettings
 
 __all__ = ["expected_seconds"]
 
@@ -20,7 +20,7 @@ ONCE = ("funnel", str(COMPILED), "given", "duct")  # the same in every round
 LEAST_POWER, MOST_POWER = 0.02, 0.34  # of a flight's time with its tolerance: from one step a cell to order three
 
 
-def expected_seconds(spent: Mapping[str, StageTime], now: Settings, then: Settings) -> float:
+def expected_seconds(spent: Mapping[str, StageTime], now: KnobSettings, then: KnobSettings) -> float:
     """Run time (s) of a round with the settings ``then``, from what the stages of one with those of ``now`` took."""
     if then == now:
         return 0.0
@@ -40,14 +40,14 @@ def expected_seconds(spent: Mapping[str, StageTime], now: Settings, then: Settin
     return whole
 
 
-def _air_factor(kind: str, now: Settings, then: Settings) -> float:
+def _air_factor(kind: str, now: KnobSettings, then: KnobSettings) -> float:
     """Steps go with the cells' edges, averages with the square of what they are known to."""
     finer = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)
     longer = (now.averaging or 1.0) / (then.averaging or 1.0)
     return float(finer**2 if kind in CELLS else finer**3 * longer**2)
 
 
-def _flight_factor(power: float, now: Settings, then: Settings) -> float:
+def _flight_factor(power: float, now: KnobSettings, then: KnobSettings) -> float:
     crossed = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)  # cells on a granule's way
     return float(then.granules / now.granules * (now.tolerance / then.tolerance) ** power * crossed)
 

@@ -1,6 +1,6 @@
 """The knobs: what time is spent on, from the scene's own to the finest that a scene may ask for.
 
-A knob is one number of a scene. All of them together are :class:`Settings`; a number is None where the scene has no
+A knob is one number of a scene. All of them together are :class:`KnobSettings`; a number is None where the scene has no
 such knob: no mesh without a solver, no averaging where nothing sheds, no slab where granules do not meet.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 from ..core.registry import Registry
 from ..planning.plan import COMPARED, REPLICATES, Plan, replicate_size
 from ..planning.unknowns import SIGMAS
-from ..results.refinement import Settings
+from ..results.refinement import KnobSettings
 from ..scene import Scene
 
 __all__ = ["Knob", "applied", "cheapest", "finer", "finest_of", "knobs", "own_settings"]
@@ -30,8 +30,8 @@ IN_FIRST = SIGMAS**2 * REPLICATES / COMPARED
 
 @dataclass(frozen=True)
 class Knob:
-    """One knob: the ``field`` of :class:`Settings` that holds it, the ``key`` of a scene, the factor ``step`` of its
-    next finer value, and the ``finest`` that a scene may ask for; ``name`` in words.
+    """One knob: the ``field`` of :class:`KnobSettings` that holds it, the ``key`` of a scene, the factor ``step`` of
+    its next finer value, and the ``finest`` that a scene may ask for; ``name`` in words.
     """
 
     name: str
@@ -40,17 +40,17 @@ class Knob:
     step: float
     finest: float
 
-    def of(self, settings: Settings) -> float | None:
+    def of(self, settings: KnobSettings) -> float | None:
         """Where the knob stands; None where the scene has no such knob."""
         value: float | None = getattr(settings, self.field)
         return value
 
-    def at(self, settings: Settings, value: float) -> Settings:
+    def at(self, settings: KnobSettings, value: float) -> KnobSettings:
         """The settings with the knob at a value."""
         change: dict[str, Any] = {self.field: round(value) if self.step > 1.0 else value}
         return replace(settings, **change)
 
-    def next(self, settings: Settings) -> Settings | None:
+    def next(self, settings: KnobSettings) -> KnobSettings | None:
         """One step finer; None at the finest."""
         now = self.of(settings)
         if now is None or (now * self.step - self.finest) * (self.step - 1.0) > 0.0:
@@ -73,11 +73,11 @@ for _knob in (
     knobs.add(_knob.name, _knob)
 
 
-def own_settings(scene: Scene, plan: Plan) -> Settings:
+def own_settings(scene: Scene, plan: Plan) -> KnobSettings:
     """What the scene itself asks for, under its ``plan``."""
     solved = plan.airflow.stepping is not None and plan.airflow.span is None
     sheds = solved and plan.airflow.stepping == "time-resolved"
-    return Settings(
+    return KnobSettings(
         granules=REPLICATES * replicate_size(scene.feed.count),
         tolerance=scene.numerics.tolerance,
         mesh_scale=scene.numerics.mesh_scale if solved else None,
@@ -86,7 +86,7 @@ def own_settings(scene: Scene, plan: Plan) -> Settings:
     )
 
 
-def cheapest(own: Settings, target: float) -> Settings:
+def cheapest(own: KnobSettings, target: float) -> KnobSettings:
     """Of the first pass, which measures how the errors stand: never finer than the scene's ``own``."""
     count = max(FEWEST, 2 ** ceil(log2(IN_FIRST / target)))
     mesh = None if own.mesh_scale is None else max(own.mesh_scale, min(COARSER_MESH * own.mesh_scale, MOST_COARSE))
@@ -99,7 +99,7 @@ def cheapest(own: Settings, target: float) -> Settings:
     )
 
 
-def finer(one: Settings, other: Settings) -> Settings:
+def finer(one: KnobSettings, other: KnobSettings) -> KnobSettings:
     """Every knob at the finer of two settings."""
     for knob in _present(one):
         here, there = knob.of(one), knob.of(other)
@@ -108,7 +108,7 @@ def finer(one: Settings, other: Settings) -> Settings:
     return one
 
 
-def finest_of(settings: Settings) -> Settings:
+def finest_of(settings: KnobSettings) -> KnobSettings:
     """Every knob at the end of its steps."""
     for knob in _present(settings):
         while (further := knob.next(settings)) is not None:
@@ -116,10 +116,10 @@ def finest_of(settings: Settings) -> Settings:
     return settings
 
 
-def applied(scene: Scene, settings: Settings) -> Scene:
+def applied(scene: Scene, settings: KnobSettings) -> Scene:
     """The scene with the settings in it."""
     return scene.replace({knob.key: knob.of(settings) for knob in _present(settings)})
 
 
-def _present(settings: Settings) -> Iterator[Knob]:
+def _present(settings: KnobSettings) -> Iterator[Knob]:
     return (knobs[name] for name in knobs if knobs[name].of(settings) is not None)

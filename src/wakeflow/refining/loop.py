@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 from ..pipeline.cache import Listener
 from ..pipeline.compilation import COMPILED
 from ..planning.plan import Plan
 from ..results.landing_results import BudgetRow
-from ..results.refinement import Refinement, RefinementRound, Settings
+from ..results.refinement import KnobSettings, Refinement, RefinementRound
 from ..results.result import Result
 from ..scene import Scene
 from .choice import Choice, choose, reachable
@@ -24,38 +23,33 @@ from .knobs import applied, cheapest, finer, knobs, own_settings
 from .prediction import expected_half
 from .unmet import told_unmet, what_to_measure
 
-__all__ = ["Compute", "refined"]
+__all__ = ["refined"]
 
 MOST_ROUNDS = 6
 MARGIN = 0.9  # of the target that is aimed at: what is expected is itself an estimate
 STAGE = "target error"  # as the listener hears of it
 
 
-class Compute(Protocol):
-    """One run of a scene, with the table of the rounds so far; ``last``: its report may be drawn."""
-
-    def __call__(self, scene: Scene, /, refinement: Refinement | None = None, *, last: bool = False) -> Result: ...
-
-
-def refined(
-    scene: Scene, target: float, compute: Compute, plan_of: Callable[[Scene], Plan], listener: Listener
-) -> Result:
-    """Run ``scene`` until every bin share is known to the ``target`` (half width, by computing alone), or until no
-    setting brings it there. Raises as the runs do.
+def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], plan: Plan, listener: Listener) -> Result:
+    """Run ``scene``, of this ``plan``, by ``compute`` until every bin share is known to the ``target`` (half width, by
+    computing alone), or no setting brings it there. Returns the last round, saved with the table of all of them.
+    Raises as the runs do.
     """
-    way = _Way(scene, target, plan_of(scene), listener)
-    now: Settings | None = cheapest(way.own, target)
+    way = _Way(scene, target, plan, listener)
+    now: KnobSettings | None = cheapest(way.own, target)
     assert now is not None
-    way.tell(f"first look with {_words(now)}")
+    own = plan.estimate["seconds"]
+    way.tell(f"first look with {_words(now)}; the scene's own settings would take about {own:.2g} s")
     choice: Choice | None = None
     while True:
         result = compute(applied(scene, now))
         table = way.judged(result, now, choice)
-        replace(result, refinement=table).save()
+        result = replace(result, refinement=table)
+        result.save()  # the answer so far, were the next round to be interrupted
         choice = None if len(way.rounds) == MOST_ROUNDS else way.next(result, now)
         if choice is None:
             way.tell_end(table)
-            return compute(applied(scene, now), table, last=True)
+            return result
         now = choice.settings
 
 
@@ -71,11 +65,11 @@ class _Way:
     made: set[tuple[str, float]] = field(default_factory=set)  # stages of all rounds, told apart by their run times
 
     @property
-    def own(self) -> Settings:
+    def own(self) -> KnobSettings:
         """What the scene asks for."""
         return own_settings(self.scene, self.plan)
 
-    def judged(self, result: Result, now: Settings, choice: Choice | None) -> Refinement:
+    def judged(self, result: Result, now: KnobSettings, choice: Choice | None) -> Refinement:
         """The table of all rounds, with the one that ``result`` is of."""
         rows, can = _rows(result), reachable(_rows(result), now, self.target)
         known = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
@@ -105,7 +99,7 @@ class _Way:
             measure=what_to_measure(result, self.target),
         )
 
-    def next(self, result: Result, now: Settings) -> Choice | None:
+    def next(self, result: Result, now: KnobSettings) -> Choice | None:
         """What to compute with next; None where that is done. Says it, and in the first round what cannot be met."""
         rows, spent = _rows(result), result.seconds
         can = reachable(rows, now, self.target)
@@ -126,7 +120,7 @@ class _Way:
         )
         return choice
 
-    def _tell_first(self, result: Result, now: Settings) -> None:
+    def _tell_first(self, result: Result, now: KnobSettings) -> None:
         for line in told_unmet(_rows(result), now, self.target, self.scene, self.plan):
             self.tell(f"cannot be met by computing: {line}")
         for line in what_to_measure(result, self.target):
@@ -151,17 +145,17 @@ def _largest(rows: Sequence[BudgetRow]) -> float:
     return max((row.total.numerical or 0.0 for row in rows), default=0.0)
 
 
-def _words(settings: Settings) -> str:
+def _words(settings: KnobSettings) -> str:
     """The settings in a line."""
     values = ((knobs[name], knobs[name].of(settings)) for name in knobs)
-    return ", ".join(f"{knob.name} {value:.3g}" for knob, value in values if value is not None)
+    return ", ".join(f"{knob.name} {value:.4g}" for knob, value in values if value is not None)
 
 
-def _bought(before: Settings, now: Settings) -> str:
+def _bought(before: KnobSettings, now: KnobSettings) -> str:
     """What became finer, in words."""
     told = []
     for name in knobs:
         was, now_is = knobs[name].of(before), knobs[name].of(now)
         if was is not None and now_is is not None and was != now_is:
-            told.append(f"{name} {was:.3g} to {now_is:.3g}")
+            told.append(f"{name} {was:.4g} to {now_is:.4g}")
     return ", ".join(told) or "nothing"

@@ -17,7 +17,7 @@ from ..core.registry import Registry
 from ..planning.plan import COMPARED, REPLICATES
 from ..planning.unknowns import SIGMAS
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow
-from ..results.refinement import Settings
+from ..results.refinement import KnobSettings
 from ..results.total import numerical
 
 __all__ = ["expected_half", "expected_part", "predictions"]
@@ -27,18 +27,18 @@ STEP_RATE = 1.0  # of the share that finer steps put into another bin, with the 
 MESH_ORDER = 2.0  # of the schemes
 NOISE = "statistical"  # a mesh part's note begins so where sampling hides what the grids differ by
 
-Prediction = Callable[[BudgetPart, Settings, Settings], float]
+Prediction = Callable[[BudgetPart, KnobSettings, KnobSettings], float]
 predictions: Registry[Prediction] = Registry("prediction of a part of the budget")
 
 
-def expected_half(row: BudgetRow, now: Settings, then: Settings) -> float:
+def expected_half(row: BudgetRow, now: KnobSettings, then: KnobSettings) -> float:
     """Half of the 95 % interval of a ``row`` by computing alone, expected with the settings ``then``, from parts that
     were found with those of ``now``.
     """
     return numerical(replace(part, error=expected_part(part, now, then)) for part in row.parts)
 
 
-def expected_part(part: BudgetPart, now: Settings, then: Settings) -> float | None:
+def expected_part(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float | None:
     """The error of one part, likewise; None where it is unknown."""
     if part.error is None:
         return None
@@ -49,28 +49,28 @@ def expected_part(part: BudgetPart, now: Settings, then: Settings) -> float | No
     return part.error
 
 
-def _landed(settings: Settings) -> int:
+def _landed(settings: KnobSettings) -> int:
     """Granules of a fraction whose landings make the shares."""
     return settings.granules if settings.slab is None else settings.slab
 
 
-def _sampled(now: Settings, then: Settings) -> float:
+def _sampled(now: KnobSettings, then: KnobSettings) -> float:
     return float((_landed(now) / _landed(then)) ** RATE)
 
 
-def _of_sampling(part: BudgetPart, now: Settings, then: Settings) -> float:
+def _of_sampling(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     assert part.error is not None
     return max(part.error * _sampled(now, then), 0.5 * REPLICATES / _landed(then))
 
 
-def _of_steps(part: BudgetPart, now: Settings, then: Settings) -> float:
+def _of_steps(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     assert part.error is not None
     fewer = (then.tolerance / now.tolerance) ** STEP_RATE
     part_flown = COMPARED / REPLICATES
     return _limited_again(part.error, part_flown * now.granules, part_flown * then.granules, fewer)
 
 
-def _of_mesh(part: BudgetPart, now: Settings, then: Settings) -> float:
+def _of_mesh(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     assert part.error is not None
     if now.mesh_scale is None or then.mesh_scale is None:
         return part.error
@@ -79,14 +79,14 @@ def _of_mesh(part: BudgetPart, now: Settings, then: Settings) -> float:
     return float(part.error * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER)
 
 
-def _of_averages(part: BudgetPart, now: Settings, then: Settings) -> float:
+def _of_averages(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     assert part.error is not None
     if now.averaging is None or then.averaging is None:
         return part.error
     return part.error * then.averaging / now.averaging
 
 
-def _of_slab(part: BudgetPart, now: Settings, then: Settings) -> float:
+def _of_slab(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     """A difference of replicates that go apart: sampling in all but the name."""
     assert part.error is not None
     return part.error * _sampled(now, then)

@@ -12,7 +12,7 @@ from ..planning.make import AIR, TURNING
 from ..planning.plan import Plan
 from ..planning.terms import check_switches
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
-from ..results.refinement import Settings
+from ..results.refinement import KnobSettings
 from ..results.result import Result
 from ..results.total import INPUTS
 from ..scene import Scene
@@ -49,7 +49,9 @@ class _Obstacle:
         return self.part.error or 0.0
 
 
-def told_unmet(rows: Sequence[BudgetRow], now: Settings, target: float, scene: Scene, plan: Plan) -> tuple[str, ...]:
+def told_unmet(
+    rows: Sequence[BudgetRow], now: KnobSettings, target: float, scene: Scene, plan: Plan
+) -> tuple[str, ...]:
     """A line for each fraction and part of its error, but for the inputs, that is beyond the ``target`` however fine
     the settings; the ``rows`` were found with those of ``now``.
     """
@@ -66,7 +68,7 @@ def told_unmet(rows: Sequence[BudgetRow], now: Settings, target: float, scene: S
     return (*lines, *(f"{place}: {note}" for note, place in unknown.items()))
 
 
-def _obstacles(row: BudgetRow, now: Settings, target: float) -> Iterator[_Obstacle]:
+def _obstacles(row: BudgetRow, now: KnobSettings, target: float) -> Iterator[_Obstacle]:
     """The parts of a row that stand in its way: bounds beyond the target, and what no setting computes well enough."""
     finest = finest_of(now)
     name, _, place = row.quantity.removeprefix("share.").partition(".")

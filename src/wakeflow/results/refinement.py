@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from ..core.record import column
 
-__all__ = ["Refinement", "RefinementRound", "Settings"]
+__all__ = ["KnobSettings", "Refinement", "RefinementRound"]
 
 
 @dataclass(frozen=True)
-class Settings:
+class KnobSettings:
     """The numbers of a scene that time is spent on."""
 
     granules: int = column("1", "tracked per fraction: feed.count")
@@ -26,7 +26,7 @@ class Settings:
 class RefinementRound:
     """One run on the way to a target error: what it was spent on, and the error that was expected and found."""
 
-    settings: Settings = column("", "what was computed with")
+    settings: KnobSettings = column("", "what was computed with")
     bought: str = column("", "what is finer than in the round before, in words")
     expected: float | None = column("1", "largest error by computing that was expected; null of the first round")
     found: float = column("1", "the same, found: of the bin shares that computing can bring to the target")

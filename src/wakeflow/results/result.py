@@ -104,7 +104,7 @@ class Result:
     versions: dict[str, str] = column("", "of python and of the packages")
     key: str = column("", "fingerprint of all that the answer depends on")
     pictures: dict[str, PictureSummary] | None = column("", "what the scene asked for; left out before the tracks",
-                                                        absent=True)  # fmt: skip
+                                                        absent=True, default=None)  # fmt: skip
     refinement: Refinement | None = column("", "how a target error was met; left out of a run without one", absent=True,
                                            default=None)  # fmt: skip
 

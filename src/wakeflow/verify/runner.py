@@ -85,14 +85,29 @@ def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, An
     """
     FOLDER.mkdir(parents=True, exist_ok=True)
     if what is not None and what.endswith(".toml"):
-        from .airflow.airflow import run_scene
-
-        return {f"scene-{Path(what).stem}": run_scene(Path(what), FOLDER, tell=tell)}
+        return _of_scene(Path(what), slow, tell)
     if what in PLANNED:
         raise SceneError(f"verify {what}: not in this version; choose one of: {', '.join(PROOFS)}")
     if what is not None and what not in PROOFS:
         raise SceneError(f"verify {what!r}: unknown{did_you_mean(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
     return {name: PROOFS[name](slow, tell) for name in ([what] if what else [p for p in PROOFS if p not in OPTIONAL])}
+
+
+def _of_scene(path: Path, slow: bool, tell: Tell) -> dict[str, dict[str, Any]]:
+    """The airflow beside published values of a scene of which there are any; of another its error against run time, and
+    with ``slow`` its airflow, where it has one about a body, on three grids.
+    """
+    from ..scene import Scene
+    from .airflow.airflow import is_published, run_scene
+    from .scene_curves import run_curves
+
+    if is_published(path):
+        return {f"scene-{path.stem}": run_scene(path, FOLDER, tell=tell)}
+    reports = {f"curves-{path.stem}": run_curves(path, FOLDER, slow=slow, tell=tell)}
+    scene = Scene.load(path)
+    if slow and scene.air is not None and scene.body and scene.air.case is None and scene.numerics.rung != "none":
+        reports[f"scene-{path.stem}"] = run_scene(path, FOLDER, tell=tell)
+    return reports
 
 
 def show(reports: dict[str, dict[str, Any]]) -> None:
@@ -118,6 +133,10 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
             tables = crowd_tables(report)
         elif name == "shares":
             tables = [share_table(report)]
+        elif name.startswith("curves-"):
+            from .scene_curves import curve_table
+
+            tables = [curve_table(report)]
         else:
             tables = [problem_table(report)] if name == "problems" else airflow_tables(report)
         for table in tables:

@@ -16,38 +16,49 @@ from tempfile import TemporaryDirectory
 from .. import runs
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import make_plan
-from ..refining.knobs import applied, knobs, own_settings
+from ..refining.knobs import applied, cheapest, knobs, own_settings
 from ..results.landing_results import Separation
-from ..results.refinement import Settings
+from ..results.refinement import KnobSettings
+from ..results.result import Result
 from ..results.separation import separate
 from ..scene import Scene
 
-__all__ = ["Point", "Shares", "at_settings", "best_fixed", "processor_seconds", "reference", "to_target"]
+__all__ = [
+    "BinShares",
+    "TimedRun",
+    "at_settings",
+    "best_fixed",
+    "bin_shares",
+    "largest_error",
+    "largest_half",
+    "processor_seconds",
+    "reference_shares",
+    "to_target",
+]  # fmt: skip
 
-Shares = Mapping[tuple[str, str], float]  # by fraction and bin
+BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
 MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of the reference, times the settings it is for
-FEWEST = 256  # granules from which on fixed settings are tried
 OTHER_SEED = 1009  # added to the scene's: the reference is another sample
 
 
 @dataclass(frozen=True)
-class Point:
+class TimedRun:
     """One run: its ``settings``, the ``shares`` that it found, its own largest ``half`` width by computing alone, and
     the processor time (s) that it took, with all programs that it started, in how many ``rounds``.
     """
 
-    settings: Settings
-    shares: Shares
+    settings: KnobSettings
+    shares: BinShares
     half: float
     seconds: float
     rounds: int = 1
 
-    def error(self, truth: Shares) -> float:
+    def error(self, truth: BinShares) -> float:
         """The largest error of a bin share against the ``truth``."""
-        return max(abs(self.shares[place] - share) for place, share in truth.items())
+        return largest_error(self.shares, truth)
 
 
-def reference(scene: Scene, settings: Settings, rung: str | None = None) -> Shares:
+def reference_shares(scene: Scene, settings: KnobSettings, rung: str | None = None) -> BinShares:
     """The shares of another sample of ``scene``, far finer than ``settings``, on cells of half the edge."""
     mesh = settings.mesh_scale
     finer = replace(
@@ -61,28 +72,44 @@ def reference(scene: Scene, settings: Settings, rung: str | None = None) -> Shar
     return _shares(separate(other, Pipeline(plan.airflow.flown(other), plan).tracks().landings))
 
 
-def _shares(found: Separation) -> Shares:
+def bin_shares(result: Result) -> BinShares:
+    """The shares of a finished run."""
+    assert result.landings is not None
+    return _shares(result.landings.separation)
+
+
+def _shares(found: Separation) -> BinShares:
     return {(name, place): share.value for name, row in found.fractions.items() for place, share in row.items()}
 
 
-def at_settings(scene: Scene, settings: Settings, rung: str | None = None) -> Point:
+def largest_error(shares: BinShares, truth: BinShares) -> float:
+    """The largest error of a bin share against the ``truth``."""
+    return max(abs(shares[place] - share) for place, share in truth.items())
+
+
+def largest_half(result: Result) -> float:
+    """The largest half width of a bin share by computing alone."""
+    return max((row.total.numerical or 0.0 for row in result.budget), default=0.0)
+
+
+def at_settings(scene: Scene, settings: KnobSettings, rung: str | None = None) -> TimedRun:
     """A run of ``scene`` with fixed ``settings`` in an empty cache."""
     return _timed(applied(scene, settings), None, rung)
 
 
-def to_target(scene: Scene, target: float, rung: str | None = None) -> Point:
+def to_target(scene: Scene, target: float, rung: str | None = None) -> TimedRun:
     """A run of ``scene`` with a target error in an empty cache."""
     return _timed(scene, target, rung)
 
 
-def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: str | None = None) -> Point:
+def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: str | None = None) -> TimedRun:
     """The quickest of fixed settings whose own half width meets the ``target``: at each of the ``tolerances`` the
-    granules are doubled until it does.
+    granules are doubled until it does, from the fewest on that can.
     """
-    found: list[Point] = []
+    found: list[TimedRun] = []
     own = own_settings(scene, make_plan(scene, rung=rung))
     for tolerance in tolerances:
-        settings = replace(own, granules=FEWEST, tolerance=tolerance)
+        settings = replace(own, granules=cheapest(own, target).granules, tolerance=tolerance)
         while (point := at_settings(scene, settings, rung)).half > target:
             further = knobs["granules"].next(settings)
             assert further is not None
@@ -91,17 +118,15 @@ def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: s
     return min(found, key=lambda point: point.seconds)
 
 
-def _timed(scene: Scene, target: float | None, rung: str | None) -> Point:
+def _timed(scene: Scene, target: float | None, rung: str | None) -> TimedRun:
     with _empty_cache() as folder:
         started = processor_seconds()
         result = runs.run(scene, folder / "run", rung=rung, target_error=target, report=False)
         seconds = processor_seconds() - started
     table = result.refinement
     settings = own_settings(scene, make_plan(scene, rung=rung)) if table is None else table.rounds[-1].settings
-    half = max((row.total.numerical or 0.0 for row in result.budget), default=0.0)
-    assert result.landings is not None
     rounds = 1 if table is None else len(table.rounds)
-    return Point(settings, _shares(result.landings.separation), half, seconds, rounds)
+    return TimedRun(settings, bin_shares(result), largest_half(result), seconds, rounds)
 
 
 def processor_seconds() -> float:
