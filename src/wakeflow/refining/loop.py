@@ -72,8 +72,8 @@ class _Way:
     def judged(self, result: Result, now: KnobSettings, choice: Choice | None) -> Refinement:
         """The table of all rounds, with the one that ``result`` is of."""
         rows, can = _rows(result), reachable(_rows(result), now, self.target)
-        known = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
-        spent = set(known) - self.made
+        taken = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
+        spent = set(taken) - self.made
         self.made |= spent
         before = self.rounds[-1].settings if self.rounds else None
         self.rounds.append(

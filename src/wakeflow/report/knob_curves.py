@@ -26,7 +26,11 @@ def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> Non
     for number, knob in enumerate(dict.fromkeys(row["knob"] for row in rows)):
         mine = sorted((row for row in rows if row["knob"] == knob), key=lambda row: row["seconds"])
         seconds = [row["seconds"] for row in mine]
-        look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)], "ms": 4.0}
+        look: dict[str, Any] = {
+            "color": COLOURS[number % len(COLOURS)],
+            "marker": MARKERS[number % len(MARKERS)],
+            "ms": 4.0,
+        }
         axes.plot(seconds, [100 * max(row["error"], LEAST) for row in mine], "-", label=knob, **look)
         axes.plot(seconds, [100 * max(row["half"], LEAST) for row in mine], ":", **look)
     axes.set_xscale("log")
