@@ -198,19 +198,21 @@ def report(run_folder: Path) -> None:
 @app.command
 def verify(
     what: str | None = None, *, slow: bool = False, as_json: Annotated[bool, Parameter(name="--json")] = False
-) -> None:
+) -> int:
     """Prove it: exact problems, landing error against run time beside other trackers, airflow beside published values.
 
     Parameters
     ----------
     what
-        tracker, problems, airflow, meshes, shares, crowd or funnel; or a scene file: its airflow beside published
-        values, or where nothing is published the error of its shares against run time. Default: all but crowd (granules
-        that meet, beside LIGGGHTS, DPMFoam, MPPICFoam and kinetic theory) and funnel, which need LIGGGHTS. Reports go
-        to runs/verify.
+        tracker, problems, airflow, meshes, shares, extremes (what happens at the ends of what can be asked for), crowd
+        or funnel; or a scene file: its airflow beside published values, or where nothing is published the error of its
+        shares against run time. Default: all but crowd (granules that meet, beside LIGGGHTS, DPMFoam, MPPICFoam and
+        kinetic theory) and funnel, which need LIGGGHTS. Reports go to runs/verify. Exit code 1 where a row of extremes
+        is missed.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
-        an hour or two of one core. A scene: its own airflow instead of a draft, and that on three grids. crowd: more
+        an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. A scene: its
+        own airflow instead of a draft, and that on three grids. crowd: more
         replicates and variants, a quarter of an hour. funnel: more beads, and the paper's 35 g.
     as_json
         Print JSON instead of tables.
@@ -226,6 +228,7 @@ def verify(
         print(json.dumps(reports, indent=2))
     else:
         runner.show(reports)
+    return runner.verdict_code(reports)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

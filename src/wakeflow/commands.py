@@ -1,4 +1,6 @@
-"""The commands for many scenes and for what runs leave: sweep, compare, bins, clean; and options of several."""
+"""The commands for many scenes and for what runs leave: sweep, compare, bins, sensitivity, clean; and options of
+several.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from .scene.rungs import rungs
 
 __all__ = [
     "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Target", "Threads", "bins", "clean", "compare",
-    "sweep",
+    "sensitivity", "sweep",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -179,6 +181,53 @@ def _portion(option: str, text: str) -> float:
         raise SceneError(f"--purity {option!r}: write it as FRACTION=0.99, or FRACTION for every purity") from None
 
 
+def sensitivity(
+    scene: Path,
+    *,
+    out: Folder = None,
+    settings: Settings = [],  # noqa: B006
+    rung: Fidelity = None,
+    force: Forced = [],  # noqa: B006
+    workers: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say which number of a scene moves which share by how much: a table, sensitivity.csv and a tornado plot.
+
+    Every number that is not known exactly is drawn with all others, from the scene's interval or a default one; a
+    regression parts what they do. Runs the scene where it has not been run; nothing more is flown.
+
+    Parameters
+    ----------
+    scene
+        A scene file, or the folder of a finished run.
+    """
+    from .report.csv import write_sensitivity
+    from .report.figures.inputs import draw_inputs
+    from .results.result import Result
+    from .runs import run
+    from .scene import Scene
+    from .scene.changes import run_folder
+    from .scene.overrides import changes_of
+    from .terminal import live, show_sensitivity
+
+    if scene.is_dir():
+        result = Result.load(scene)
+    else:
+        changes, switches = changes_of(settings), switches_of(force)
+        asked = Scene.load(scene, changes)
+        folder = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
+        with live(enabled=not quiet) as listener:
+            result = run(asked, folder, rung=rung, force=switches, workers=workers, listener=listener)
+    if result.landings is None or not result.landings.measure_next:
+        raise SceneError(f"{result.folder}: no share depends on what is unknown; give [uncertainty], or run it whole")
+    figure, table = result.folder / "figures" / "inputs.png", result.folder / "sensitivity.csv"
+    draw_inputs(figure, result.landings)
+    write_sensitivity(table, result.landings)
+    if not quiet:
+        show_sensitivity(result.landings)
+        print(f"{figure}\n{table}")
+
+
 def clean(
     *,
     everything: bool = False,
@@ -206,4 +255,4 @@ def clean(
     show_stages(stages)
 
 
-MANY = (sweep, compare, bins, clean)
+MANY = (sweep, compare, bins, sensitivity, clean)

@@ -6,6 +6,7 @@ That the compiled terms are the formulas of the records is shown by the exact pr
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def _slots(force: Force, grains: wf.Granules) -> list[str]:
 
 @pytest.mark.parametrize("name", COMPUTED)
 def test_a_force_that_is_not_random_has_a_formula_for_the_reference_integrator(name: str) -> None:
-    assert forces[name].random or forces[name].reference is not None
+    assert forces[name].random or forces[name].reference is not None or forces[name].memory is not None
 
 
 def test_a_record_carries_its_own_name_and_the_order_is_that_of_plans() -> None:
@@ -73,8 +74,6 @@ def test_what_a_field_lacks_is_named() -> None:
     assert forces["drag"].lacks(calm) is None
     with pytest.raises(SceneError, match="needs a field with pressure"):
         wf.track(calm, grains_of(1), until=0.1, forces=("pressure-gradient",))
-    with pytest.raises(SceneError, match="only bounded, not computed"):
-        wf.track(calm, grains_of(1), until=0.1, forces=("basset-history",))
 
 
 def test_added_mass_divides_every_acceleration() -> None:
@@ -152,6 +151,22 @@ def test_a_new_force_is_bounded_in_the_plan_and_flown_where_it_matters(electric:
     off = make_plan(scene, force={electric: False})
     assert all(electric not in fraction.forces for fraction in off.fractions.values())
     assert {row.fraction for row in off.left_out if row.name == electric} == set(scene.fraction)
+
+
+def test_a_force_that_is_only_bounded_is_not_flown_and_refuses_a_scene_that_needs_it(electric: str) -> None:
+    forces.remove(electric)
+    forces.add(electric, replace(ELECTRIC, computed=False))
+    with pytest.raises(SceneError, match="only bounded, not computed"):
+        wf.track(STILL, grains_of(1), until=0.1, forces=(electric,))
+    scene = Scene.load(CASES / "rhombus.toml", {"numerics.rung": "draft"})
+    with pytest.raises(SceneError, match=r"dust: electric is not computed .* --force dust.electric=off") as caught:
+        make_plan(scene)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(SceneError, match="cannot compute it"):
+        make_plan(scene, force={electric: True})
+    rows = [row for row in make_plan(scene, force={electric: False}).left_out if row.name == electric]
+    assert {row.fraction for row in rows} == set(scene.fraction)
+    assert all("switched off by --force" in row.why for row in rows)
 
 
 def test_a_force_that_was_taken_out_again_is_unknown() -> None:

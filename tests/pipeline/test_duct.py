@@ -107,7 +107,7 @@ def test_the_shipped_scene_runs_whole_and_solves_nothing(aspirator: Scene, tmp_p
     assert result.share("wheat", "heavy")[0] == 1.0  # 6 m/s lies in the published window of 4.85 to 7.04 m/s
     assert result.share("straw", "light")[0] > 0.99
     unknown = {part["source"] for row in table["budget"] for part in row["parts"] if part["how"] == "unknown"}
-    assert unknown == {"airflow-model", "impact-parameters"}
+    assert unknown == {"airflow-model"}
     assert table["slab"]["replicates"] >= 4  # a dense curtain: granules meet
     assert table["slab"]["meetings"]["straw"] > 0.1
     assert not [p for row in table["budget"] for p in row["parts"] if p["source"].startswith("collisions")]

@@ -19,9 +19,10 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.injection.feed import feedstock
-from wakeflow.laws.drag import drag_laws, slip_correction
+from wakeflow.laws.drag import drag_laws, slip_correction, terminal_velocity
 from wakeflow.laws.forces import FlightScales, forces
-from wakeflow.laws.forces.history_force import history_kernel, history_time
+from wakeflow.laws.forces.history_force import MEMORIES, history_kernel, history_time, memories_of
+from wakeflow.laws.material import materials
 from wakeflow.pipeline import landings
 from wakeflow.pipeline import tracks as flying
 from wakeflow.pipeline.landings import Landings, load_tracked
@@ -94,16 +95,32 @@ def test_a_tighter_accuracy_uses_more_terms_and_a_wider_one_fewer(draft: Scene) 
     assert make_plan(draft.replace({"numerics.target_error": 0.2})).target_error == 0.2
 
 
-def test_a_force_that_cannot_be_computed_refuses_the_scene_by_name(draft: Scene) -> None:
-    with pytest.raises(SceneError, match=r"chaff: basset-history .* --force chaff.basset-history=off") as caught:
-        make_plan(draft, target_error=0.004)
-    assert "\n" not in str(caught.value)
-    enough = float(str(caught.value).rpartition(" ")[2])
-    make_plan(draft, target_error=enough)  # the accuracy it names is enough
-    plan = make_plan(draft, target_error=0.004, force={"basset-history": False})
-    rows = [row for row in plan.left_out if row.name == "basset-history"]
-    assert {row.fraction for row in rows} == set(FRACTIONS)
-    assert all("switched off by --force" in row.why for row in rows)
+MACHINES = ("rhombus", "prism", "labyrinth", "aspirator", "funnel")
+
+
+@pytest.mark.parametrize("material", list(materials))
+@pytest.mark.parametrize("name", MACHINES)
+def test_every_material_is_usable_in_every_shipped_machine(name: str, material: str) -> None:
+    """Nothing is refused, and what the history force could move is computed or below the limit."""
+    scene = shipped(name)
+    first = next(iter(scene.fraction))
+    share = scene.fraction[first].mass_share
+    own = {"material": material} | ({} if share is None else {"mass_share": share})
+    for target in (0.01, None):
+        how = make_plan(shipped(name, {f"fraction.{first}": own}), target_error=target).fractions[first]
+        assert how.limit is not None
+        assert "basset-history" in how.forces or how.bounds["basset-history"] <= how.limit
+
+
+def test_granules_that_meet_fly_without_history_and_the_plan_says_so(draft: Scene) -> None:
+    on = {"chaff.basset-history": True}
+    alone, meeting = (make_plan(draft, force={**on, "collisions": way}) for way in (False, True))
+    assert "basset-history" in alone.fractions["chaff"].forces
+    assert not [row for row in alone.left_out if (row.fraction, row.name) == ("chaff", "basset-history")]
+    assert "basset-history" in meeting.fractions["chaff"].forces
+    (row,) = [row for row in meeting.left_out if (row.fraction, row.name) == ("chaff", "basset-history")]
+    assert "those of the slab" in row.why
+    assert row.bound == meeting.fractions["chaff"].bounds["basset-history"]
 
 
 @pytest.mark.parametrize(
@@ -113,7 +130,6 @@ def test_a_force_that_cannot_be_computed_refuses_the_scene_by_name(draft: Scene)
         ({"chaf.lift": True}, "no fraction 'chaf'; did you mean 'chaff'?"),
         ({"drag": False}, "always acts"),
         ({"wheat.gravity": False}, "always acts"),
-        ({"basset-history": True}, "cannot compute it"),
         ({"wheat.collisions": False}, "those of all fractions"),
     ],
 )
@@ -180,7 +196,7 @@ def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(draft: Scene) -> N
 def test_spin_lift_acts_wherever_the_spin_is_known_unless_it_is_switched_off(draft: Scene) -> None:
     """Whatever its bound: the material says that kernels turn, and what turns in air is lifted."""
     plan = make_plan(draft, target_error=0.5)
-    assert {name for name, how in plan.fractions.items() if "magnus" in how.forces} == {"wheat"}
+    assert {name for name, how in plan.fractions.items() if "magnus" in how.forces} == {"chaff", "dust", "wheat"}
     assert plan.fractions["wheat"].bounds["magnus"] < plan.fractions["wheat"].limit  # type: ignore[operator]
     off = make_plan(draft, target_error=0.5, force={"magnus": False})
     assert "magnus" not in off.fractions["wheat"].forces
@@ -289,6 +305,23 @@ def test_the_history_kernel_is_bassets_at_first_and_forgets_faster_later() -> No
     creeping = 2 * np.sqrt(0.2 * a**2 / (np.pi * nu))
     assert history_time(0.2, a, 0.0, nu) == pytest.approx(creeping, rel=1e-4)
     assert history_time(0.2, a, speed, nu) < 0.2 * creeping
+
+
+def test_memories_add_up_to_the_kernels_integral() -> None:
+    """To one percent, from a tenth of the granule's own time on; positive but for what rounds a tail off."""
+    diameter, density = (
+        np.array([6.37e-3, 1.3e-3, 3.88e-3, 5e-5, 1e-5, 1e-6]),
+        np.array([128.0, 200, 1300, 1500, 6, 2e3]),
+    )
+    own, weights = memories_of(diameter, density, np.ones(6), 1.2, 1.8e-5)
+    speed = terminal_velocity(diameter, density, 1.2, 1.8e-5)
+    stokes = density * diameter**2 / (18 * 1.8e-5)
+    for i in range(6):
+        for lasts in (0.1, 1.0, 10.0, 100.0):
+            felt = float(np.sum(weights[i] * own[i] * MEMORIES * -np.expm1(-lasts / MEMORIES)))
+            whole = history_time(lasts * own[i], diameter[i] / 2, speed[i], 1.5e-5) / stokes[i]
+            assert felt == pytest.approx(whole, rel=0.01)
+    assert np.all(weights > -1e-3 * weights.sum(axis=1, keepdims=True))
 
 
 # -- against the tracker -----------------------------------------------------------------------------------------------

@@ -12,12 +12,12 @@ from support import shipped
 from wakeflow.core.graded import Grade
 from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.make import make_plan
-from wakeflow.results.notices import _carried_up
+from wakeflow.results.notices import _out_of_the_top
 from wakeflow.terminal import MOST_WARNINGS, show_plan
 from wakeflow.tracking import Fate
 
 
-def test_granules_that_the_air_carries_out_above_are_told_and_those_that_fall_are_not() -> None:
+def test_granules_that_leave_above_are_told_and_those_that_fall_are_not() -> None:
     scene = shipped("aspirator")
     above, below = scene.level + 0.1, scene.level - 0.1
     row = np.zeros(4, dtype=int)
@@ -27,10 +27,12 @@ def test_granules_that_the_air_carries_out_above_are_told_and_those_that_fall_ar
         replicate=row, diameter=row, fate=np.full(4, Fate.ESCAPED), time=row, impacts=row, realisation=row, cycle=row,
     )  # fmt: skip
     tracked = cast("Any", SimpleNamespace(landings={"straw": landing}))
-    (told,) = _carried_up(scene, tracked)
+    (told,) = _out_of_the_top(scene, tracked)
     assert told.text.startswith("straw: 0.5 of it leaves through the top")
     assert "on = 'top'" in told.text
-    assert not list(_carried_up(scene.replace({"air.direction": "down"}), tracked))
+    (thrown,) = _out_of_the_top(scene.replace({"air.direction": "down"}), tracked)
+    assert thrown.text.startswith("straw: 0.5 of it is thrown out through the top")
+    assert "channel.top" in thrown.text
 
 
 def test_the_gravest_stand_on_screen_and_the_rest_are_counted(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from support import DENSITY, VISCOSITY, G, field_of, shaken_mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws
-from wakeflow.tracking import Fate, Granules, Tracks, track
+from wakeflow.tracking import Collisions, Fate, Granules, Tracks, track
 
 
 def still(points: np.ndarray) -> np.ndarray:
@@ -510,7 +510,10 @@ def test_bad_granules_are_named(changes: dict[str, object], message: str) -> Non
     ("changes", "message"),
     [
         ({"forces": ("drag", "lifft")}, r"unknown force 'lifft'; did you mean 'lift'\? \(known: drag, gravity, "),
-        ({"forces": ("drag", "basset-history")}, "'basset-history' is only bounded, not computed"),
+        (
+            {"forces": ("drag", "basset-history"), "collisions": Collisions(depth=0.1)},
+            "basset-history remembers the past",
+        ),
         ({"forces": ("dispersion",)}, "dispersion needs a field with k and dissipation; a laminar airflow has none"),
         ({"seed": -1}, "seed = -1 must lie between 0"),
         ({"forces": ("gravitiy",)}, "did you mean 'gravity'"),

@@ -185,6 +185,7 @@ def test_the_first_of_the_long_number_lies_where_the_truth_does() -> None:
         ("saffman-lift", False),
         ("magnus-circle", False),
         ("spin-decay", False),
+        ("remembered-settling", True),
     ],
 )
 def test_the_judge_agrees_with_closed_forms(name: str, stiff: bool) -> None:

@@ -234,8 +234,8 @@ def test_score_counts_what_met_the_walls_otherwise() -> None:
 
 
 def test_what_is_not_there_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SceneError, match="not in this version"):
-        prove("extremes", slow=False, tell=lambda text: None)
+    with pytest.raises(SceneError, match="did you mean 'extremes'"):
+        prove("extreme", slow=False, tell=lambda text: None)
     assert main(["verify", "trackers"]) == 2
     assert "did you mean" in capsys.readouterr().err
 

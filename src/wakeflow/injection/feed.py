@@ -31,7 +31,7 @@ from ..laws.restitution import restitution_at
 from ..laws.size import normal_quantile
 from ..planning.impaction import axis
 from ..planning.plan import REPLICATES, FractionPlan, Plan
-from ..planning.unknowns import GranuleVariation
+from ..planning.variation import GranuleVariation
 from ..scene import Fraction, Scene, Speeds
 from ..tracking import Granules
 from .first_contact import first_contact, motion_of
@@ -223,6 +223,7 @@ def feedstock(
         lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
         return Feedstock(lying, replicate, injected)
     position, velocity = _released(scene, fraction_plan, grains, x, level, speed)
+    came = velocity.copy()
     if fraction_plan.mode == "injected":
         height, normal = contact_points(scene.first_outline, x, diameter / 2)
         meets = np.isfinite(height)
@@ -235,8 +236,9 @@ def feedstock(
         time[i], wall = first_contact(fall[i], normal[i], passing, motion_of(scene), pull)
         since = time[i] - passing
         position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
-        velocity[i], spin[i] = _rebound(grains[i], fall[i] + pull * since, normal[i], wall, traits[i, 3])
-    entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin)
+        came[i, 1] = -(fall[i] + pull * since)
+        velocity[i], spin[i] = _rebound(grains[i], -came[i, 1], normal[i], wall, traits[i, 3])
+    entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin, arrival=came)
     return Feedstock(entered, replicate, injected)
 
 

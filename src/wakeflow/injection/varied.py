@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..laws.restitution import Restitution
-from ..planning.unknowns import GranuleVariation
+from ..planning.variation import GranuleVariation
 from ..tracking import Granules
 
 __all__ = ["varied_granules"]
@@ -29,4 +29,5 @@ def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
         friction=grains.friction * variation.friction,
         scatter=np.minimum(grains.scatter * variation.scatter, MOST_SCATTER),
         drag_scale=grains.drag_scale * variation.drag,
+        inertia=grains.inertia / variation.turning,
     )

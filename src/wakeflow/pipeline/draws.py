@@ -19,7 +19,8 @@ from ..core.files import atomic_write
 from ..core.store import content_key
 from ..laws.size import normal_quantile
 from ..planning.plan import REPLICATES, replicate_size
-from ..planning.unknowns import AirVariation, Unknown, unknown_kinds, unknowns, variation_at
+from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
+from ..planning.variation import AirVariation
 from .cache import code_of
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from ..injection.feed import Feedstock, feedstock
 from ..injection.first_contact import motion_of
 from ..laws.constants import GRAVITY
 from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
-from ..planning.unknowns import GranuleVariation
+from ..planning.variation import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Fate, Granules, Tracks

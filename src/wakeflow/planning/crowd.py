@@ -13,12 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import SceneError
+from ..core.quantities import metres
 from ..laws.constants import GRAVITY
 from ..laws.drag import slip_correction
 from ..scene import Fraction, Scene
 from .uniform_fall import UniformFall
 
-__all__ = ["NO_RATE", "CrowdPlan", "crowd_lines", "granule_masses", "number_rates", "plan_crowd", "why_no_crowd"]
+__all__ = [
+    "NO_RATE", "CrowdPlan", "crowd_lines", "granule_masses", "number_rates", "plan_crowd", "too_many_to_meet",
+    "why_no_crowd",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 DIAMETERS = 15.0  # of the coarsest granules: default depth of the slab
@@ -64,6 +69,25 @@ def why_no_crowd(scene: Scene, *, asked: bool = False) -> str | None:
     return NO_RATE if scene.feed.rate is None and not asked else None
 
 
+def too_many_to_meet(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str | None:
+    """Why no slab can be flown at this feed rate: of the fraction with the heaviest granules, which turn all others,
+    too many would be in flight to be simulated one by one. None where they are few enough. ``laws`` as in
+    :func:`plan_crowd`.
+    """
+    stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
+    depth = _depth(scene, stays)
+    heaviest = max(scene.fraction, key=lambda name: float(np.median(granule_masses(scene, name))))
+    if _simulated(scene, heaviest, depth, stays[heaviest])[1]:
+        return None
+    number = float(number_rates(scene, heaviest).sum()) * depth / scene.feed.depth * stays[heaviest]
+    enough = MOST_IN_FLIGHT / number
+    return (
+        f"{number:.2g} granules of {heaviest} would be in flight in a slab {metres(depth, 3)} deep, more than the "
+        f"{MOST_IN_FLIGHT:g} that are simulated one by one; set collisions.depth below {metres(depth * enough, 2)}, or "
+        f"feed.rate below {3600.0 * scene.feed.mass_flow * enough:.2g} kg/h"
+    )
+
+
 def plan_crowd(
     scene: Scene, laws: Mapping[str, tuple[str, float]], target: float, *, paired: bool = False
 ) -> CrowdPlan:
@@ -72,8 +96,10 @@ def plan_crowd(
 
     Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
     known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count, and for no more steps
-    than a run can afford.
+    than a run can afford. Raises SceneError where :func:`too_many_to_meet` says why none can be flown.
     """
+    if (obstacle := too_many_to_meet(scene, laws)) is not None:
+        raise SceneError(f"collisions: {obstacle}")
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
     depth = _depth(scene, stays)
     tracers, rates = {}, {}

@@ -15,16 +15,14 @@ from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import FlightScales
 from ..laws.forces.scales import NEAR
 from ..scene import Fraction, Scene
-from .meetings import Encounters, thrown_by
+from .meetings import RECIRCULATION, Encounters, thrown_by
 from .uniform_fall import FallTimes, UniformFall
 
 __all__ = ["flights"]
 
 Array = NDArray[np.float64]
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over: 90 % lie between
-# Chosen, as the round numbers of the bounds are
-RECIRCULATION = 0.2  # of the air speed U: how fast air that granules fall into leaves the wake
-NEARLY = 1.001  # of the air speed: terminal velocity of a granule that hangs in upward air for long
+NEARLY = 1.001  # of the air speed: terminal velocity of a granule that hangs in upward air for long; chosen
 
 
 def flights(

@@ -21,7 +21,7 @@ from .approach import Approach, approaches, arrival_at_body
 from .bounds import COLLISIONS, LOADING, VIBRATION, bounds, moved_by_air
 from .cost import estimate_cost
 from .coupling import Limit, limits
-from .crowd import CrowdPlan, plan_crowd, why_no_crowd
+from .crowd import CrowdPlan, plan_crowd, too_many_to_meet, why_no_crowd
 from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
 from .meetings import Encounters, shifted
@@ -62,7 +62,7 @@ def make_plan(
     flown = airflow.flown(given)
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
-    obstacle = LOOK if flown is not given else why_no_crowd(flown)
+    obstacle = LOOK if flown is not given else _why_none_meet(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
@@ -147,8 +147,17 @@ def _crowd(
     if asked is None:
         limit = limit_of(scene, target)
         asked = obstacle is None and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
-    laws = {name: (one.law, one.scale) for name, one in approaches.items()}
-    return plan_crowd(scene, laws, target, paired=paired) if asked else None
+    return plan_crowd(scene, _laws(approaches), target, paired=paired) if asked else None
+
+
+def _why_none_meet(scene: Scene, approaches: Mapping[str, Approach]) -> str | None:
+    """Why no slab can be flown for a scene at its feed rate; None where one can."""
+    return why_no_crowd(scene) or too_many_to_meet(scene, _laws(approaches))
+
+
+def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
+    """Of each fraction: its drag law and the factor on it."""
+    return {name: (one.law, one.scale) for name, one in approaches.items()}
 
 
 class _Decided(NamedTuple):
@@ -172,7 +181,7 @@ def _decide(
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
     if scene.air is None:
         return _in_vacuum(scene, name, known, switches, target, whole, obstacle)
-    gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole)
+    gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole, crowded=obstacle)
     turned = known.turned
     small = LOADING not in whole and turned is not None and turned.missed <= target and turned.shift <= gate.limit
     arrival = arrival_at_body(scene, name, known.law, known.scale)

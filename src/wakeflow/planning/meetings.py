@@ -5,14 +5,18 @@ pi/4 (d_i + d_j)^2 and n_j is the number in a volume. Four ways of meeting count
 those of another on their fall; one that leaves the body crosses the curtain that still falls; one that falls passes
 through those that leave; and those that slide and hop down a slope meet in the layer that they are there. Only partners
 as heavy or heavier turn a granule out of its way: each counts with the share 2 m_j / (m_i + m_j), one at most.
-docs/throughput.md sets the numbers beside those counted in slabs of three scenes.
+
+The wake of a body in upward air is above it, where the feed is, and shelters what falls: the air in it flows up as much
+as down, and light fractions that fall faster than it recirculates come down with the heavy ones, as through air at
+rest, and leave the body with them before the air beside it takes them away.
+docs/throughput.md sets the numbers beside those counted in slabs.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +41,9 @@ SLOWEST = 0.1  # m/s: the slowest fall that is believed of a curtain, which woul
 LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
 STEPS = 400  # of a fall in a vacuum
 ENTRIES, PLACES = 24, 96  # on a slope, of the sums over where granules came down and where they meet
+SHELTER = 3.0  # body widths from y = 0: a closed wake is at least as long; chosen
+RECIRCULATION = 0.2  # of the air speed U: how fast air that granules fall into leaves the wake; chosen
+CALM = 1e-3  # of the air speed: the wake's mean, zero but for round-off
 LONGEST = 1.0  # s: the longest that a granule is taken to lie in the curtain's way where nothing moves it out; chosen
 
 
@@ -221,22 +228,41 @@ def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: fl
     phi = fraction.sphericity or 1.0
     factor = scale / float(slip_correction(diameter))
     fall = UniformFall(scene, scene.air, diameter, fraction.properties.density, law, phi, factor)
+    if _sheltered(scene) and fall.settling > RECIRCULATION * scene.air.speed:
+        fall = replace(fall, air=scene.air.model_copy(update={"speed": CALM * scene.air.speed}))
     room = max(scene.channel.top - scene.level - (above if scene.body else 0.0), scene.width)
     rows = np.array([(0.0, 0.0, speed), *fall.points(speed, down, room)])
     return _Fall(*rows.T)
+
+
+def _sheltered(scene: Scene) -> bool:
+    """Whether the curtain falls through the first body's wake, all the way from the feed: in upward air, no wider than
+    the body and no higher than its wake is long.
+    """
+    if not scene.body or scene.air is None or scene.air.direction == "down":
+        return False
+    high = scene.level + scene.release[0]
+    return abs(scene.feed.position) + 0.5 * scene.feed.width <= 0.5 * scene.width and high <= SHELTER * scene.width
+
+
+def _rows(scene: Scene) -> int:
+    """Rows of bodies that a granule comes past one after the other: those at one height, to half a width, are one."""
+    heights = np.sort([body.outline()[:, 1].mean() for body in scene.body.values()])
+    return 1 + int(np.count_nonzero(np.diff(heights) > 0.5 * scene.width))
 
 
 def _crossing(scene: Scene, thrown: float) -> float:
     """Seconds for which a granule that leaves a body is in the way of those that fall after it, all bodies together.
 
     Across half of the curtain, at first ``thrown`` (m/s) sideways and then faster, as one that slides down the slope
-    without friction; twice the mean way to the curtain's edge, for those that bounce on the slope more than once.
+    without friction; twice the mean way to the curtain's edge, for those that bounce on the slope more than once. The
+    first body parts the curtain: each further row of bodies is met by streams half as dense.
     """
     pull = GRAVITY * 0.5 * math.sin(2.0 * slope_of(scene)[0])
     way = 0.5 * scene.feed.width
     root = math.sqrt(thrown**2 + 2.0 * pull * way)
     once = 2.0 * way / (root + thrown) if root + thrown > 0.0 else LONGEST
-    return len(scene.body) * min(once, LONGEST)
+    return 0.5 * (1 + _rows(scene)) * min(once, LONGEST)
 
 
 def slope_of(scene: Scene) -> tuple[float, float]:

@@ -34,6 +34,7 @@ NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, w
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
 SWITCHED_OFF = "switched off by --force"
+IN_SLAB = "computed for granules alone; those of the slab, where granules meet, fly without it"
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
@@ -123,20 +124,21 @@ def open_gate(
     turbulence: str | None,
     *,
     whole: Collection[str] = (),
+    crowded: str | None = None,
 ) -> Gate:
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
-    share; ``whole``: terms that are computed for the run as a whole, of all fractions together.
+    share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
+    collisions cannot be, None where they can.
 
-    What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
+    A force that remembers the past is computed for granules alone, and left out of the slab in which they meet. What
+    acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
     known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
-    blocked = {term: _blocked(scene, scene.fraction[name], term, turbulence) for term in bounds}
-    small = _small(shifts, blocked, limit)
-    if scene.body:
-        small -= {term for term in shifts if term in forces and forces[term].turns and blocked[term] is None}
+    blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
+    small = _small(shifts, blocked, limit, turning=bool(scene.body))
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
         if term in whole:
@@ -149,15 +151,23 @@ def open_gate(
         if switched is False:
             reason = SWITCHED_OFF
         elif term not in small and obstacle is not None:
-            reason = obstacle
             if term in forces and not forces[term].computed:
                 raise SceneError(_refusal(name, term, shift, limit, target, scene.unit))
-            missing[term] = obstacle
+            missing[term] = reason = obstacle
         left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
     order = tuple(term for term in forces if term in used)
+    alone = order if COLLISIONS in whole else ()
+    missing |= {term: IN_SLAB for term in alone if forces[term].memory is not None and shifts[term] > limit}
+    left_out += _left_out_of_slab(name, alone, shifts)
     return Gate(
         (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
     )  # fmt: skip
+
+
+def _left_out_of_slab(name: str, used: Sequence[str], shifts: Mapping[str, float]) -> list[LeftOutTerm]:
+    """Those of the ``used`` forces of a fraction that granules which meet fly without."""
+    past = [term for term in used if forces[term].memory is not None]
+    return [LeftOutTerm(term, shifts[term], f"{bounds[term].why}; {IN_SLAB}", name) for term in past]
 
 
 def _always() -> tuple[str, ...]:
@@ -184,9 +194,10 @@ def limit_of(scene: Scene, target: float) -> float:
     return target * _sides(scene) / TYPICAL
 
 
-def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit: float) -> set[str]:
+def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit: float, *, turning: bool) -> set[str]:
     """Terms small enough to be left out: those below ``limit``, and of those that can be computed, smallest first,
-    only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING).
+    only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING). What acts
+    on granules that turn is not among them where a body makes them turn (``turning``).
     """
     below = sorted((term for term, shift in shifts.items() if shift <= limit), key=lambda term: shifts[term])
     small = {term for term in below if blocked[term] is not None}
@@ -195,13 +206,14 @@ def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit
         if term not in small and (total + shifts[term] <= 0.5 * limit or shifts[term] <= NOTHING * limit):
             small.add(term)
             total += shifts[term]
-    return small
+    acting = {term for term in small if term in forces and forces[term].turns and blocked[term] is None}
+    return small - acting if turning else small
 
 
-def _blocked(scene: Scene, fraction: Fraction, term: str, turbulence: str | None) -> str | None:
-    """Why a term cannot be computed for a fraction; None where it can."""
+def _blocked(fraction: Fraction, term: str, turbulence: str | None, crowded: str | None) -> str | None:
+    """Why a term cannot be computed for a fraction; None where it can. ``crowded``: why collisions cannot."""
     if term == COLLISIONS:
-        return why_no_crowd(scene)
+        return crowded
     if term == VIBRATION:
         return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
     if term == LOADING:

@@ -7,9 +7,8 @@ together; numbers that fractions share, as the air's speed, are drawn once for a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +24,11 @@ from ..laws.uncertainties import default_margins
 from ..scene import Fraction, Scene
 from .airflow import AirflowPlan
 from .plan import FractionPlan, Plan
+from .variation import Variation
 
 __all__ = [
-    "AirVariation",
-    "GranuleVariation",
     "Unknown",
     "UnknownKind",
-    "Variation",
     "unknown_kinds",
     "unknowns",
     "variation_at",
@@ -43,66 +40,6 @@ FARTHEST = 2.5  # standard deviations at which a draw is cut off: 1.2 % lie beyo
 LEAST = 1e-3  # a factor is no smaller, however wide its interval
 GIVEN = "given"
 DISPERSES = "dispersion"  # the force that the turbulence's unknowns act through
-ONE = 1.0
-
-
-@dataclass(frozen=True)
-class GranuleVariation:
-    """What a draw changes of a fraction's granules: added to the restitution, factors on the rest. ``drag``: on the
-    drag coefficient; ``size``: on the diameter.
-    """
-
-    restitution: float = 0.0
-    friction: float = ONE
-    scatter: float = ONE
-    drag: float = ONE
-    size: float = ONE
-
-
-@dataclass(frozen=True)
-class AirVariation:
-    """What a draw changes of the air: factors on its ``speed``, on the ``energy`` of its turbulence, on the
-    ``lifetime`` of the eddies; ``theta`` and ``strength`` of the wake instead of the plan's (None: the plan's).
-    """
-
-    speed: float = ONE
-    energy: float = ONE
-    lifetime: float = ONE
-    theta: float | None = None
-    strength: float | None = None
-
-
-@dataclass(frozen=True)
-class Variation:
-    """One draw: of the granules by fraction, of the air, of the curtain (a factor on its width, a shift in m)."""
-
-    granules: Mapping[str, GranuleVariation] = field(default_factory=dict)
-    air: AirVariation = AirVariation()
-    feed_width: float = ONE
-    feed_shift: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "granules", MappingProxyType(dict(self.granules)))
-
-    def of(self, name: str) -> GranuleVariation:
-        """What changes of fraction ``name``."""
-        return self.granules.get(name, GranuleVariation())
-
-    def with_granules(self, name: str, **changes: float) -> Variation:
-        """The same draw with something more changed of fraction ``name``."""
-        return replace(self, granules={**self.granules, name: replace(self.of(name), **changes)})
-
-    def with_air(self, **changes: float) -> Variation:
-        """The same draw with something more changed of the air."""
-        return replace(self, air=replace(self.air, **changes))
-
-    def fed(self, scene: Scene) -> Scene:
-        """The scene with the curtain and the air's speed of this draw."""
-        feed = scene.feed.model_copy(
-            update={"width": scene.feed.width * self.feed_width, "position": scene.feed.position + self.feed_shift}
-        )
-        air = scene.air and scene.air.model_copy(update={"speed": scene.air.speed * self.air.speed})
-        return scene.model_copy(update={"feed": feed, "air": air})
 
 
 @dataclass(frozen=True)
@@ -181,7 +118,12 @@ def _confidence(fraction: Fraction, name: str) -> str:
     return material.confidence if evidence is None else evidence.confidence
 
 
-def _of_fractions(entry: str, unit: str, value: Callable[[Fraction], float | None]) -> Callable[..., Iterator[Unknown]]:
+def _of_fractions(
+    entry: str,
+    unit: str,
+    value: Callable[[Fraction], float | None],
+    confidence: Callable[[Fraction, str], str] = _confidence,
+) -> Callable[..., Iterator[Unknown]]:
     """Finds one unknown a fraction, under its own name in a scene."""
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
@@ -189,10 +131,22 @@ def _of_fractions(entry: str, unit: str, value: Callable[[Fraction], float | Non
             fraction = scene.fraction[name]
             number, key = value(fraction), f"fraction.{name}.{entry}"
             if number is not None and number > 0.0:
-                half, why = _half(scene, key, entry, number, _confidence(fraction, entry))
+                half, why = _half(scene, key, entry, number, confidence(fraction, entry))
                 yield Unknown(key, entry, number, half, half, unit, why, name)
 
     return found
+
+
+def _turning(fraction: Fraction) -> float | None:
+    """m r^2 / I of granules that turn."""
+    return None if fraction.inertia is None else 1.0 / fraction.inertia
+
+
+def _how_known(fraction: Fraction, name: str) -> str:
+    """How well it is known how granules turn: as their material's impact model is, or given."""
+    del name
+    own = fraction.impact is not None or fraction.own_inertia is not None
+    return GIVEN if own or fraction.material is None else materials[fraction.material].evidence["impact"].confidence
 
 
 def _restitution(fraction: Fraction) -> float:
@@ -261,6 +215,7 @@ unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
 unknown_kinds.add(
     "size", UnknownKind(_of_fractions("size", "m", lambda f: f.properties.diameter), _of_granules("size"))
 )
+unknown_kinds.add("turning", UnknownKind(_of_fractions("turning", "1", _turning, _how_known), _of_granules("turning")))
 
 
 # -- of the curtain and the air ----------------------------------------------------------------------------------------

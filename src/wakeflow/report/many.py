@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ __all__ = [
 Array = NDArray[np.float64]
 STYLES = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
+LONGEST = 40  # letters of what tells a line from the others
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
@@ -109,7 +111,7 @@ def _lines(axes: Axes, table: ResultTable, name: str, key: str, colour: str) -> 
         points.sort()
         x, values = [p.x for p in points], np.array([p.value for p in points])
         low, high = _arms(points)
-        label = name if not rest else f"{name}, {rest}"
+        label = name if not rest else f"{name}, {shorten(rest, LONGEST, placeholder=' ...')}"
         axes.plot(x, values, style, marker="o", ms=3, lw=1.2, color=colour, label=label)
         axes.fill_between(x, values - low, values + high, color=colour, alpha=0.18, linewidth=0)
 

@@ -24,6 +24,7 @@ __all__ = [
     "LandingResults",
     "LoadingEffect",
     "Separation",
+    "least_certain",
 ]
 
 SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
@@ -153,3 +154,13 @@ class LandingResults:
     measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
         "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
     )
+
+
+def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:
+    """Of each fraction the bin whose share the unknown numbers move most, and what each of them does, largest first."""
+    found = {}
+    for name, places in (landings.measure_next or {}).items():
+        if places:
+            place = max(places, key=lambda one: sum(part.half**2 for part in places[one].values()))
+            found[name] = place, places[place]
+    return found

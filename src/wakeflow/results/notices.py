@@ -51,7 +51,7 @@ def notices(
             found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
         found += [
             *_passing(pipeline, tracked),
-            *_carried_up(scene, tracked),
+            *_out_of_the_top(scene, tracked),
             *_unlanded(tracked.fates if slab is None else slab.fates),
         ]
     return found
@@ -68,18 +68,16 @@ def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
             )
 
 
-def _carried_up(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
-    """Of upward air: the fractions that leave the channel above the feed, where no bin counts them."""
-    if scene.air is None or scene.air.direction != "up":
-        return
+def _out_of_the_top(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
+    """Of the fractions that leave the channel above the feed, where no bin counts them: with upward air, or thrown."""
+    carried = scene.air is not None and scene.air.direction == "up"
+    how = "leaves through the top with the air" if carried else "is thrown out through the top"
+    mend = "a [bin.NAME] with on = 'top' counts it" if carried else "a higher channel.top keeps it in"
     for name, landing in tracked.landings.items():
         gone = (landing.bin < 0) & (landing.fate == Fate.ESCAPED) & (landing.position[:, 1] > scene.level)
         share = float(landing.mass_shares[gone].sum())
         if share > 0.0:
-            yield less_sure(
-                f"{name}: {share:.2g} of it leaves through the top with the air and counts as elsewhere; "
-                "a [bin.NAME] with on = 'top' counts it"
-            )
+            yield less_sure(f"{name}: {share:.2g} of it {how} and counts as elsewhere; {mend}")
 
 
 def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:

@@ -52,9 +52,10 @@ __all__ = [
 ]
 
 Parts = Mapping[str, Sequence[BudgetPart]]
-# Of what the force moves: the error of taking the steady end's change for that of both ends. Measured in the shipped
-# rhombus (cases/studies/air_loading.py --both): 1.2 for dust, 0.1 for chaff and wheat; the largest counts
-OTHER_WAKE = 1.2
+# Of what the force moves: the error of taking the steady end's change for that of both ends, of granules that follow
+# the air (approach Stokes number below FOLLOWS) and of others. Measured in the shipped rhombus
+# (cases/studies/air_loading.py --both): 1.2 for dust (1.4), 0.1 for chaff (16) and wheat (98), of which three times
+OTHER_WAKE, OWN_WAY, FOLLOWS = 1.2, 0.3, 5.0
 AIR_SPEED = "air.speed"  # the unknown that stands for what the air beside a body that vibrates does
 WEIGHTY, MOST_TOLD = 0.1, 3  # part of the variance from which an unknown is told, and how many are
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
@@ -147,8 +148,8 @@ class AirflowModel(Source[Comparison[Wake]]):
 
 
 class LoadedAir(Source[Unloaded]):
-    """The granules' force on the air: what the last pass changed, and of an airflow in time OTHER_WAKE of what the
-    force does, since the change is that of the steady wake.
+    """The granules' force on the air: what the last pass changed, and of an airflow in time a part of what the force
+    does, since the change is that of the steady wake.
     """
 
     name, how, place = LOADING, COMPANION, 55
@@ -160,13 +161,15 @@ class LoadedAir(Source[Unloaded]):
         flown, loading = fraction.flights.of(self), fraction.pipeline.loading
         if flown is None or loading is None:
             return {}
-        in_time = fraction.pipeline.plan.airflow.stepping != "steady"
+        plan = fraction.pipeline.plan
+        follows = plan.fractions[fraction.name].stokes < FOLLOWS
+        other = 0.0 if plan.airflow.stepping == "steady" else OTHER_WAKE if follows else OWN_WAY
         found = {}
         for number, bin_ in enumerate(fraction.shares):
             effect = flown.effect(fraction.name, number)
             moved, last = effect.loaded - effect.without, loading.last_change(fraction.name, number)
             told = f"the force moves the share by {100 * moved:+.2g} points, its last pass by {100 * last:+.2g}"
-            error = abs(last) + (OTHER_WAKE * abs(moved) if in_time else 0.0)
+            error = abs(last) + other * abs(moved)
             found[bin_] = [self.part(error, flown.seconds, told)]
         return found
 

@@ -23,7 +23,7 @@ __all__ = ["DONE", "FAILED", "OPEN", "Entry", "ResultTable"]
 
 DONE, FAILED, OPEN = "done", "failed", "open"
 Cell = str | float | None
-NUMBERS = ("value", "low", "high", "error")
+NUMBERS = ("value", "low", "high", "error", "numerical")
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class ResultTable:
         found: list[list[Cell]] = []
         for entry in self.entries:
             head: list[Cell] = [entry.name, entry.state, *(_cell(entry.inputs.get(key)) for key in self.inputs)]
-            numbers = [[q.name, q.value, q.low, q.high, q.error, q.unit] for q in entry.quantities]
+            numbers = [[q.name, q.value, q.low, q.high, q.error, q.numerical, q.unit] for q in entry.quantities]
             empty: list[list[Cell]] = [[None] * (2 + len(NUMBERS))]
             found += [[*head, *row, entry.reason or None] for row in numbers or empty]
         return found

@@ -25,7 +25,8 @@ __all__ = [
     "picture_tables",
 ]
 
-STANDARD_FIGURES = ("pressure", "tracks", "discharge", "landing")  # modules of report.figures: no picture takes a name
+# modules of report.figures: no picture takes a name
+STANDARD_FIGURES = ("pressure", "tracks", "discharge", "landing", "inputs")
 DRAWN = 48  # tracks of each fraction that are drawn one by one
 Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]
 

@@ -18,7 +18,14 @@ __all__ = ["OF_FRACTION", "OF_SCENE", "Margin", "margins", "with_uncertainty_tab
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
 VALUE, MARGIN, TABLE = "value", "uncertainty", "uncertainty"
 # What may be uncertain, and the unit of each number
-OF_FRACTION = {"restitution": "1", "friction": "1", "rebound_scatter": "rad", "terminal_velocity": "m/s", "size": "m"}
+OF_FRACTION = {
+    "restitution": "1",
+    "friction": "1",
+    "rebound_scatter": "rad",
+    "terminal_velocity": "m/s",
+    "size": "m",
+    "turning": "1",
+}
 OF_SCENE = {
     "feed.width": "m", "feed.position": "m", "air.speed": "m/s", "air.turbulence": "1", "wake.theta": "1",
     "wake.strength": "1", "dispersion": "1",

@@ -14,6 +14,7 @@ from ..core.errors import SceneError
 from ..core.process import cores
 from ..field import FlowField, Swing
 from ..laws.constants import GRAVITY
+from ..laws.forces import forces as all_forces
 from .bodies import Body, Motion
 from .crowd.collisions import Collisions
 from .frame import from_frame, swing_of, to_frame
@@ -65,8 +66,8 @@ def track(
 
     ``tolerance`` is the landing error in units of ``length`` (m; default: width of the first body, 1 m without one).
     ``forces``: names of :mod:`wakeflow.laws.forces`: drag, gravity (g alone), buoyancy, pressure-gradient, added-mass,
-    lift, magnus, dispersion, brownian; those of the air do nothing in a vacuum. ``drag``: a law, or one for each
-    ``fraction`` of the granules.
+    lift, magnus, dispersion, brownian, basset-history; those of the air do nothing in a vacuum. ``drag``: a law, or one
+    for each ``fraction`` of the granules.
     ``bodies`` are outlines (k, 2), which move by ``motion``, or Body; ``lines`` (k, 2) polylines that end a track
     when its centre crosses them. An edge of the mesh that no body covers ends it there: BINNED when it lies on a
     line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
@@ -177,6 +178,11 @@ def _fly_crowd(
     flight: _Flight, found: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object] | None
 ) -> Tracks:
     """The same granules as a crowd, in the lab; its step is judged by flights of a sample, each granule alone."""
+    past = [name for name in flight.forces if all_forces[name].memory is not None]
+    if past:
+        raise SceneError(
+            f"forces: {past[0]} remembers the past, which granules that meet have no record of; leave it out"
+        )
     from .crowd.driver import Slab
     from .crowd.step import fly_crowd
 

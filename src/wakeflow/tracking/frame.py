@@ -63,9 +63,10 @@ def to_frame(grains: Granules, swing: Swing | None) -> Granules:
     """Granules at birth as seen from the mesh."""
     if swing is None:
         return grains
-    t = grains.time
+    t, pace = grains.time, swing.velocity(grains.time)
+    came = None if grains.arrival is None else grains.arrival - pace
     return grains.replace(
-        position=grains.position - swing.displacement(t), velocity=grains.velocity - swing.velocity(t)
+        position=grains.position - swing.displacement(t), velocity=grains.velocity - pace, arrival=came
     )
 
 

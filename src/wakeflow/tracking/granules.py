@@ -58,8 +58,9 @@ class Granules:
     approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.rebound``);
     ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``);
-    ``depth`` m, its place across the slab of a crowd, None: drawn evenly. Raises SceneError, naming the count and the
-    first index, for values that are not finite or out of range.
+    ``depth`` m, its place across the slab of a crowd, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
+    which it came to the impact that it is born of, which the history force remembers, None: no impact. Raises
+    SceneError, naming the count and the first index, for values that are not finite or out of range.
     """
 
     position: Array
@@ -78,6 +79,7 @@ class Granules:
     scatter: Any = 0.0
     tangential_restitution: Any = 0.0
     depth: Any = None
+    arrival: Any = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.position)
@@ -100,6 +102,8 @@ class Granules:
         object.__setattr__(self, "inertia", inertia)
         if self.depth is not None:
             object.__setattr__(self, "depth", _clean("depth", self.depth, shape[:1]))
+        if self.arrival is not None:
+            object.__setattr__(self, "arrival", _clean("arrival", self.arrival, shape))
 
     def __len__(self) -> int:
         return len(self.position)

@@ -29,6 +29,7 @@ def pack_state(
     floats = np.zeros((len(grains), at.FLOATS))
     floats[:, at.X], floats[:, at.Y] = grains.position.T
     floats[:, at.VX], floats[:, at.VY] = grains.velocity.T
+    floats[:, [at.LAG, at.LAG + 1]] = grains.velocity if grains.arrival is None else grains.arrival
     floats[:, at.SPIN], floats[:, at.T], floats[:, at.BORN] = grains.spin, grains.time, grains.time
     ints = np.zeros((len(grains), at.INTS), dtype=np.int64)
     ints[:, [at.FATE, at.LINE, at.FEATURE, at.GAP, at.TRI]] = -1

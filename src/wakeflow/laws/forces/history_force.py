@@ -1,19 +1,43 @@
-"""The history force (Basset): drag's memory of past slip. It is bounded and not computed."""
+"""The history force (Basset, Mei & Adrian): drag's memory of how the slip came about, as a sum of fading memories.
+
+A granule's slip s = u - v through the air adds to the drag of the moment
+
+    F / m = 1 / tau_S  int_0^t K(t - t') s'(t') dt',      tau_S = rho_p d^2 / (18 mu)
+
+since vorticity takes time to leave the sphere. K is Basset's a / sqrt(pi nu t) at first, and falls as 1 / t^2 once the
+wake has carried the vorticity away. As a sum of exponentials K = sum w_i exp(-t / tau_i) it needs no record of the
+past: a memory l_i of the slip follows it in the time tau_i, and the force is that of the slip that is not yet known to
+the memories,
+
+    l_i' = (s - l_i) / tau_i,      F / m = 1 / tau_S  sum w_i (s - l_i)
+
+(van Hinsberg, M.A.T., ten Thije Boonkkamp, J.H.M. & Clercx, H.J.H. 2011, J. Comput. Phys. 230, 1465; Parmar, M.,
+Annamalai, S., Balachandar, S. & Prosperetti, A. 2018, J. Fluid Mech. 844, 970). A velocity that jumps, as at a wall,
+makes the slip jump and leaves the memories as they are: what it did is forgotten as K is.
+"""
 
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
-from ..drag import relaxation_time
-from .record import Array, Force
+from ..drag import relaxation_time, terminal_velocity
+from .record import AirProperties, Array, Force, Grains, Granule, Slots
 from .scales import SIDEWAYS, Bound, FlightScales
 
-__all__ = ["HISTORY_FORCE", "history_kernel", "history_time"]
+__all__ = ["HISTORY_FORCE", "MEMORIES", "history_kernel", "history_time", "memories_of"]
 
 SLOWEST = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
 NODES = 2001  # of the quadrature in time^(1/4): error below 1e-4
+COUNT = 7
+MEMORIES = np.geomspace(1e-2, 3e2, COUNT)  # tau_i over the granule's own time
+# The fit: the integral of K up to times between these two, over the granule's own time, at so many of them evenly in
+# time^(1/4); what is faster than the fastest memory acts as a kick, which for a landing is the same
+SHORTEST, LONGEST, POINTS = 1e-2, 1.5e2, 120
+FINER = 4  # nodes of the quadrature of K's integral in each of its intervals
+BELOW = 0.3  # of the integral's square root of time: counts as much as this where the integral is less
 
 
 def history_kernel(time: Array, radius: float, speed: float, kinematic: float) -> Array:
@@ -36,6 +60,80 @@ def history_time(time: float, radius: float, speed: float, kinematic: float) -> 
     return float(np.sum(history_kernel(middle**4, radius, speed, kinematic) * 4.0 * middle**3 * np.diff(z)))
 
 
+# -- the memories of a granule -----------------------------------------------------------------------------------------
+
+
+@cache
+def _fit() -> tuple[Array, Array]:
+    """Times^(1/4) (m,) at which the kernel's integral is matched, and what makes weights (COUNT, m) of it there."""
+    z = np.linspace(SHORTEST**0.25, LONGEST**0.25, POINTS)
+    counts = np.sqrt(1.0 / z) / (BELOW + z**2)  # evenly in the logarithm of time
+    step = -MEMORIES * np.expm1(-(z[:, None] ** 4) / MEMORIES)
+    return z, np.linalg.pinv(step * counts[:, None]) * counts
+
+
+def _weights(late: Array) -> Array:
+    """Weights (n, COUNT) of the memories for k(y) = (y^(1/4) + c y)^-2, c = ``late`` (n,) from 0 (Basset's kernel) to
+    1; the integral of k is matched to 1 % for y from 0.1 to 150.
+    """
+    z, make = _fit()
+    fine = np.concatenate([
+        np.linspace(0.0, z[0], FINER * POINTS, endpoint=False),
+        np.linspace(z[0], z[-1], FINER * (POINTS - 1) + 1),
+    ])  # fmt: skip
+    middle = 0.5 * (fine[1:] + fine[:-1])
+    part = 4.0 * middle / (1.0 + late[:, None] * middle**3) ** 2 * np.diff(fine)
+    whole = np.cumsum(part, axis=1)[:, FINER * POINTS - 1 :: FINER]
+    return np.asarray(whole @ make.T)
+
+
+def memories_of(
+    diameter: Array, density: Array, drag_scale: Array, air_density: float, viscosity: float
+) -> tuple[Array, Array]:
+    """What granules (n,) remember of their slip: their own time (n,) s, over which MEMORIES are told, and the weight
+    (n, COUNT) 1/s of each memory in the force per mass.
+
+    The slip in Mei & Adrian's kernel, which is that of small changes about a steady slip U, is the granule's terminal
+    speed in air at rest. Above Re of about 100 the kernel hardly knows U: all that it depends on is the time
+
+        t* = 4^(4/3) pi^(-1/3) (a^2 / nu) (f_H / Re)^2      when    K = (pi t* nu / a^2)^(-1/2) k(t / t*)
+
+    passes from Basset's law to the other. The granule's own time is t*, or tau_S where that is less (slow, fine or
+    light granules): what the air did more than 150 such times ago is forgotten.
+    """
+    kinematic, radius = viscosity / air_density, 0.5 * diameter
+    speed = np.abs(terminal_velocity(diameter, density, air_density, viscosity, drag_scale=drag_scale))
+    reynolds = speed * diameter / kinematic
+    viscous, stokes = radius**2 / kinematic, relaxation_time(diameter, density, viscosity)
+    late = np.sqrt(math.pi / 16.0) * (reynolds / (0.75 + 0.105 * reynolds)) ** 1.5  # of t nu / a^2 in the kernel
+    with np.errstate(divide="ignore"):
+        turns = (math.pi**0.25 / late) ** (4.0 / 3.0)  # t* nu / a^2; infinite without slip
+    own = np.minimum(turns * viscous, stokes)
+    scale = 1.0 / (stokes * np.sqrt(math.pi * own / viscous))
+    return own, scale[:, None] * _weights((own / viscous / turns) ** 0.75)
+
+
+def _factors(grains: Grains, air: AirProperties) -> Slots:
+    """RECALL_0 .. RECALL_6 (1/s): the weight of each memory."""
+    _, weights = memories_of(grains.diameter, grains.density, grains.drag_scale, air.density, air.viscosity)
+    return {f"RECALL_{i}": weights[:, i] for i in range(COUNT)}
+
+
+def _constants(grains: Grains, air: AirProperties) -> Slots:
+    """FORGET (1/s): one over the granule's own time."""
+    own, _ = memories_of(grains.diameter, grains.density, grains.drag_scale, air.density, air.viscosity)
+    return {"FORGET": 1.0 / own}
+
+
+def _memory(granule: Granule) -> tuple[tuple[float, float], ...]:
+    diameter, density, scale = (np.array([x]) for x in (granule.diameter, granule.density, granule.drag_scale))
+    own, weights = memories_of(diameter, density, scale, granule.air_density, granule.viscosity)
+    return tuple(zip((own[0] * MEMORIES).tolist(), weights[0].tolist(), strict=True))
+
+
+# -- what leaving it out could move ------------------------------------------------------------------------------------
+
+
 def _shift(flight: FlightScales) -> float:
     stokes = float(relaxation_time(flight.diameter, flight.density, flight.viscosity))
     slowest = max(SLOWEST * flight.typical_slip, min(flight.settling, flight.typical_slip))
@@ -51,6 +149,10 @@ HISTORY_FORCE = Force(
     name="basset-history",
     means="drag's memory of past slip",
     source="Basset, A.B. 1888, Phil. Trans. R. Soc. A 179, 43; Mei, R. & Adrian, R.J. 1992, J. Fluid Mech. 237, 323",
-    computed=False,
+    calm=True,
+    effort=1.0,
     bound=Bound(_shift, "Mei & Adrian's kernel, an inertia of its integral over tau, times the change of slip"),
+    factors=_factors,
+    constants=_constants,
+    memory=_memory,
 )

@@ -133,7 +133,9 @@ class Force:
     ``factors``, by the name of the kernel's slot (n,): of compiled accelerations, which that inertia divides;
     ``constants``, by the name of the kernel's slot (n,): further numbers, handed on as they are.
     ``reference`` and ``torque`` are the acceleration (m/s2, before inertia divides it) and the rate of change of the
-    spin (1/s2) in the reference integrator; None for a force that has none or that is random.
+    spin (1/s2) in the reference integrator; None for a force that has none or that is random. ``memory`` is what it has
+    in place of them where it remembers the slip: pairs of a time tau (s) and a weight w (1/s), each of which adds
+    w (slip - lag) with lag' = (slip - lag) / tau.
     """
 
     name: str
@@ -154,6 +156,7 @@ class Force:
     reference: Callable[[Instant], Vector] | None = None
     reference_inertia: Callable[[Granule], float] | None = None
     torque: Callable[[Instant], float] | None = None
+    memory: Callable[[Granule], tuple[tuple[float, float], ...]] | None = None
 
     @property
     def always(self) -> bool:

@@ -20,6 +20,7 @@ from ..pack import pack_granules
 from ..pack_state import pack_state
 from ..tracks import Tracks
 from . import layout as of
+from .cells import AHEAD
 from .collisions import Collisions
 from .layout import Cells, Crowd, Laws, Nodes, Room
 from .slab import march_slab
@@ -29,6 +30,7 @@ __all__ = ["Slab", "fly_slab", "places_across"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 BATCH = 4096  # granules packed at a time, in the order of birth
+PAIRS = 16  # a slot, in the list of who is near whom: more than touch each other where granules lie densely
 CALL = 20_000  # steps of granules between two looks at the clock on the wall: some 10 ms
 SAMPLES = 64  # of how many granules lie still, from the first birth to the last
 PI_6 = np.pi / 6.0
@@ -109,6 +111,7 @@ class _Run:
         self.nodes = _nodes(air, timed=self.timed, rates="added-mass" in slab.forces)
         self.clock = np.zeros(of.CLOCK)
         self.clock[of.STEP], self.clock[of.DEPTH] = step, slab.collisions.depth
+        self.clock[of.AHEAD] = AHEAD
         self.clock[of.NOW] = float(slab.grains.time.min(initial=slab.rules.until))
         self.counts = np.zeros(of.COUNTS, dtype=np.int64)
         self.room = Room(
@@ -137,6 +140,7 @@ class _Run:
         crowd.own[slots, of.Z] = self.across[rows]
         crowd.own[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
         crowd.tally[slots, of.FRACTION], crowd.tally[slots, of.TRACER] = some.fraction, self.tracer[rows]
+        crowd.tally[slots, of.PARTNER] = -1
         self.pool.who[slots] = rows
         unborn = crowd.waiting[self.counts[of.BORN] :]
         self.pool.rows = crowd._replace(waiting=np.concatenate([unborn, slots]))
@@ -144,6 +148,7 @@ class _Run:
         self.clock[of.PULL] = max(self.clock[of.PULL], _pull(crowd.grains[slots]))
         if len(self.cells.next) < len(crowd.living):
             self.cells = _cells(len(crowd.living))
+            self.counts[of.PAIRS] = self.counts[of.ANEW] = 0
         more = self.fed < len(self.order)
         return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
 
@@ -211,9 +216,10 @@ def _cells(slots: int) -> Cells:
     """Room for meetings of so many granules: two buckets a granule, and the next power of two."""
     size = 1 << max(10, int(2 * slots - 1).bit_length())
     return Cells(
-        np.zeros((slots, 4)), np.full(size, -1, dtype=np.int64), np.full(slots, -1, dtype=np.int64),
-        np.zeros(4 * slots + 64), np.zeros((4 * slots + 64, of.EVENT), np.int64),
-        np.zeros((8 * slots + 64, 2), dtype=np.int64),
+        np.zeros((slots, 4)), np.zeros((slots, 4)), np.zeros((slots, 3), dtype=np.int64),
+        np.zeros(slots, dtype=np.int64), np.full(size, -1, dtype=np.int64), np.full(slots, -1, dtype=np.int64),
+        np.zeros((PAIRS * slots + 64, of.EVENT), np.int64), np.zeros(4 * slots + 64),
+        np.zeros((4 * slots + 64, of.EVENT), np.int64), np.zeros((8 * slots + 64, 2), dtype=np.int64),
     )  # fmt: skip
 
 

@@ -37,9 +37,10 @@ LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
     STAMP,  # counts its pieces: foretold meetings with another stamp are void
     FRACTION,  # a row of the laws
     TRACER,  # 1: it is hit, and hits nothing
-    CELL_X, CELL_Y, CELL_Z,  # cell that it is sorted into
-) = range(7)  # fmt: skip
-TALLY = 7
+    PARTNER,  # slot of the granule that it met last, -1: none
+    MET_IN,  # the step of that
+) = range(6)
+TALLY = 6
 
 # -- The clock and what the whole crowd shares in a step ---------------------------------------------------------------
 (
@@ -49,10 +50,10 @@ TALLY = 7
     OUT_X, OUT_Y,  # m, displacement of a mesh that swings, in the middle of the step
     DEPTH,  # m, of the slab
     WIDTH,  # m, of a cell
-    MOST,  # m, radius of the largest ball
+    AHEAD,  # steps for which a range is meant
+    MOST,  # m, radius of the largest range
     ROWS,  # cells across the slab
     PULL,  # m/s2, the largest acceleration by gravity
-    MET_AT,  # s, of the meeting that is dealt with
 ) = range(11)  # fmt: skip
 CLOCK = 11
 
@@ -67,15 +68,17 @@ CLOCK = 11
     NEAR,  # pairs that touch or may touch at the end of the step
     LEANING,  # granules that lie still, or lean on others and hardly move
     MASK,  # buckets of the hash in use, less one
-) = range(9)  # fmt: skip
-COUNTS = 9
+    PAIRS,  # whose ranges touch: entries of ``Cells.pairs``
+    FULL,  # 1: there was no room for one more
+    ANEW,  # the step in which cells are made anew
+) = range(12)  # fmt: skip
+COUNTS = 12
 
-# -- A foretold meeting ------------------------------------------------------------------------------------------------
+# -- A pair, and a foretold meeting: void where one of the two has another stamp by now --------------------------------
 FIRST, SECOND, FIRST_STAMP, SECOND_STAMP = range(4)
 EVENT = 4
 
-
-# -- The ball that holds a granule on its way in the step --------------------------------------------------------------
+# -- The ball that holds a granule on its way in the step, or its range for many steps ---------------------------------
 BALL_X, BALL_Y, BALL_Z, BALL = range(4)  # m: centre and radius
 SPARE_BALL = 1e-6  # of its radius: more than round-off, and than contact reaches
 
@@ -118,11 +121,17 @@ RATES = 4  # of ``weights``: where those for the rate begin
 
 
 class Cells(NamedTuple):
-    """Buckets of a hash of cells, the queue of foretold meetings and the pairs that touch."""
+    """Who is near whom: ranges in the buckets of a hash of cells, pairs whose ranges touch; the queue of foretold
+    meetings and the pairs that touch.
+    """
 
     balls: Array  # (S, 4)
+    ranges: Array  # (S, 4); radius 0: not listed
+    where: Index  # (S, 3) cell of the range
+    stamps: Index  # (S,) counts how often a slot was listed
     heads: Index  # (2^k,) last granule put into each bucket, -1: none
     next: Index  # (S,) granule put into the same bucket before, -1: none
+    pairs: Index  # (L, EVENT)
     when: Array  # (Q,) s of the step
     who: Index  # (Q, EVENT)
     near: Index  # (P, 2)

@@ -8,13 +8,11 @@ Moreau's time stepping, as on walls (``strikes``).
 
 from __future__ import annotations
 
-import math
-
 from ..kernel import layout as at
 from ..kernel.clearance import clearance
 from ..kernel.jit import compiled, inlined
 from . import layout as of
-from .cells import bucket, move, near
+from .cells import near, relist
 from .flight import fly_on
 from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back, room_between
 from .strikes import PULLS, press
@@ -22,6 +20,7 @@ from .strikes import PULLS, press
 __all__ = ["foretell", "meet_all", "settle_all"]
 
 MOST = 8  # meetings of one granule in a step that are followed one by one
+CHATTER = 2  # steps: two that meet again so soon, and nobody between, have not parted
 SWEEPS = 12  # over the pairs that touch, at most
 TOUCH = 1e-6  # of the smaller radius: nearer is contact
 ENOUGH = 1e-3  # of the smaller radius: overlaps below it need no further sweep
@@ -47,39 +46,32 @@ def _note(crowd, cells, counts, clock, i, j):
 
 
 @compiled
-def _look_round(crowd, cells, counts, clock, i, every):
-    """Note the meetings of i with whom stands in the cells about it: ``every`` one; or, so that no pair is noted twice,
-    in the half of the 27 cells that come after its own and before it in its own. A tracer comes first in its pairs.
-    """
-    tally = crowd.tally[i]
-    high, wide, mask = int(clock[of.ROWS]), 1, counts[of.MASK]
-    if every:  # what a strike has sped up may reach farther than a cell
-        wide = max(1, math.ceil((cells.balls[i, of.BALL] + clock[of.MOST]) / clock[of.WIDTH]))
-    low, top = (-wide, wide) if high > 2 * wide else (0, high - 1)
-    for dx in range(-wide if every else 0, wide + 1):
-        for dy in range(-wide if every or dx > 0 else 0, wide + 1):
-            for dz in range(low, top + 1):
-                after = every or dx > 0 or dy > 0 or dz > 0
-                if not after and dz < 0:
-                    continue
-                x, y, z = tally[of.CELL_X] + dx, tally[of.CELL_Y] + dy, tally[of.CELL_Z] + dz
-                z = z + high if z < 0 else (z - high if z >= high else z)
-                j = cells.heads[bucket(x, y, z, mask)]
-                while j >= 0:
-                    if (j != i if every else (after or j < i)) and near(cells.balls, i, j, clock[of.DEPTH]):
-                        its = crowd.tally[j]  # other cells may share the bucket
-                        if its[of.CELL_X] == x and its[of.CELL_Y] == y and its[of.CELL_Z] == z:
-                            _note(crowd, cells, counts, clock, i, j)
-                    j = cells.next[j]
+def foretell(crowd, cells, counts, clock):
+    """Note all meetings of the step on the ways as they are, and drop the pairs that no longer hold."""
+    counts[of.EVENTS] = counts[of.NEAR] = kept = 0
+    pairs, stamps = cells.pairs, cells.stamps
+    for k in range(counts[of.PAIRS]):
+        i, j, a, b = pairs[k, of.FIRST], pairs[k, of.SECOND], pairs[k, of.FIRST_STAMP], pairs[k, of.SECOND_STAMP]
+        if stamps[i] != a or stamps[j] != b:
+            continue
+        if kept < k:
+            pairs[kept, of.FIRST], pairs[kept, of.SECOND] = i, j
+            pairs[kept, of.FIRST_STAMP], pairs[kept, of.SECOND_STAMP] = a, b
+        kept += 1
+        if near(cells.balls, i, j, clock[of.DEPTH]):
+            _note(crowd, cells, counts, clock, i, j)
+    counts[of.PAIRS] = kept
 
 
 @compiled
-def foretell(crowd, cells, counts, clock):
-    """Note all meetings of the step on the ways as they are."""
-    counts[of.EVENTS] = counts[of.NEAR] = 0
-    for k in range(counts[of.LIVING]):
-        i = crowd.living[k]
-        _look_round(crowd, cells, counts, clock, i, crowd.tally[i, of.TRACER] == 1)
+def _foretell_of(crowd, cells, counts, clock, i):
+    """Note the meetings of a granule that was struck with all about it."""
+    before = counts[of.PAIRS]
+    relist(crowd, cells, clock, counts, i)
+    for k in range(before, counts[of.PAIRS]):
+        one, other = cells.pairs[k, of.FIRST], cells.pairs[k, of.SECOND]
+        if near(cells.balls, one, other, clock[of.DEPTH]):
+            _note(crowd, cells, counts, clock, one, other)
 
 
 @inlined
@@ -145,13 +137,24 @@ def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
 
 
 @compiled
-def _strike_pair(crowd, laws, clock, i, j, when):
+def _count(crowd, counts, i, j):
+    """Count a meeting of two granules. Two that chatter, one between the other and a wall, have met once."""
+    one, other, now = crowd.tally[i], crowd.tally[j], counts[of.STEPS]
+    last = one[of.PARTNER] == j and other[of.PARTNER] == i
+    if not last or now - one[of.MET_IN] > CHATTER:
+        one[of.MEETINGS] += 1
+        other[of.MEETINGS] += 1
+    one[of.PARTNER], other[of.PARTNER] = j, i
+    one[of.MET_IN] = other[of.MET_IN] = now
+
+
+@compiled
+def _strike_pair(crowd, laws, clock, counts, i, j, when):
     """The meeting of two granules of the same right."""
     roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
     roll_back(crowd.states[j], crowd.counts[j], crowd.own[j], clock, when)
     if meet(crowd, laws, clock[of.DEPTH], i, j, 1.0):
-        crowd.tally[i, of.MEETINGS] += 1
-        crowd.tally[j, of.MEETINGS] += 1
+        _count(crowd, counts, i, j)
 
 
 @compiled
@@ -164,7 +167,7 @@ def meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
             continue
         both = crowd.tally[i, of.TRACER] == 0
         if both:
-            _strike_pair(crowd, laws, clock, i, j, when)
+            _strike_pair(crowd, laws, clock, counts, i, j, when)
         elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
             continue
         crowd.own[i, of.MET] += 1.0
@@ -172,16 +175,13 @@ def meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
         if both:
             crowd.own[j, of.MET] += 1.0
             _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, j)
-        move(crowd, cells, clock, counts, i)
+        _foretell_of(crowd, cells, counts, clock, i)
         if both:
-            move(crowd, cells, clock, counts, j)
-        _look_round(crowd, cells, counts, clock, i, True)
-        if both:
-            _look_round(crowd, cells, counts, clock, j, True)
+            _foretell_of(crowd, cells, counts, clock, j)
 
 
 @inlined
-def _settle_pair(crowd, laws, clock, i, j, sweep):
+def _settle_pair(crowd, laws, clock, counts, i, j, sweep):
     """Impulse and displacement of a pair that touches at the end of the step; how deep it was over the smaller
     radius.
     """
@@ -198,8 +198,7 @@ def _settle_pair(crowd, laws, clock, i, j, sweep):
     if closing > 0.0:
         slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
         if meet(crowd, laws, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
-            crowd.tally[i, of.MEETINGS] += 1
-            crowd.tally[j, of.MEETINGS] += 1
+            _count(crowd, counts, i, j)
     part(crowd, clock[of.DEPTH], i, j)
     return max(-room, 0.0) / least
 
@@ -222,7 +221,7 @@ def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
         worst = 0.0
         for k in range(counts[of.NEAR]):
             i, j = cells.near[k, 0], cells.near[k, 1]
-            deep = _settle_pair(crowd, laws, clock, i, j, sweep)
+            deep = _settle_pair(crowd, laws, clock, counts, i, j, sweep)
             worst = max(worst, deep)
             if deep > 0.0:
                 for side in range(2):

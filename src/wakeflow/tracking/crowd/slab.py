@@ -11,7 +11,7 @@ from ..kernel.track_points import store_point
 from ..kernel.track_start import begin_track
 from . import layout as of
 from .air import refresh
-from .cells import clear_cells, sort_into_cells
+from .cells import keep_lists, unlist
 from .flight import fly_on
 from .meetings import foretell, meet_all, settle_all
 
@@ -76,7 +76,7 @@ def _lies_still(state, ints, own, walls, clock, rest):
 
 
 @compiled
-def _close(crowd, counts, clock, walls, rules):
+def _close(crowd, cells, counts, clock, walls, rules):
     """End the step: who lies still, who has ended, where across the slab."""
     living, kept, standing, leaning, depth = counts[of.LIVING], 0, 0, 0, clock[of.DEPTH]
     for k in range(living):
@@ -92,6 +92,7 @@ def _close(crowd, counts, clock, walls, rules):
             kept += 1
         else:
             store_point(state, ints, crowd.records[i], 1)
+            unlist(cells, counts, i)
     counts[of.FLOWN] += living
     counts[of.LIVING], counts[of.STANDING], counts[of.LEANING] = kept, standing, leaning
     counts[of.STEPS] += 1
@@ -119,12 +120,11 @@ def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
 @compiled
 def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """What follows the flight of a step: meetings, contact that lasts, ends."""
-    sort_into_cells(crowd, cells, clock, counts)
+    keep_lists(crowd, cells, clock, counts)
     foretell(crowd, cells, counts, clock)
     meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
-    clear_cells(crowd, cells, counts)
     settle_all(crowd, laws, walls, rules, clock, room, cells, counts)
-    _close(crowd, counts, clock, walls, rules)
+    _close(crowd, cells, counts, clock, walls, rules)
 
 
 @entry

@@ -90,8 +90,10 @@ class Rules(NamedTuple):
     T_NOISE,  # s, when the interval of noise ends
     H_STRIDE,  # s, the stride to try next; 0: none was tried
     GAIN_X, GAIN_Y,  # m/s, velocity that all but walls gave it since its birth; kept where its path is
-) = range(20)  # fmt: skip
-FLOATS = 20
+    LAG,  # m/s, what each memory of the slip makes of it: x and y of the first, of the second ..
+) = range(21)  # fmt: skip
+MEMORIES = 7
+FLOATS = LAG + 2 * MEMORIES
 
 # -- State of a granule: integers --------------------------------------------------------------------------------------
 (
@@ -144,8 +146,10 @@ INTS = 26
     DIFFUSIVITY,  # m2/s, Brownian
     SCATTER,  # rad, rms angle by which its shape turns the wall's normal at an impact
     GIVES_BACK,  # tangential restitution
-) = range(20)  # fmt: skip
-CONSTANTS = 20
+    FORGET,  # 1/s, over its own time, which its memories of the slip are told in; 0: no history force
+    RECALL_0, RECALL_1, RECALL_2, RECALL_3, RECALL_4, RECALL_5, RECALL_6,  # 1/s, weights of the memories
+) = range(28)  # fmt: skip
+CONSTANTS = 28
 
 # -- The path of a step, see ``dense_output`` --------------------------------------------------------------------------
 (
@@ -159,8 +163,10 @@ CONSTANTS = 20
     MESH_ANGLE,  # rad, of the swing at the start
     MESH_OUT_X, MESH_OUT_Y,  # m, displacement of the mesh there
     MESH_VX, MESH_VY,  # m/s, its velocity there
-) = range(21)  # fmt: skip
-PATH = 21
+    SLIP,  # m/s, /s, /s^2: the slip where it is remembered, a parabola s0 + s1 s + s2 s^2: x and y of s0, s1, s2
+) = range(22)  # fmt: skip
+PAST = SLIP + 6  # m/s2, /s, /s^2: the history force that is part of N, the same
+PATH = PAST + 6
 
 # -- The air of one triangle and one interval of time, see ``air.load_triangle`` ---------------------------------------
 # Polynomials in w = (t - T_BEGIN) PER_DT of the powers 0 to 3 (2 and 3 only where CUBIC is 1); each coefficient is

@@ -19,6 +19,7 @@ from .dispersion import renew
 from .edge_crossing import cross_edge, hop, relocate
 from .events import wall_displacement
 from .forces import free_force, spin_at
+from .history import begin_memory, remember
 from .jit import entry, inlined, merged
 from .locate import reproject
 from .multi_cell import multi_cell_step
@@ -81,14 +82,17 @@ def _start(state, ints, path, affine, hold, grain, table, walls, rules, timed):
     wind2 = ux * ux + uy * uy
     pull = math.sqrt(affine[at.AX0] ** 2 + affine[at.AY0] ** 2) + rules.shaken
     speed = math.sqrt(max(vx * vx + vy * vy, wind2 if rate > 0.0 else 0.0))
+    moves = True
     if hold[at.KIND] != at.FREE:
-        if grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
-            return speed, pull, False, free_x, free_y
-        if hold[at.KIND] != at.FREE:
+        moves = not grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed)
+        if moves and hold[at.KIND] != at.FREE:
             fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
+    if grain[at.FORGET] != 0.0:
+        ax, ay = begin_memory(path, state, ints, grain, hold, ux, uy, ux - vx, uy - vy)
+        fx, fy = fx + ax, fy + ay
     path[at.START_X], path[at.START_Y], path[at.START_VX], path[at.START_VY], path[at.RATE] = x, y, vx, vy, rate
     path[at.N0X], path[at.N0Y], path[at.AIR_X], path[at.AIR_Y] = fx + rate * vx, fy + rate * vy, ux, uy
-    return speed, pull, True, free_x, free_y
+    return speed, pull, moves, free_x, free_y
 
 
 @inlined
@@ -148,14 +152,20 @@ def _first_event(path, h, in_cell, state, ints, affine, air, grain, table, hold,
 
 
 @inlined
-def _move(end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules):
-    """Move to time s of the step, with the spin that the air or friction gives."""
+def _move(path, end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules):
+    """Move to time s of the step, with the spin that the air or friction gives, and what is remembered of the slip."""
     if hold[at.KIND] == at.FREE:
         if grain[at.MAGNUS] != 0.0:
             state[at.SPIN] = spin_at(affine, grain, state[at.SPIN], state[at.T], s)
     elif hold[at.ROLL] == 0.0:
         state[at.SPIN] += s * (turn[0] + s * (turn[1] + s * turn[2]))
+    kick_x = kick_y = 0.0
+    if grain[at.FORGET] != 0.0:
+        kick_x, kick_y = remember(path, state, grain, hold, s)
     _advance(end, s, h, state, ints, rules)
+    if grain[at.FORGET] != 0.0:
+        state[at.VX] += kick_x
+        state[at.VY] += kick_y
     if hold[at.KIND] != at.FREE:
         settle(state, ints, hold, walls, hold[at.ROLL] != 0.0 or event == events.GRIPS)
 
@@ -227,6 +237,8 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
     speed, pull, moves, fx, fy = _start(state, ints, path, affine, hold, grain, table, walls, rules, timed)
     if not moves:
         ints[at.STEPS] += 1
+        if grain[at.FORGET] != 0.0:
+            remember(path, state, grain, hold, state[at.T] - begun)
         if kept:
             _gain(begun, vx, vy, fx, fy, state, affine, hold, grain, table)
         store_point(state, ints, record, 0)
@@ -244,7 +256,7 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
         path, h, meshed and not blind, state, ints, affine, air, grain, table, hold, walls, rules
     )
     ints[at.STEPS] += 1
-    _move(end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules)
+    _move(path, end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules)
     if kept:
         _gain(begun, vx, vy, fx, fy, state, affine, hold, grain, table)
     if event == events.CROSSED:

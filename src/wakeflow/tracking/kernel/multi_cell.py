@@ -23,10 +23,13 @@ FAR = 2  # triangles: a march that left more behind was worth it
 def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn):
     """A stride or a march over several triangles where that is worth it. Returns the steps taken, 0 for none.
 
-    Not in contact, nor with forces made of the air's gradients (they jump at faces). After a stride that was refused
-    4, 8 ... 64 triangles are marched, after a march that was cut short the next 1, 2, 4 ... steps are confined.
+    Not in contact, nor with forces made of the air's gradients (they jump at faces) or of the past. After a stride that
+    was refused 4, 8 ... 64 triangles are marched, after a march that was cut short the next 1, 2, 4 ... steps are
+    confined.
     """
-    if rules.march == 0 or hold[at.KIND] != at.FREE or grain[at.EXTRA] != 0.0 or grain[at.STOKES] == 0.0:
+    if rules.march == 0 or hold[at.KIND] != at.FREE or grain[at.STOKES] == 0.0:
+        return 0
+    if grain[at.EXTRA] != 0.0 or grain[at.FORGET] != 0.0:
         return 0
     if ints[at.PATIENCE] > 0:
         ints[at.PATIENCE] -= 1

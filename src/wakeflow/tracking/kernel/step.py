@@ -17,6 +17,7 @@ from . import layout as at
 from .air import air_at, swinging
 from .dense_output import along, parabola, phis
 from .forces import drag_rate, gradient_forces, spin_at
+from .history import bend_memory, recall, recall_line, sampled
 from .jit import compiled
 from .locate import barycentric
 from .walls import constrain
@@ -33,7 +34,8 @@ LEAST_ONWARD, MOST_ONWARD = 0.1, 10.0
 
 @compiled
 def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag, wx, wy):
-    """N = F + B0 v, the drag rate and the air's velocity at a stage, a time s after the step's start.
+    """N = F + B0 v but for the history force, the drag rate, the air's velocity and the slip at a stage, a time s after
+    the step's start.
 
     ``lag`` times what the air differs there from the (wx, wy) that the stage's velocity was made with is added to it. N
     and the air's velocity are the lab's in free flight seen from a mesh that swings.
@@ -60,7 +62,29 @@ def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag
         fy += ey
     if hold[at.KIND] != 0.0:
         fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
-    return fx + rate0 * (vx + dx), fy + rate0 * (vy + dy), rate, ux + dx, uy + dy
+    return fx + rate0 * (vx + dx), fy + rate0 * (vy + dy), rate, ux + dx, uy + dy, sx, sy
+
+
+@compiled
+def _defect(path, s, state, ints, affine, grain, table, hold, ux, uy):
+    """What N differs by from that of the path at time s of the step, but for the history force; what that differs by;
+    and the velocity there.
+
+    The history force's own defect leaves no velocity behind; only what the slip differs by from its parabola does.
+    """
+    rate0, past = path[at.RATE], 0.0
+    x, y, wx, wy = along(path, s)
+    nx, ny, _, _, _, sx, sy = _excess(state, ints, affine, grain, table, hold, rate0, x, y, wx, wy, s, 0.0, ux, uy)
+    nx -= path[at.N0X] + s * (path[at.N1X] + s * path[at.N2X])
+    ny -= path[at.N0Y] + s * (path[at.N1Y] + s * path[at.N2Y])
+    if grain[at.FORGET] == 0.0:
+        return math.sqrt(nx * nx + ny * ny), past, wx, wy
+    fx, fy, grows = recall(path, state, grain, hold, s)
+    px, py = sampled(path, at.PAST, s)
+    qx, qy = sampled(path, at.SLIP, s)
+    past = math.sqrt((fx - px) ** 2 + (fy - py) ** 2)
+    nx, ny = nx + px, ny + py
+    return math.sqrt(nx * nx + ny * ny) + grows * math.sqrt((sx - qx) ** 2 + (sy - qy) ** 2), past, wx, wy
 
 
 @compiled
@@ -72,7 +96,7 @@ def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     min(1/B, horizon); and what a drag rate frozen over a velocity transient that the stages step over may displace.
     """
     rate0, n0x, n0y, ux, uy = path[at.RATE], path[at.N0X], path[at.N0Y], path[at.AIR_X], path[at.AIR_Y]
-    g = 0.5 * h
+    g, remembers = 0.5 * h, grain[at.FORGET] != 0.0
     # Stiff stages must not take for slip that their velocity lags behind the air's change over the stage
     stiff = rate0 * (rate0 * h) ** 2 / (1.0 + (rate0 * h) ** 2) if rate0 * h < 1e100 else rate0
     path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
@@ -80,23 +104,25 @@ def attempt(path, h, state, ints, affine, grain, table, hold, horizon):
     _, q1, q2, q3, _ = phis(-rate0 * h)
     x, y, vx, vy = along(path, g)
     lag = stiff * g * p2
-    nx, ny, _, wx, wy = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, ux, uy)
+    nx, ny, _, wx, wy, sx, sy = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, ux, uy)
+    if remembers:
+        ax, ay = recall_line(path, state, grain, hold, g, sx, sy)
+        nx, ny = nx + ax, ny + ay
     path[at.N1X], path[at.N1Y] = (nx - n0x) / g, (ny - n0y) / g
     x, y, vx, vy = along(path, g)
     lag = stiff * h * p3
-    nx, ny, _, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, wx, wy)
+    nx, ny, _, _, _, sx, sy = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, g, lag, wx, wy)
     x, y, vx, vy = along(path, h)
     wx, wy = 2.0 * wx - ux, 2.0 * wy - uy
     lag = stiff * 2.0 * h * q3
-    mx, my, rate1, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, h, lag, wx, wy)
+    mx, my, rate1, _, _, ex, ey = _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, h, lag, wx, wy)
+    if remembers:
+        ax, ay, ex, ey = bend_memory(path, h, state, grain, hold, sx, sy, ex, ey)
+        nx, ny, mx, my = nx + ax, ny + ay, mx + ex, my + ey
     parabola(path, h, nx, ny, mx, my)
-    s = 0.75 * h
-    x, y, wx, wy = along(path, s)
-    nx, ny, _, _, _ = _excess(state, ints, affine, grain, table, hold, rate0, x, y, wx, wy, s, 0.0, ux, uy)
-    nx -= n0x + s * (path[at.N1X] + s * path[at.N2X])
-    ny -= n0y + s * (path[at.N1Y] + s * path[at.N2Y])
+    defect, past, wx, wy = _defect(path, 0.75 * h, state, ints, affine, grain, table, hold, ux, uy)
     carried = min(1.0 / rate0, horizon) if rate0 > 0.0 else horizon
-    error = h * (h * q2 + q1 * carried) * math.sqrt(nx * nx + ny * ny)
+    error = h * (h * q2 + q1 * carried) * defect + h * h * q2 * past
     if rate0 > 0.0 and rate1 > 0.0 and rate0 != rate1:
         z = rate0 * h
         passed = z / (z + TRANSIENT) if z < 1e100 else 1.0

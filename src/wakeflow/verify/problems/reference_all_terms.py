@@ -91,7 +91,8 @@ def _affine(corners: Array, gradient: Array) -> list[tuple[float, float, float]]
 
 
 class _Motion:
-    """The equation of motion of one granule: the right-hand side (x', y', vx', vy', spin').
+    """The equation of motion of one granule: the right-hand side (x', y', vx', vy', spin', and of each memory of the
+    slip its lag's x' and y').
 
     The forces bring their own formulas, written in plain Python beside their records.
     """
@@ -113,10 +114,16 @@ class _Motion:
             viscosity=field.viscosity,
             gravity=(float(gravity[0]), float(gravity[1])),
         )
+        self.memories = [pair for force in acting if force.memory is not None for pair in force.memory(self.granule)]
         self.air: _Air
 
+    def lags(self, t: float, x: float, y: float, vx: float, vy: float) -> list[float]:
+        """The memories of a granule that has had its slip for long."""
+        (u, *_), (w, *_) = self.air.at(x, y, t)[:2]
+        return [u - vx, w - vy] * len(self.memories)
+
     def __call__(self, t: float, z: Any) -> list[float]:
-        x, y, vx, vy, spin = z
+        x, y, vx, vy, spin, *lags = z
         air = self.air.at(x, y, t)
         (u, ux, uy, ut), (w, wx, wy, wt) = air[:2]
         now = Instant(
@@ -133,8 +140,13 @@ class _Motion:
             ax, ay = ax + along, ay + across
         for torque in self.torques:
             slowed += torque(now)
+        rates: list[float] = []
+        for (time, weight), lag_x, lag_y in zip(self.memories, lags[::2], lags[1::2], strict=True):
+            new_x, new_y = u - vx - lag_x, w - vy - lag_y
+            ax, ay = ax + weight * new_x, ay + weight * new_y
+            rates += [new_x / time, new_y / time]
         inertia = 1.0 + sum(share(self.granule) for share in self.inertias)
-        return [vx, vy, ax / inertia, ay / inertia, slowed]
+        return [vx, vy, ax / inertia, ay / inertia, slowed, *rates]
 
 
 def reference_end_states(
@@ -142,9 +154,9 @@ def reference_end_states(
 ) -> Array:
     """End states (n, 5): position m, velocity m/s and spin rad/s of every granule after ``setting.until``.
 
-    Forces: drag, gravity, buoyancy, pressure-gradient, lift, magnus, added-mass. Granules bounce off ``planes`` with
-    their surface, as point masses, which keep their spin. Raises ProgramError where scipy gives up or a granule leaves
-    the mesh.
+    Forces: drag, gravity, buoyancy, pressure-gradient, lift, magnus, added-mass, basset-history. Granules bounce off
+    ``planes`` with their surface, as point masses, which keep their spin. Raises ProgramError where scipy gives up or a
+    granule leaves the mesh.
     """
     field = setting.field
     if field is None:
@@ -160,6 +172,9 @@ def _end_state(
     z = [*map(float, grains.position[i]), *map(float, grains.velocity[i]), float(grains.spin[i])]
     t, triangle = float(grains.time[i]), int(field.locate(grains.position[i])[0])
     radius = float(grains.diameter[i]) / 2
+    motion.air = _Air(field, triangle, t)
+    came = grains.velocity[i] if grains.arrival is None else grains.arrival[i]
+    z += motion.lags(t, z[0], z[1], float(came[0]), float(came[1]))
     for _ in range(MOST_PIECES):
         motion.air = _Air(field, triangle, t)
         if motion.air.end <= t + 1e-15 * max(1.0, abs(t)):  # round-off: on the snapshot, not just before it
@@ -169,7 +184,7 @@ def _end_state(
         t, z, event = _piece(motion, t, end, z, planes, radius, stiff, rtol)
         if event is None:
             if t >= setting.until:
-                return z
+                return z[:5]
         elif event < 3:
             triangle = int(field.neighbours[triangle, event])
             if triangle < 0:
@@ -177,7 +192,7 @@ def _end_state(
         else:
             plane = planes[event - 3]
             after = bounce(z[2:4], plane.normal, (0.0, 0.0), grains.restitution[i], grains.friction[i])
-            z = [z[0], z[1], float(after[0]), float(after[1]), z[4]]
+            z = [z[0], z[1], float(after[0]), float(after[1]), *z[4:]]
     raise ProgramError(f"reference integrator: granule {i} went through {MOST_PIECES} pieces")
 
 

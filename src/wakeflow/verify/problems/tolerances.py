@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import SceneError
-from . import bouncing, ensembles, flights, terms
+from . import bouncing, ensembles, flights, memory, terms
 from .exact import Answer, accepts, exact_numbers, exact_problems, fly
 
 __all__ = [
@@ -31,7 +31,7 @@ __all__ = [
 Array = NDArray[np.float64]
 FLOOR = 1e-12  # m: errors below it are round-off of coordinates of about 1 m, added up over steps
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-MODULES = (flights, terms, ensembles, bouncing)  # importing them registers their problems
+MODULES = (flights, terms, ensembles, bouncing, memory)  # importing them registers their problems
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,101 @@
+"""Tables of shares: the answer, the answer without collisions, and what to measure next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..report.words import HOLDS, NO_VALUE, change_of, expected, percent
+from ..results.landing_results import LandingResults, Separation, least_certain
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..results.result import Result
+
+__all__ = ["alone_table", "measure_next", "separation_table", "show_sensitivity"]
+
+MOST_NUMBERS = 6  # told of a share
+NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }; of wake.*: numerics.rung = '3d'."
+TOLD_FROM = 0.1  # part of a share's variance from which an unknown number is told
+MOST_TOLD = 4  # numbers that are told under the answer
+
+
+def separation_table(result: Result, separation: Separation) -> Table:
+    """Bins by fractions: shares in percent with half their 95 % interval; throughput, purity, recovery."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    met = result.landings is not None and result.landings.slab is not None
+    title = f"share of each fraction's mass, %{', granules colliding' if met else ''}"
+    table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
+    table.add_column("bin")
+    for name in separation.fractions:
+        table.add_column(name, justify="right")
+    table.add_column("kg/h", justify="right")
+    table.add_column("purity", justify="right")
+    for place in separation.bins:
+        cells = [
+            Text(percent(places[place]), style="bold green" if place in result.targets(name) else "")
+            for name, places in separation.fractions.items()
+        ]
+        purest = "\n".join(f"{name} {percent(found)}" for name, found in expected(result, place)) or NO_VALUE
+        table.add_row(place, *cells, f"{separation.throughput[place]:.3g}", purest)
+    table.add_section()
+    table.add_row("recovery", *(percent(separation.recovery.get(name)) for name in separation.fractions), "", "")
+    table.caption, table.caption_justify = "\n".join([HOLDS, *measure_next(result)]), "left"
+    return table
+
+
+def measure_next(result: Result) -> list[str]:
+    """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
+    told = []
+    for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
+        known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM][:MOST_TOLD]
+        if known:
+            inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
+            told.append(f"{name} in {place} hangs most on (points each): {inputs}")
+    return [*told, NEXT] if told else []
+
+
+def alone_table(separation: Separation, alone: Separation) -> Table:
+    """Bins by fractions: the shares of granules that meet no others, and what crowding changes of them, in points."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    title = "without collisions, %, and what they change, points"
+    table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
+    table.add_column("bin")
+    for name in separation.fractions:
+        table.add_column(name, justify="right")
+    for place in separation.bins:
+        pairs = ((alone.fractions[name][place], found[place]) for name, found in separation.fractions.items())
+        table.add_row(place, *(f"{percent(one)}  ({change_of(one, met)})" for one, met in pairs))
+    table.add_section()
+    recoveries = ((alone.recovery.get(name), separation.recovery.get(name)) for name in separation.fractions)
+    table.add_row("recovery", *(f"{percent(one)}  ({change_of(one, met)})" for one, met in recoveries))
+    return table
+
+
+def show_sensitivity(landings: LandingResults) -> None:
+    """Print for each fraction's least certain share what each unknown number moves it by, alone, and the part that it
+    has of the share's variance.
+    """
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    known = landings.inputs or {}
+    table = Table(title="what to measure next", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
+    table.add_column("share")
+    table.add_column("number", no_wrap=True)
+    for head in ("from", "to", "points", "variance, %"):
+        table.add_column(head, justify="right")
+    for name, (place, parts) in least_certain(landings).items():
+        for row, (key, part) in enumerate(list(parts.items())[:MOST_NUMBERS]):
+            number = known[key]
+            ends = [f"{end:.3g} {number.unit}".removesuffix(" 1") for end in (number.low, number.high)]
+            index = f"{100 * part.variance:.0f} ± {100 * part.error:.0f}"
+            table.add_row("" if row else f"{name} in {place}", key, *ends, f"± {100 * part.half:.2g}", index)
+        table.add_section()
+    Console().print(table)

@@ -1,0 +1,124 @@
+"""The history force of a step: memories of the slip, each of which follows it in a time of its own.
+
+With lags l_i, l_i' = (s - l_i) / tau_i, the force per mass is the sum of w_i (s - l_i); ``laws.forces`` says what of.
+Within a step the slip is the parabola s0 + s1 t + s2 t^2 through the stages, for which all is exact, so that a step may
+be cut anywhere:
+
+    s - l_i = e^z (s0 - l_i(0)) + t phi1 s1 + 2 t^2 phi2 s2,    z = -t / tau_i
+    impulse of the force = sum of w_i tau_i (l_i(t) - l_i(0))
+
+The path of the step takes the force for a parabola too, which it is not after a jump of the slip or of its rate; what
+its impulse differs by from the true one is made good at the end of the step. A slip that jumps, at a wall or where an
+eddy begins, is new to all memories at once. A sphere that touches a wall has no theory: there the force does not act,
+while the memories go on.
+"""
+
+from __future__ import annotations
+
+from ...laws.forces.history_force import MEMORIES
+from . import layout as at
+from .dense_output import phis
+from .jit import compiled
+
+__all__ = ["begin_memory", "bend_memory", "recall", "recall_line", "remember", "sampled"]
+
+RATES = 1.0 / MEMORIES
+
+
+@compiled
+def begin_memory(path, state, ints, grain, hold, ux, uy, sx, sy):
+    """Note the slip (sx, sy) at the step's start, for the moment as if it would last; returns the force per mass there.
+
+    Before a granule's first step the first lag holds the velocity with which it came: all memories know the slip that
+    it had then.
+    """
+    if ints[at.STEPS] == 0:
+        lag_x, lag_y = ux - state[at.LAG], uy - state[at.LAG + 1]
+        for i in range(at.MEMORIES):
+            state[at.LAG + 2 * i], state[at.LAG + 2 * i + 1] = lag_x, lag_y
+    for slot in range(at.SLIP, at.PATH):
+        path[slot] = 0.0
+    path[at.SLIP], path[at.SLIP + 1] = sx, sy
+    if hold[at.KIND] == at.FREE:
+        for i in range(at.MEMORIES):
+            path[at.PAST] += grain[at.RECALL_0 + i] * (sx - state[at.LAG + 2 * i])
+            path[at.PAST + 1] += grain[at.RECALL_0 + i] * (sy - state[at.LAG + 2 * i + 1])
+    return path[at.PAST], path[at.PAST + 1]
+
+
+@compiled
+def sampled(path, first, s):
+    """A parabola of the path, that of the slip or of the history force, at time s of the step."""
+    x = path[first] + s * (path[first + 2] + s * path[first + 4])
+    return x, path[first + 1] + s * (path[first + 3] + s * path[first + 5])
+
+
+@compiled
+def _bend(path, first, h, mx, my, ex, ey):
+    """Let a parabola of the path go through (mx, my) in the middle of a step h and (ex, ey) at its end."""
+    x, y = path[first], path[first + 1]
+    path[first + 2], path[first + 3] = (4.0 * mx - 3.0 * x - ex) / h, (4.0 * my - 3.0 * y - ey) / h
+    path[first + 4], path[first + 5] = 2.0 * (x - 2.0 * mx + ex) / (h * h), 2.0 * (y - 2.0 * my + ey) / (h * h)
+
+
+@compiled
+def recall(path, state, grain, hold, s):
+    """The history force per mass at time s of the step, and by how much (1/s) it grows with the slip there; none in
+    contact.
+    """
+    fx = fy = grows = 0.0
+    if hold[at.KIND] != at.FREE:
+        return fx, fy, grows
+    for i in range(at.MEMORIES):
+        e, p1, p2, _, _ = phis(-RATES[i] * grain[at.FORGET] * s)
+        a, b, weight = s * p1, 2.0 * s * s * p2, grain[at.RECALL_0 + i]
+        x, y = path[at.SLIP] - state[at.LAG + 2 * i], path[at.SLIP + 1] - state[at.LAG + 2 * i + 1]
+        fx += weight * (e * x + a * path[at.SLIP + 2] + b * path[at.SLIP + 4])
+        fy += weight * (e * y + a * path[at.SLIP + 3] + b * path[at.SLIP + 5])
+        grows += weight * p1
+    return fx, fy, grows
+
+
+@compiled
+def recall_line(path, state, grain, hold, s, sx, sy):
+    """The force with a slip that goes straight to (sx, sy) there."""
+    path[at.SLIP + 2], path[at.SLIP + 3] = (sx - path[at.SLIP]) / s, (sy - path[at.SLIP + 1]) / s
+    path[at.SLIP + 4] = path[at.SLIP + 5] = 0.0
+    fx, fy, _ = recall(path, state, grain, hold, s)
+    return fx, fy
+
+
+@compiled
+def bend_memory(path, h, state, grain, hold, mx, my, ex, ey):
+    """With the slip (mx, my) in the middle of a step h and (ex, ey) at its end: the force at both."""
+    _bend(path, at.SLIP, h, mx, my, ex, ey)
+    mx, my, _ = recall(path, state, grain, hold, 0.5 * h)
+    ex, ey, _ = recall(path, state, grain, hold, h)
+    _bend(path, at.PAST, h, mx, my, ex, ey)
+    return mx, my, ex, ey
+
+
+@compiled
+def remember(path, state, grain, hold, s):
+    """Bring the memories to time s of the step; returns what velocity the path lacks there.
+
+    Drag takes part of what it lacked early in the step: at most all that it lacks over 1 + B s.
+    """
+    sx, sy = sampled(path, at.SLIP, s)
+    wx, wy = sampled(path, at.SLIP, 0.0)
+    kick_x = kick_y = 0.0
+    for i in range(at.MEMORIES):
+        rate = RATES[i] * grain[at.FORGET]
+        e, p1, p2, _, _ = phis(-rate * s)
+        a, b, x, y = s * p1, 2.0 * s * s * p2, at.LAG + 2 * i, at.LAG + 2 * i + 1
+        lag_x = sx - (e * (wx - state[x]) + a * path[at.SLIP + 2] + b * path[at.SLIP + 4])
+        lag_y = sy - (e * (wy - state[y]) + a * path[at.SLIP + 3] + b * path[at.SLIP + 5])
+        kick_x += grain[at.RECALL_0 + i] / rate * (lag_x - state[x])
+        kick_y += grain[at.RECALL_0 + i] / rate * (lag_y - state[y])
+        state[x], state[y] = lag_x, lag_y
+    if hold[at.KIND] != at.FREE:
+        return 0.0, 0.0
+    kick_x -= s * (path[at.PAST] + s * (0.5 * path[at.PAST + 2] + s / 3.0 * path[at.PAST + 4]))
+    kick_y -= s * (path[at.PAST + 1] + s * (0.5 * path[at.PAST + 3] + s / 3.0 * path[at.PAST + 5]))
+    kept = 1.0 / (1.0 + path[at.RATE] * s)
+    return kept * kick_x, kept * kick_y
