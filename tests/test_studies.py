@@ -22,6 +22,7 @@ import mpi_ranks
 import paper_compare
 import rebound
 import slope_angles
+import target_error
 import throughput
 import time_resolved_cost
 import wakeflow as wf
@@ -35,8 +36,8 @@ HERE = {
     study.__name__
     for study in (
         air_loading, aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved,
-        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, throughput,
-        time_resolved_cost,
+        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, target_error,
+        throughput, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -51,6 +52,22 @@ def table_rows(text: str) -> list[list[str]]:
     rules = [i for i, line in enumerate(lines) if set(line) <= set("| -:")]
     kept = [line for i, line in enumerate(lines) if i not in rules and i + 1 not in rules]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in kept]
+
+
+def test_target_error(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without air, flown from impact to impact, to a wide target: the run is as quick as the best fixed setting."""
+    everything = list(target_error.scenes())
+    assert len(everything) == 20
+    assert len({name for name, _ in everything}) == 20
+    (found,) = target_error.main(everything[-1:], (0.06,))
+    assert found.met
+    assert found.led.half <= 0.06
+    assert found.fixed is not None
+    assert found.fixed.half <= 0.06
+    out = capsys.readouterr().out
+    (row,) = table_rows(out)
+    assert row[:2] == [everything[-1][0], "6"]
+    assert "within the target against the reference: 1 of 1 scenes" in out
 
 
 def test_aspirator_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -42,6 +42,7 @@ LAYERS = (
     "pipeline",
     "results",
     "report",
+    "refining",
     "runs",
     "sweeps",
     "labyrinth",

@@ -58,6 +58,10 @@ def run(
 ) -> None:
     """Compute where each fraction of a scene lands; results in runs/NAME and what was changed (or --out).
 
+    With --target-error the granules, the tolerance, the mesh and the averages are chosen so that computing alone knows
+    every bin's share so well, in rounds that say what they buy; what computing cannot bring there is said after the
+    first, with what to measure or switch on.
+
     Parameters
     ----------
     scene
@@ -201,12 +205,14 @@ def verify(
     ----------
     what
         tracker, problems, airflow, meshes, shares, extremes (what happens at the ends of what can be asked for), crowd
-        or funnel; or a scene file: its airflow beside published values, or on three grids. Default: all but crowd
-        (granules that meet, beside LIGGGHTS, DPMFoam, MPPICFoam and kinetic theory) and funnel, which need LIGGGHTS.
-        Reports go to runs/verify. Exit code 1 where a row of extremes is missed.
+        or funnel; or a scene file: its airflow beside published values, or where nothing is published the error of its
+        shares against run time. Default: all but crowd (granules that meet, beside LIGGGHTS, DPMFoam, MPPICFoam and
+        kinetic theory) and funnel, which need LIGGGHTS. Reports go to runs/verify. Exit code 1 where a row of extremes
+        is missed.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
-        an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. crowd: more
+        an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. A scene: its
+        own airflow instead of a draft, and that on three grids. crowd: more
         replicates and variants, a quarter of an hour. funnel: more beads, and the paper's 35 g.
     as_json
         Print JSON instead of tables.

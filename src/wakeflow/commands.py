@@ -34,7 +34,8 @@ Forced = Annotated[
 Target = Annotated[
     float | None,
     Parameter(
-        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%.",
+        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%. The plan leaves out "
+        "terms that could not move so much; run also chooses its settings by it.",
         converter=lambda _, tokens: share_of(tokens[0].value),
     ),
 ]

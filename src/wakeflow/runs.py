@@ -22,7 +22,8 @@ from .core.store import content_key, digest_files
 from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
-from .planning.make import Planner
+from .planning.make import Planner, make_plan
+from .refining.loop import refined
 from .results.air_loading import loading_of
 from .results.airflow_summary import (
     Airflow,
@@ -42,7 +43,8 @@ from .results.inputs import Inputs
 from .results.landing_results import BudgetRow, LandingResults, Separation
 from .results.notices import notices
 from .results.plan_summary import summary_of
-from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, Result, asked_in, key_in
+from .results.refinement import Refinement
+from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, Result, asked_in, key_in, refinement_in
 from .results.separation import separate
 from .results.source import Flights
 from .results.sources import MODEL, UNLOADED
@@ -71,35 +73,59 @@ def run(
     listener: Listener = silent,
     redraw: bool = False,
     report: bool = True,
+    refine: bool = True,
 ) -> Result:
     """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
     file's name); finished stages come from the cache.
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
-    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. ``listener(stage, text)``
-    hears of progress, one call at a time; ``redraw`` draws a finished report anew; without ``report`` none is drawn,
-    and a later call without that draws it.
+    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. With a ``target_error`` the
+    scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
+    (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
+    time; ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that
+    draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
+    name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
+    asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
+    request = Request(until, rung, dict(force or {}), target_error)
+    once = partial(_run_once, folder=folder, request=request, workers=workers, listener=listener, redraw=redraw)
+    if target_error is None or until is not None or not refine:
+        return once(asked, report=report)
+
+    plan = make_plan(asked, rung=rung, force=force, target_error=target_error)
+    found = refined(asked, target_error, partial(once, report=False), plan, listener)
+    return once(Scene.parse(found.scene), report=True, refinement=found.refinement) if report else found
+
+
+def _run_once(
+    scene: Scene,
+    *,
+    folder: Path,
+    request: Request,
+    workers: int | None,
+    listener: Listener,
+    redraw: bool,
+    report: bool,
+    refinement: Refinement | None = None,
+) -> Result:
+    """Run a scene as it stands; ``refinement``: how its settings came about."""
     from filelock import FileLock, Timeout
 
-    name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
-    scene, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
-    request = Request(until, rung, dict(force or {}), target_error)
     _check(scene, folder, request, workers)
-    planner = Planner(scene.fed(), dict(force or {}), target_error)
+    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
     plan = planner.plan(rung)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
             pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner)
             poured = funnel_of(pipeline.funnel)
-            if poured is not None and until != "funnel":
+            if poured is not None and request.until != "funnel":
                 fed = _fed(scene, poured)
                 planner = planner.at(fed)  # the bounds on loading follow the rate
                 plan = planner.plan(rung)
                 pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
-            return _Run(scene, pipeline, poured, folder, request, redraw, report).result()
+            return _Run(scene, pipeline, poured, folder, request, redraw, report, refinement).result()
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
@@ -137,6 +163,7 @@ class _Run:
     request: Request
     redraw: bool
     report: bool
+    refinement: Refinement | None = None
 
     def result(self) -> Result:
         """Make the stages that are asked for, then the report where it is not the one that stands there."""
@@ -173,7 +200,7 @@ class _Run:
             seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
             versions=versions(),
             key=self._key(tracked),
-            pictures=None,
+            refinement=self.refinement,
             folder=self.folder,
         )
         result = self._drawn(result, tracked, None if flown is None else flown.landings)
@@ -307,7 +334,10 @@ def report_again(folder: Path | str) -> Path:
     Raises SceneError where the folder holds no finished run.
     """
     scene, asked = asked_in(folder)
-    run(Scene.parse(scene), folder, rung=asked.rung, force=asked.force, target_error=asked.target_error, redraw=True)
+    _run_once(
+        Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, redraw=True, report=True,
+        refinement=refinement_in(folder),
+    )  # fmt: skip
     return Path(folder) / "report.html"
 
 

@@ -183,7 +183,13 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_, **__: None)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "killed"))
     result = wf.run(
-        scene, tmp_path / "out", rung="3d", force=OFF, target_error=0.5, listener=lambda _, text: told.append(text)
+        scene,
+        tmp_path / "out",
+        rung="3d",
+        force=OFF,
+        target_error=0.5,
+        refine=False,
+        listener=lambda _, text: told.append(text),
     )
     found = result.airflow
     assert found is not None

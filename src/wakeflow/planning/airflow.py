@@ -269,7 +269,7 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
         half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
         scales=rung.scales,
         brackets=brackets,
-        accuracy=rung.accuracy or ACCURACY["bracket" if reynolds > FLAT_BELOW else "flat"],
+        accuracy=scene.numerics.averaging or rung.accuracy or ACCURACY["bracket" if reynolds > FLAT_BELOW else "flat"],
         wake=wake_of(scene, reynolds) if brackets and model.turbulent else None,
     )
 

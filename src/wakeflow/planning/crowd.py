@@ -107,7 +107,7 @@ def plan_crowd(
         tracers[name], rates[name] = _simulated(scene, name, depth, stays[name])
     in_flight = {name: rate * stays[name] for name, rate in rates.items()}
     start_up = max(stays[name] for name in scene.fraction if rates[name] or not any(rates.values()))
-    count = min(scene.feed.count, math.ceil((0.98 / target) ** 2))
+    count = scene.collisions.count or min(scene.feed.count, math.ceil((0.98 / target) ** 2))
     fewest = SAMPLES * (2 if paired else 1)
     replicates, operation = _timing(scene, rates, start_up, count, sum(in_flight.values()), fewest)
     lasting = operation + 2.0 * start_up

@@ -18,6 +18,7 @@ from .funnel_summary import FunnelSummary
 from .impact_summary import ImpactSummary
 from .landing_results import BudgetRow, LandingResults
 from .plan_summary import PlanSummary
+from .refinement import Refinement
 
 __all__ = [
     "FILE",
@@ -29,6 +30,7 @@ __all__ = [
     "Result",
     "asked_in",
     "key_in",
+    "refinement_in",
 ]
 
 SCHEMA = 1
@@ -102,7 +104,9 @@ class Result:
     versions: dict[str, str] = column("", "of python and of the packages")
     key: str = column("", "fingerprint of all that the answer depends on")
     pictures: dict[str, PictureSummary] | None = column("", "what the scene asked for; left out before the tracks",
-                                                        absent=True)  # fmt: skip
+                                                        absent=True, default=None)  # fmt: skip
+    refinement: Refinement | None = column("", "how a target error was met; left out of a run without one", absent=True,
+                                           default=None)  # fmt: skip
 
     @classmethod
     def load(cls, folder: Path | str) -> Self:
@@ -176,6 +180,15 @@ def asked_in(folder: Path | str) -> tuple[dict[str, Any], Request]:
         return scene, Request(None, options["rung"], options["force"], options.get("target_error"))
     except (KeyError, TypeError):
         raise _unfinished(folder) from None
+
+
+def refinement_in(folder: Path | str) -> Refinement | None:
+    """How the settings of the finished run in ``folder`` came about; None where it had no target error.
+
+    Raises SceneError where there is no run.
+    """
+    table = _read(folder).get("refinement")
+    return None if table is None else from_json(Refinement, table, str(Path(folder) / FILE))
 
 
 def key_in(folder: Path | str) -> str | None:

@@ -65,6 +65,9 @@ class Numerics(Table):
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
     )
     mesh_scale: Annotated[float, Field(ge=0.2, le=4.0)] = Field(1.0, description="factor on every cell edge")
+    averaging: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "1 %")] | None = Field(
+        None, description="relative half width of drag's and base pressure's averages at which a shedding airflow ends"
+    )
     ranks: Annotated[Literal["auto"] | int, BeforeValidator(_ranks)] = Field(
         "auto", description="MPI processes of an airflow, 1 to 256; auto: by its cells alone, two from 60 000 on"
     )

@@ -122,7 +122,7 @@ def sweep(
 
     ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
     ``scheduler``: any ``concurrent.futures.Executor`` whose workers see the same folders; by default ``workers``
-    processes on this machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.run``; with
+    processes on this machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with
     ``report`` each scene's is drawn too. The same call goes on where an interrupted or killed one ended; a scene that
     fails is in the table with its reason, and is tried again by the next call.
 

@@ -82,7 +82,7 @@ def _tried(job: Job, until: str | None) -> JobEnd:
             _compile()
         run(
             Scene.parse(job.tables), job.folder, until=until, rung=asked.rung, force=asked.force,
-            target_error=asked.target_error, workers=job.threads, report=job.report,
+            target_error=asked.target_error, workers=job.threads, report=job.report, refine=False,
         )  # fmt: skip
     except ProgramError as problem:
         _note(job.folder, f"{problem}\n{problem.tail}\n")

@@ -31,6 +31,9 @@ def show_result(result: Result) -> None:
             console.print(_loading(result), highlight=False)
     for name, picture in (result.pictures or {}).items():
         console.print(f"figures/{name}: {picture.text}", highlight=False, markup=False)
+    if result.refinement is not None:
+        for line in (*result.refinement.unmet, *result.refinement.measure):
+            console.print(f"• {line}", highlight=False, markup=False)
     warn(console, result.warnings, result.grades)
     console.print(f"results: {result.folder}", highlight=False, soft_wrap=True)
     if result.landings is not None:  # the answer last: it is what stays in sight

@@ -102,12 +102,27 @@ def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, An
     """
     FOLDER.mkdir(parents=True, exist_ok=True)
     if what is not None and what.endswith(".toml"):
-        from .airflow.airflow import run_scene
-
-        return {f"scene-{Path(what).stem}": run_scene(Path(what), FOLDER, tell=tell)}
+        return _of_scene(Path(what), slow, tell)
     if what is not None and what not in PROOFS:
         raise SceneError(f"verify {what!r}: unknown{did_you_mean(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
     return {name: PROOFS[name](slow, tell) for name in ([what] if what else [p for p in PROOFS if p not in OPTIONAL])}
+
+
+def _of_scene(path: Path, slow: bool, tell: Tell) -> dict[str, dict[str, Any]]:
+    """The airflow beside published values of a scene of which there are any; of another its error against run time, and
+    with ``slow`` its airflow, where it has one about a body, on three grids.
+    """
+    from ..scene import Scene
+    from .airflow.airflow import is_published, run_scene
+    from .scene_curves import run_curves
+
+    if is_published(path):
+        return {f"scene-{path.stem}": run_scene(path, FOLDER, tell=tell)}
+    reports = {f"curves-{path.stem}": run_curves(path, FOLDER, slow=slow, tell=tell)}
+    scene = Scene.load(path)
+    if slow and scene.air is not None and scene.body and scene.air.case is None and scene.numerics.rung != "none":
+        reports[f"scene-{path.stem}"] = run_scene(path, FOLDER, tell=tell)
+    return reports
 
 
 def verdict_code(reports: dict[str, dict[str, Any]]) -> int:
@@ -119,7 +134,7 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
     """Print the tables of every report, and where it lies."""
     from rich.console import Console
 
-    from .proof_tables import airflow_tables, goal_table, mesh_tables, problem_table, row_tables, share_table
+    from .proof_tables import goal_table, mesh_tables, problem_table, row_tables, share_table
 
     console = Console()
     console.width = max(console.width, WIDE) if not console.is_terminal else console.width
@@ -145,7 +160,7 @@ def show(reports: dict[str, dict[str, Any]]) -> None:
         elif name == "coverage":
             tables = _coverage_tables(report)
         else:
-            tables = [problem_table(report)] if name == "problems" else airflow_tables(report)
+            tables = [problem_table(report)] if name == "problems" else _scene_tables(name, report)
         _print(console, tables)
         for note in report.get("notes", []):
             console.print(note, highlight=False)
@@ -162,3 +177,11 @@ def _print(console: Console, tables: list[Table]) -> None:
     for table in tables:
         console.print(table)
         console.print()
+
+
+def _scene_tables(name: str, report: dict[str, Any]) -> list[Table]:
+    """Of airflows, or of one scene's error against run time."""
+    from .proof_tables import airflow_tables
+    from .scene_curves import curve_table
+
+    return [curve_table(report)] if name.startswith("curves-") else airflow_tables(report)

@@ -23,7 +23,7 @@ from .dust import RESIDENCE, estimate_without, within_estimate
 from .measured import QuantityValue, SolvedAirflow, measured, quantities
 from .published import Case, Published, cases
 
-__all__ = ["ComparedValue", "compare_case", "grid_study", "momentum", "run_airflow", "run_scene"]
+__all__ = ["ComparedValue", "compare_case", "grid_study", "is_published", "momentum", "run_airflow", "run_scene"]
 
 Tell = Callable[[str], None]
 REPORTED = "reported"  # in place of a gate
@@ -84,10 +84,21 @@ def run_scene(path: Path, folder: Path, *, tell: Tell = lambda _: None) -> dict[
     scene = Scene.load(path)
     if scene.air is None:
         raise SceneError(f"{path}: no [air] table: there is no airflow to verify")
+    known = _published(path, scene) or Case(path.stem, path.stem, scales=GRIDS)
+    return _run(folder, f"scene-{path.stem}", [(known, scene)], tell)
+
+
+def is_published(path: Path) -> bool:
+    """Whether something is published of the airflow of the scene in a file."""
+    return _published(path, Scene.load(path)) is not None
+
+
+def _published(path: Path, scene: Scene) -> Case | None:
+    """The case of a file's name, where the body, the channel and the air are that case's."""
     known = cases().get(path.stem)
     if known is None or any(getattr(_scene(known), table) != getattr(scene, table) for table in AIR_TABLES):
-        known = Case(path.stem, path.stem, scales=GRIDS)
-    return _run(folder, f"scene-{path.stem}", [(known, scene)], tell)
+        return None
+    return known
 
 
 def _scene(case: Case) -> Scene:

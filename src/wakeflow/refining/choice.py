@@ -1,0 +1,85 @@
+"""Which settings to compute with next: the cheapest that are expected to meet the target.
+
+One knob at a time is turned a step finer, always the one whose second lowers the squares of the errors beyond the
+target most; what a later step has made needless is taken back in the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..pipeline.stages import StageTime
+from ..results.landing_results import BudgetRow
+from ..results.refinement import KnobSettings
+from .cost import expected_seconds
+from .knobs import finest_of, knobs
+from .prediction import expected_half
+
+__all__ = ["Choice", "choose", "reachable"]
+
+LEAST_GAIN = 1e-12  # of the squares of shares: less is nothing
+QUICKEST = 1e-3  # s: a step that costs nothing still costs that
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The ``settings`` of the next round, the largest ``half`` width by computing that is expected of the rows that can
+    meet the target, and the run time expected (s).
+    """
+
+    settings: KnobSettings
+    half: float
+    seconds: float
+
+
+def reachable(rows: Sequence[BudgetRow], now: KnobSettings, target: float) -> list[BudgetRow]:
+    """The rows that settings can bring below the target, found with those of ``now``."""
+    finest = finest_of(now)
+    return [row for row in rows if expected_half(row, now, finest) <= target]
+
+
+def choose(
+    rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: KnobSettings, start: KnobSettings, target: float
+) -> Choice:
+    """The cheapest settings, from those of ``start`` on, with which every row of ``rows`` is expected to meet the
+    ``target``; ``now``: those with which the rows were found and the run times ``spent``.
+    """
+    chosen, way = start, []
+    while (before := _excess(rows, now, chosen, target)) > 0.0:
+        price = expected_seconds(spent, now, chosen)
+        steps = []
+        for name in knobs:
+            further = knobs[name].next(chosen)
+            if further is not None:
+                gain = before - _excess(rows, now, further, target)
+                cost = max(expected_seconds(spent, now, further) - price, QUICKEST)
+                steps.append((gain / cost, name, further))
+        best = max(steps, default=(0.0, "", chosen), key=lambda step: step[0])
+        if best[0] <= LEAST_GAIN:
+            break
+        way.append(best[1])
+        chosen = best[2]
+    chosen = _thrifty(rows, now, chosen, way, target)
+    half = max((expected_half(row, now, chosen) for row in rows), default=0.0)
+    return Choice(chosen, half, expected_seconds(spent, now, chosen))
+
+
+def _thrifty(
+    rows: Sequence[BudgetRow], now: KnobSettings, chosen: KnobSettings, way: Sequence[str], target: float
+) -> KnobSettings:
+    """The settings without the steps that are needless beside the others, the last first."""
+    if _excess(rows, now, chosen, target) > 0.0:
+        return chosen
+    for name in reversed(way):
+        value = knobs[name].of(chosen)
+        assert value is not None
+        back = knobs[name].at(chosen, value / knobs[name].step)
+        if _excess(rows, now, back, target) <= 0.0:
+            chosen = back
+    return chosen
+
+
+def _excess(rows: Sequence[BudgetRow], now: KnobSettings, then: KnobSettings, target: float) -> float:
+    """Sum over the rows of how far the squares of their errors lie beyond the target's."""
+    return sum(max(0.0, expected_half(row, now, then) ** 2 - target**2) for row in rows)

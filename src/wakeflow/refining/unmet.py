@@ -1,0 +1,165 @@
+"""What computing cannot bring to a target error, and what to give, run or measure instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
+
+from ..core.errors import SceneError
+from ..planning.bounds import COLLISIONS, LOADING, VIBRATION, bounds
+from ..planning.make import AIR, TURNING
+from ..planning.plan import Plan
+from ..planning.terms import check_switches
+from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
+from ..results.refinement import KnobSettings
+from ..results.result import Result
+from ..results.total import INPUTS
+from ..scene import Scene
+from .knobs import finest_of
+from .prediction import expected_half, expected_part
+
+__all__ = ["told_unmet", "what_to_measure"]
+
+WEIGHTY = 0.5  # of the target: a part that stays larger than that stands in the way
+LEAST_FACTOR = 0.25  # an interval is asked to shrink to that at most, as long as others can shrink too
+SPARED = 0.5  # of the target: what computing may take of it, for the inputs to have the rest
+OF_THE_WAKE = "wake."  # keys of unknowns that only a resolved wake makes known
+WHOLE_RUN = (COLLISIONS, VIBRATION, LOADING)  # terms that are switched for all fractions together
+OTHERS: Mapping[str, str] = {  # parts that no setting lowers, and what does
+    "airflow-model": "run rung 3d (--rung 3d)",
+    "mesh": "run rung reference (--rung reference)",
+    "airflow-statistics": "run rung 3d (--rung 3d)",
+    LOADING: "lower feed.rate, or run rung draft, whose air the force is solved in",
+    AIR: "compute the air (--rung draft)",
+    TURNING: "release the granules above the body (--set feed.mode=resolved)",
+}
+
+
+@dataclass(frozen=True)
+class _Obstacle:
+    """A ``part`` of a fraction's error in a bin, as it is with the finest settings: too large all the same."""
+
+    name: str
+    place: str
+    part: BudgetPart
+
+    @property
+    def error(self) -> float:
+        return self.part.error or 0.0
+
+
+def told_unmet(
+    rows: Sequence[BudgetRow], now: KnobSettings, target: float, scene: Scene, plan: Plan
+) -> tuple[str, ...]:
+    """A line for each fraction and part of its error, but for the inputs, that is beyond the ``target`` however fine
+    the settings; the ``rows`` were found with those of ``now``.
+    """
+    worst: dict[tuple[str, str], _Obstacle] = {}
+    unknown: dict[str, str] = {}
+    for row in rows:
+        for found in _obstacles(row, now, target):
+            at = found.name, found.part.source
+            if at not in worst or found.error > worst[at].error:
+                worst[at] = found
+        if any(part.error is None for part in row.parts) and row.total.note is not None:
+            unknown.setdefault(row.total.note, row.quantity.removeprefix("share."))
+    lines = [_line(found, scene, plan) for found in sorted(worst.values(), key=lambda one: -one.error)]
+    return (*lines, *(f"{place}: {note}" for note, place in unknown.items()))
+
+
+def _obstacles(row: BudgetRow, now: KnobSettings, target: float) -> Iterator[_Obstacle]:
+    """The parts of a row that stand in its way: bounds beyond the target, and what no setting computes well enough."""
+    finest = finest_of(now)
+    name, _, place = row.quantity.removeprefix("share.").partition(".")
+    parts = (replace(part, error=expected_part(part, now, finest)) for part in row.parts if part.source != INPUTS)
+    left = sorted(parts, key=lambda part: -(part.error or 0.0))
+    computed = [part for part in left if part.kind is None and part.error is not None]
+    beyond = [part for part in left if part.kind is not None and (part.error or 0.0) > target]
+    if expected_half(row, now, finest) > target:
+        beyond += computed[:1] + [part for part in computed[1:] if (part.error or 0.0) > WEIGHTY * target]
+    for part in beyond:
+        yield _Obstacle(name, place, part)
+
+
+def _line(found: _Obstacle, scene: Scene, plan: Plan) -> str:
+    """One obstacle in words, with what to do."""
+    source = found.part.source
+    where, much = f"{found.name} in {found.place}", f"{100 * found.error:.2g} points"
+    if found.part.kind in (LEFT_OUT, NOT_COMPUTED):
+        return f"{where}: {source} is not computed and could change it by up to {much}: {_switch(found, scene, plan)}"
+    remedy = OTHERS.get(source, "beyond the finest settings of a scene; ask for a larger --target-error")
+    return f"{where}: {source} stays at {much}: {remedy}"
+
+
+def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
+    """How to have a term computed, or why it cannot be."""
+    source = found.part.source
+    if source not in bounds:
+        return OTHERS.get(source, "nothing in this version computes it")
+    key = source if source in WHOLE_RUN else f"{found.name}.{source}"
+    try:
+        check_switches(plan.airflow.flown(scene), {key: True}, plan.airflow.turbulence)
+    except SceneError as problem:
+        return str(problem).partition(": ")[2]
+    return f"--force {key}=on"
+
+
+def what_to_measure(result: Result, target: float) -> tuple[str, ...]:
+    """For each fraction whose least certain share misses the ``target`` for its inputs: which of them to measure, how
+    well, so that the total meets it.
+    """
+    landings = result.landings
+    if landings is None or not landings.inputs or not landings.measure_next:
+        return ()
+    worst: dict[str, tuple[float, BudgetRow, float]] = {}
+    for row in result.budget:
+        inputs = next((part.error for part in row.parts if part.source == INPUTS), None)
+        if inputs is None or row.total.numerical is None:
+            continue
+        name, total = row.quantity.split(".")[1], hypot(inputs, row.total.numerical)
+        if total > target and total > worst.get(name, (0.0,))[0]:
+            worst[name] = total, row, inputs
+    lines = []
+    for name, (total, row, half) in worst.items():
+        place = row.quantity.removeprefix(f"share.{name}.")
+        parts = landings.measure_next.get(name, {}).get(place, {})
+        beside = min(row.total.numerical or 0.0, SPARED * target)
+        told = _measurements(parts, landings.inputs, half, sqrt(target**2 - beside**2))
+        if told:
+            lines.append(f"{name} in {place} is known to {100 * total:.2g} points in all: {told}")
+    return tuple(lines)
+
+
+def _measurements(
+    parts: Mapping[str, InputPart], known: Mapping[str, InputSummary], half: float, room: float
+) -> str | None:
+    """Which inputs to know how well, so that all of them together are worth ``room`` instead of ``half``; None where
+    they are.
+
+    With first-order parts s_i of the variance, intervals that shrink to the factor f leave 1 - (1 - f^2) sum s_i of it.
+    """
+    wanted = (room / half) ** 2
+    if wanted >= 1.0:
+        return None
+    ranked = sorted(parts, key=lambda key: -parts[key].variance)
+    removed = 0.0
+    for count, key in enumerate(ranked, start=1):
+        removed += parts[key].variance
+        square = 1.0 - (1.0 - wanted) / removed if removed > 0.0 else 0.0
+        if square >= LEAST_FACTOR**2:
+            return _asked(ranked[:count], known, sqrt(square))
+    return _asked(ranked, known, sqrt(wanted))
+
+
+def _asked(keys: Sequence[str], known: Mapping[str, InputSummary], factor: float) -> str:
+    measured = [_interval(key, known[key], factor) for key in keys if not key.startswith(OF_THE_WAKE)]
+    resolved = [_interval(key, known[key], factor) for key in keys if key.startswith(OF_THE_WAKE)]
+    told = [f"measure {', '.join(measured)}"] if measured else []
+    told += [f"run rung 3d for {', '.join(resolved)}"] if resolved else []
+    return " and ".join(told)
+
+
+def _interval(key: str, known: InputSummary, factor: float) -> str:
+    half, unit = 0.5 * (known.high - known.low), "" if known.unit == "1" else f" {known.unit}"
+    return f"{key} to +- {factor * half:.2g}{unit} (now {half:.2g})"

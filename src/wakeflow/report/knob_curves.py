@@ -1,0 +1,50 @@
+"""Error against run time of one scene, a line a knob: picture and table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..core.files import atomic_write
+from .canvas import COLOURS, new_figure, save
+
+__all__ = ["draw_knobs", "write_knobs"]
+
+HEADS = ("knob", "setting", "error", "half", "seconds")
+MARKERS = "os^Dv*"
+LEAST = 1e-5  # of a share: an error that is drawn no smaller
+
+
+def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
+    """Write ``path`` as PNG and beside it as SVG: the error of each setting of a knob full, what the run says of itself
+    dotted, in percentage points over seconds.
+    """
+    figure = new_figure(5.6, 4.0)
+    axes = figure.add_subplot(xlabel="run time, s", ylabel="largest error of a bin share, points", title=title)
+    for number, knob in enumerate(dict.fromkeys(row["knob"] for row in rows)):
+        mine = sorted((row for row in rows if row["knob"] == knob), key=lambda row: row["seconds"])
+        seconds = [row["seconds"] for row in mine]
+        look: dict[str, Any] = {
+            "color": COLOURS[number % len(COLOURS)],
+            "marker": MARKERS[number % len(MARKERS)],
+            "ms": 4.0,
+        }
+        axes.plot(seconds, [100 * max(row["error"], LEAST) for row in mine], "-", label=knob, **look)
+        axes.plot(seconds, [100 * max(row["half"], LEAST) for row in mine], ":", **look)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7)
+    save(figure, path)
+    with atomic_write(path.with_suffix(".svg"), "wb") as stream:
+        figure.savefig(stream, format="svg")
+
+
+def write_knobs(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write the same as CSV: errors and half widths as shares, seconds."""
+    with atomic_write(path) as stream:
+        writer = csv.DictWriter(stream, HEADS, extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

@@ -1,0 +1,102 @@
+"""``wakeflow verify SCENE``: error against run time, for each knob of a scene alone and for a target error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from .. import runs
+from ..core.files import write_json
+from ..core.process import cores
+from ..pipeline.compilation import COMPILED
+from ..planning.make import make_plan
+from ..refining.knobs import applied, knobs, own_settings
+from ..results.refinement import KnobSettings
+from ..results.result import Result
+from ..scene import Scene
+from .settings import BinShares, bin_shares, largest_error, largest_half, reference_shares
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+__all__ = ["curve_table", "run_curves"]
+
+Tell = Callable[[str], None]
+STEPS = {"granules": -2, "tolerance": -2, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
+POINTS = {"granules": 4, "tolerance": 4, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
+TARGETS = (0.05, 0.03, 0.02)
+LED = "--target-error"
+COARSEST = 4.0  # largest numerics.mesh_scale
+
+
+def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None) -> dict[str, Any]:
+    """Rows (knob, setting, error, half, seconds) of the scene in a file: errors of the largest bin share against a
+    reference that is finer in every knob, seconds of the stages when they were computed. An airflow in time is
+    computed with ``slow`` alone, else its draft. Written to ``folder`` as JSON, CSV, PNG and SVG.
+    """
+    from ..report.knob_curves import draw_knobs, write_knobs
+
+    scene = Scene.load(path)
+    rung = None if slow or make_plan(scene).airflow.stepping != "time-resolved" else "draft"
+    own = own_settings(scene, make_plan(scene, rung=rung))
+    tell("the reference")
+    truth, rows = reference_shares(scene, own, rung), []
+    with TemporaryDirectory(prefix="wakeflow-") as scratch:
+        for knob, settings in _tried(own):
+            tell(f"{knob} {knobs[knob].of(settings):.6g}")
+            result = runs.run(applied(scene, settings), Path(scratch, "run"), rung=rung, report=False)
+            rows.append(_row(knob, f"{knobs[knob].of(settings):.6g}", result, truth))
+        for target in TARGETS:
+            tell(f"{LED} {target:g}")
+            result = runs.run(scene, Path(scratch, "led"), rung=rung, target_error=target, report=False)
+            rows.append(_row(LED, f"{target:g}", result, truth))
+    report = {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows, "notes": [_note(rung, slow=slow)]}
+    name = f"curves-{path.stem}"
+    write_json(folder / f"{name}.json", report)
+    write_knobs(folder / f"{name}.csv", rows)
+    draw_knobs(folder / f"{name}.png", rows, path.stem)
+    return report
+
+
+def _tried(own: KnobSettings) -> Iterator[tuple[str, KnobSettings]]:
+    """KnobSettings with one knob coarser than the scene's ``own``, the others as they are; the own ones last."""
+    for name in knobs:
+        value = knobs[name].of(own)
+        if value is None:
+            continue
+        for number in reversed(range(POINTS[name])):
+            coarser = value * knobs[name].step ** (STEPS[name] * number)
+            if name == "mesh" and coarser > COARSEST:
+                continue
+            yield name, knobs[name].at(own, coarser)
+
+
+def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str, Any]:
+    stages = (stage.seconds for name, stage in result.seconds.items() if name != str(COMPILED))
+    led = result.refinement
+    return {
+        "knob": knob,
+        "setting": setting,
+        "error": largest_error(bin_shares(result), truth),
+        "half": largest_half(result),
+        "seconds": sum(stages) if led is None else sum(one.seconds for one in led.rounds),
+    }
+
+
+def _note(rung: str | None, *, slow: bool) -> str:
+    air = "" if rung is None and not slow else f"rung {rung or 'of the scene'}; "
+    return f"{air}errors against other random numbers, 16 times the granules, a hundredth of the tolerance, finer cells"
+
+
+def curve_table(report: dict[str, Any]) -> Table:
+    """The rows for a terminal, in percentage points."""
+    from rich.table import Table
+
+    heads = ("knob", "setting", "error, points", "half width, points", "s")
+    table = Table(*heads, title="error against run time", title_justify="left", pad_edge=False, box=None)
+    for row in report["rows"]:
+        numbers = (f"{100 * row['error']:.2g}", f"{100 * row['half']:.2g}", f"{row['seconds']:.3g}")
+        table.add_row(row["knob"], row["setting"], *numbers)
+    return table

@@ -1,0 +1,41 @@
+"""Error against run time of a scene: a row a setting, the picture, the table; what is published goes before."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+from support import CASES, shipped
+from wakeflow.scene import Scene
+from wakeflow.verify import runner
+from wakeflow.verify.airflow.airflow import is_published
+from wakeflow.verify.scene_curves import LED, TARGETS, run_curves
+
+
+def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
+    """Without its air, flown from impact to impact."""
+    tables = shipped("prism", {"numerics.rung": "none", "feed.count": 1024}).tables()
+    name = next(iter(tables["fraction"]))
+    tables["fraction"] = {name: {**tables["fraction"][name], "mass_share": 1.0}}
+    tables["feed"].pop("rate", None)
+    path = tmp_path / "own.toml"
+    Scene.parse(tables).save(path)
+    report = run_curves(path, tmp_path, slow=False)
+    rows = report["rows"]
+    assert [row["knob"] for row in rows] == ["granules"] * 4 + ["tolerance"] * 4 + [LED] * len(TARGETS)
+    assert [float(row["setting"]) for row in rows[:4]] == [16, 64, 256, 1024]
+    assert rows[0]["half"] > 2.0 * rows[3]["half"]
+    for row in rows[-len(TARGETS) :]:
+        assert row["error"] <= row["half"] <= float(row["setting"])
+    with (tmp_path / "curves-own.csv").open() as stream:
+        assert [row["knob"] for row in csv.DictReader(stream)] == [row["knob"] for row in rows]
+    assert json.loads((tmp_path / "curves-own.json").read_text())["rows"] == rows
+    for ending in ("png", "svg"):
+        assert (tmp_path / f"curves-own.{ending}").stat().st_size > 1000
+    runner.show({"curves-own": report})
+
+
+def test_what_is_published_is_told_apart() -> None:
+    assert is_published(CASES / "verify" / "square-100.toml")
+    assert not is_published(CASES / "rhombus.toml")
