@@ -74,7 +74,8 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, of_speed: InputEffect | No
     (``planning.lock_in``): as if the air were faster by that part, ``of_speed`` being what the air's speed does to the
     share. Any other ``part`` comes back as it is, and so does this one where nothing was drawn.
     """
-    if part.source != VIBRATION or part.kind != NOT_COMPUTED or of_speed is None:
+    in_time = plan.airflow.stepping == "time-resolved"
+    if part.source != VIBRATION or part.kind != NOT_COMPUTED or of_speed is None or not in_time:
         return part
     motion = vibration_of_scene(scene, plan.airflow.accuracy)
     if motion is None or motion.used:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["INPUTS", "numerical", "totalled", "whole"]
 
 INPUTS = "inputs"  # the part of what the scene does not say exactly
+ANY_BIN = "integration"  # its error is the share of granules that land elsewhere: of one bin as of several together
 BOUNDS = (LEFT_OUT, NOT_COMPUTED)
 WEIGHS = 1.0 / 3.0  # of a total: a bound larger than that must be computed, or the row says so
 REMEDIES = {  # of parts of unknown size: what to give or to run
@@ -119,6 +120,8 @@ class _Combined:
         weights = [{(name, place): 1.0 for place in places} for places in (targets, others)]
         inside, outside = (self._by_source(one) for one in weights)
         beside = {key: min(error, outside.get(key, 0.0)) for key, error in inside.items()}
+        moved = [part.error or 0.0 for one in targets for part in self.parts[name, one] if part.source == ANY_BIN]
+        beside[ANY_BIN, False] = max(moved, default=0.0)
         return _ranged(found, beside, None if self.inputs is None else self.inputs.of_share(name, targets))
 
     def purity(self, name: str, place: str, found: Measured) -> Measured:

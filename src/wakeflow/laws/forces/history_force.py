@@ -32,8 +32,9 @@ __all__ = ["HISTORY_FORCE", "MEMORIES", "history_kernel", "history_time", "memor
 SLOWEST = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
 NODES = 2001  # of the quadrature in time^(1/4): error below 1e-4
 # By what flights with and without the force exceed the estimate, in the shipped rhombus' steady wake (tests/planning):
-# dust that follows the air into the wake 9 times (95 % of it), chaff and wheat beside it 1.15
-IN_WAKE, BESIDE_WAKE, FOLLOWS = 12.0, 1.4, 1.0
+# dust that follows the air into the wake 9 times (95 % of it), chaff and wheat beside it 1.15. In a wake that sheds the
+# estimate itself is some six times as large
+IN_WAKE, SHEDDING, BESIDE_WAKE, FOLLOWS = 12.0, 2.0, 1.4, 1.0
 COUNT = 7
 MEMORIES = np.geomspace(1e-2, 3e2, COUNT)  # tau_i over the granule's own time
 # The fit: the integral of K up to times between these two, over the granule's own time, at so many of them evenly in
@@ -145,8 +146,8 @@ def _shift(flight: FlightScales) -> float:
     air = 0.0 if flight.calm else flight.air_speed
     sideways, along = max(SIDEWAYS * air, flight.thrown), max(air, flight.landing)  # change of the air's or its own
     change = min(math.hypot(sideways, flight.slope * along), flight.typical_slip)
-    follows = flight.tau * flight.arrival < FOLLOWS * flight.width
-    margin = IN_WAKE if follows and not flight.calm else BESIDE_WAKE
+    follows = flight.tau * flight.arrival < FOLLOWS * flight.width and not flight.calm
+    margin = BESIDE_WAKE if not follows else SHEDDING if flight.shedding else IN_WAKE
     return flight.widths(margin * memory / stokes * change * last * math.exp(-last / flight.tau))
 
 

@@ -23,17 +23,20 @@ from .jit import compiled
 __all__ = ["begin_memory", "bend_memory", "recall", "recall_line", "remember", "sampled"]
 
 RATES = 1.0 / MEMORIES
+CHATTERS = 32  # impacts after which a granule remembers nothing: what it remembers would keep it bouncing for good
 
 
 @compiled
 def begin_memory(path, state, ints, grain, hold, ux, uy, sx, sy):
     """Note the slip (sx, sy) at the step's start, for the moment as if it would last; returns the force per mass there.
 
-    Before a granule's first step the first lag holds the velocity with which it came: all memories know the slip that
+    A granule that has struck more than CHATTERS times flies on without a past. Before its first step the first lag
+    holds the velocity with which it came: all memories know the slip that
     it had then.
     """
-    if ints[at.STEPS] == 0:
-        lag_x, lag_y = ux - state[at.LAG], uy - state[at.LAG + 1]
+    chatters = ints[at.IMPACTS] > CHATTERS
+    if ints[at.STEPS] == 0 or chatters:
+        lag_x, lag_y = (sx, sy) if chatters else (ux - state[at.LAG], uy - state[at.LAG + 1])
         for i in range(at.MEMORIES):
             state[at.LAG + 2 * i], state[at.LAG + 2 * i + 1] = lag_x, lag_y
     for slot in range(at.SLIP, at.PATH):
