@@ -155,7 +155,8 @@ def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(draft: Scene
     plan = make_plan(draft, force={"lift": True, "chaff.lift": False})
     assert {name for name, how in plan.fractions.items() if "lift" in how.forces} == {"dust", "wheat"}
     keys = [
-        Pipeline(draft, make_plan(draft, force=force)).plan.fractions["wheat"].tracked for force in ({}, plan.force)
+        Pipeline(draft, make_plan(draft, force=force)).plan.fractions["wheat"].tracked
+        for force in ({"lift": False}, plan.force)
     ]
     assert keys[0] != keys[1]
 

@@ -159,6 +159,8 @@ def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     for name, how in plan.fractions.items():
         if scene.air is None or how.terminal_velocity is None or plan.flown_by == "chain":
             continue
+        if how.terminal_velocity <= 0.0 or scene.fraction[name].properties.density <= STANDARD_AIR[0]:
+            continue  # it rises: no drag is calibrated to that
         fraction, key, value = scene.fraction[name], f"fraction.{name}.terminal_velocity", how.terminal_velocity
         half, why = _half(scene, key, "terminal_velocity", value, _confidence(fraction, "terminal_velocity"))
         yield Unknown(key, "terminal_velocity", value, half, half, "m/s", why, name)
