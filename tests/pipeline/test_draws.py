@@ -76,7 +76,8 @@ def test_the_air_has_fewer_draws_and_all_are_standard_normal() -> None:
     assert len(np.unique(rest, axis=0)) == DRAWS
     np.testing.assert_allclose(stage.design.mean(axis=0), 0.0, atol=0.1)
     np.testing.assert_allclose(stage.design.std(axis=0), 1.0, atol=0.15)
-    assert abs(np.corrcoef(rest, rowvar=False) - np.eye(rest.shape[1])).max() < 0.35
+    for part in (air, rest):  # by how much each slope's variance grows because the columns are not orthogonal
+        assert np.linalg.inv(np.corrcoef(part, rowvar=False)).diagonal().max() < 2.0
     assert FARTHEST > 2.0
 
 

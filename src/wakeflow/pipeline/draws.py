@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.files import atomic_write
 from ..core.store import content_key
-from ..laws.size import normal_quantile
+from ..injection.sobol import normal_points
 from ..planning.plan import REPLICATES, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation
@@ -34,7 +34,6 @@ __all__ = ["DRAWS", "DrawStage", "Draws"]
 Array = NDArray[np.float64]
 DRAWS = 64  # of everything; their regression has some forty degrees of freedom
 SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
-ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1
 PARTS = DRAWS // REPLICATES  # of a replicate: each flies under one draw
 
 
@@ -77,8 +76,8 @@ class DrawStage:
         shared = np.array([unknown_kinds[one.kind].of_air for one in self.unknowns], dtype=bool)
         seed = self.tracks.scene.feed.seed
         z = np.zeros((DRAWS, len(shared)))
-        z[:, ~shared] = _normal(int((~shared).sum()), DRAWS, seed, 0)
-        z[:, shared] = np.repeat(_normal(int(shared.sum()), DRAWS // SAME_AIR, seed, 1), SAME_AIR, axis=0)
+        z[:, ~shared] = normal_points(int((~shared).sum()), DRAWS, seed, 0)
+        z[:, shared] = np.repeat(normal_points(int(shared.sum()), DRAWS // SAME_AIR, seed, 1), SAME_AIR, axis=0)
         return z
 
     def fly(self) -> Draws | None:
@@ -135,16 +134,6 @@ class DrawStage:
             return varied(field, air.speed, air.energy, air.lifetime)
 
         return found.mapped(change)
-
-
-def _normal(dimensions: int, count: int, seed: int, *apart: int) -> Array:
-    """Points (count, dimensions) of independent standard normal numbers that fill the space evenly."""
-    from scipy.stats import qmc
-
-    if not dimensions:
-        return np.zeros((count, 0))
-    points = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng([seed, *apart])).random(count)
-    return np.asarray(normal_quantile(np.clip(points, ROUND_OFF, 1.0 - ROUND_OFF)))
 
 
 def _part(size: int, number: int) -> slice:

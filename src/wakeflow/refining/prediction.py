@@ -1,7 +1,7 @@
 """What each part of a share's error would be with other settings, from what it is with those of a finished round.
 
 Sampling falls with the granules as n^-RATE: plain Monte Carlo would give 1/2, balanced samples of few dimensions up to
-1 (Owen 1997, SIAM J. Numer. Anal. 34, 1884); measured on the scenes of cases/studies/target_error.py. What is an upper
+1 (Owen 1997, SIAM J. Numer. Anal. 34, 1884); the rate between them is assumed, not fitted. What is an upper
 limit of a counted share (steps, terms left out) is read back to the share and limited again: with few granules the
 limit is most of it. The mesh's part falls as the square of a cell's edge, or as sampling where that hides it; the
 averages of a wake as the half width that they end at. The rest, a model's part, no setting changes.
@@ -22,7 +22,7 @@ from ..results.total import numerical
 
 __all__ = ["expected_half", "expected_part", "predictions"]
 
-RATE = 0.6  # of sampling with the number of granules
+RATE = 0.6  # of sampling with the number of granules; assumed
 STEP_RATE = 1.0  # of the share that finer steps put into another bin, with the tolerance
 MESH_ORDER = 2.0  # of the schemes
 NOISE = "statistical"  # a mesh part's note begins so where sampling hides what the grids differ by

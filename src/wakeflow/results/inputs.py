@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..laws.size import normal_quantile
+from ..injection.sobol import normal_points
 from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
 from .measured import Share
 from .separation import purity_slopes
@@ -32,7 +32,6 @@ __all__ = ["InputEffect", "InputRange", "Inputs"]
 Array = NDArray[np.float64]
 POINTS = 4096  # at which the regression is read
 SEED = 20110  # of those points: any, but always the same
-ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1
 NOTHING = 1e-12  # of a share: a change that is none
 
 
@@ -137,12 +136,7 @@ def regressed(z: Array, change: Array, noise: Array, known: Sequence[Unknown]) -
     return InputRange(float(low), float(high), tuple(sorted(effects, key=lambda effect: -effect.share)))
 
 
+@lru_cache(maxsize=8)  # asked for every share of a run
 def _points(dimensions: int) -> Array:
     """Many points (POINTS, dimensions) of independent standard normal numbers, cut off as the draws are."""
-    from scipy.stats import qmc
-
-    if not dimensions:
-        return np.zeros((POINTS, 0))
-    uniform = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(SEED)).random(POINTS)
-    points = np.asarray(normal_quantile(np.clip(uniform, ROUND_OFF, 1.0 - ROUND_OFF)), dtype=float)
-    return np.asarray(np.clip(points, -FARTHEST, FARTHEST))
+    return np.asarray(np.clip(normal_points(dimensions, POINTS, SEED), -FARTHEST, FARTHEST))

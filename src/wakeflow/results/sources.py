@@ -115,6 +115,8 @@ class LeftOutTerms(Source[None]):
         if inputs is None or VIBRATION in pipeline.plan.force:
             return found
         for place, parts in found.items():
+            if not any(part.source == VIBRATION for part in parts):
+                continue
             effects = inputs.of_share(fraction.name, [place]).effects
             of_speed = next((one for one in effects if one.unknown.key == AIR_SPEED), None)
             found[place] = [swung(pipeline.scene, pipeline.plan, part, of_speed) for part in parts]

@@ -104,6 +104,7 @@ def _linear(cells: int, strain: tuple[float, float], start: tuple[float, float])
     HINSBERG, "affine drag gravity buoyancy added-mass basset-history", cells=2,
 )  # fmt: skip
 def remembered_settling(cells: int) -> tuple[Setting, Answer]:
+    """Granules struck at birth that settle in air at rest."""
     return _linear(cells, (0.0, 0.0), (-0.2, 0.3))
 
 
@@ -112,6 +113,7 @@ def remembered_settling(cells: int) -> tuple[Setting, Answer]:
     HINSBERG, "affine drag gravity buoyancy added-mass basset-history",
 )  # fmt: skip
 def remembered_strain(cells: int) -> tuple[Setting, Answer]:
+    """The same granules in plane strain of 4 1/s."""
     return _linear(cells, (4.0, -4.0), (0.1, 0.5))
 
 
@@ -120,6 +122,7 @@ def remembered_strain(cells: int) -> tuple[Setting, Answer]:
     HINSBERG, "affine walls drag gravity buoyancy added-mass basset-history", cells=4,
 )  # fmt: skip
 def remembered_bounce(cells: int) -> tuple[Setting, Answer]:
+    """Three granules that bounce once on a floor: the memories of before the bounce act after it."""
     from scipy.optimize import brentq
 
     floor, t = -0.5, 0.3
@@ -164,6 +167,7 @@ def _creeping(time: Array, ratio: float) -> Array:
     tuple(f"{time:g} drag times" for time in CREEPING), 0.99, 1.01, np.ones(len(CREEPING)),
 )  # fmt: skip
 def basset_settling(tolerance: float) -> Array:
+    """Velocities (4,) after CREEPING drag times, each over the closed form's."""
     density, diameter = DENSITY / LIGHT, 1e-5
     tau = density * diameter**2 / (18 * VISCOSITY)
     field = field_on(box(1, (-1e-3, -1e-3), (1e-3, 1e-3)), np.zeros_like)
@@ -241,6 +245,7 @@ BLOWS = {  # diameter m, density kg/m3; speed before and after the blow, air's s
     "affine nonlinear drag gravity buoyancy basset-history", tuple(BLOWS), 0.98, 1.02, np.ones(len(BLOWS)),
 )  # fmt: skip
 def memory_at_finite_reynolds_numbers(tolerance: float) -> Array:
+    """What the force adds to the way of each of BLOWS, over what the whole past gives."""
     found = []
     for diameter, density, speeds, wind, lasts in BLOWS.values():
         settling = float(terminal_velocity(diameter, density, DENSITY, VISCOSITY))
