@@ -126,7 +126,9 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     assert off.landings is not None
     assert off.landings.slab is None
     assert "slab" not in off.table
-    assert off.share("hard", "far") == alone.share("hard", "far")
+    (value, low, high), (share, least, most) = off.share("hard", "far"), alone.share("hard", "far")
+    assert value == share
+    assert low <= least < most <= high  # not known for meetings left out of so dense a feed: it may be all
     assert COLLISIONS in {part.source for row in off.budget for part in row.parts}
 
 
