@@ -111,13 +111,15 @@ def _run_once(
 ) -> Result:
     """Run a scene as it stands; ``refinement``: how its settings came about."""
     from filelock import FileLock, Timeout
+    from threadpoolctl import threadpool_limits
 
     _check(scene, folder, request, workers)
     planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
     plan = planner.plan(rung)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with FileLock(folder / ".lock", timeout=0):
+        # Threads of the run's own share the cores; those of BLAS would wait for each other, and sum in their own order
+        with FileLock(folder / ".lock", timeout=0), threadpool_limits(1, user_api="blas"):
             pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner)
             poured = funnel_of(pipeline.funnel)
             if poured is not None and request.until != "funnel":
@@ -214,13 +216,12 @@ class _Run:
         if threads < 2 or until in ("funnel", "mesh") or pipeline.kind.at_once:
             return []
         spare = replace(pipeline, workers=threads - 1)
-        if until is None:
-            return flights_ahead(spare)
 
         def solve(grid: int) -> object:
             return spare.on_grid(grid).solution
 
-        return [partial(solve, grid) for grid in range(1, len(pipeline.plan.airflow.scales))]
+        solved = [partial(solve, grid) for grid in range(1, len(pipeline.plan.airflow.scales))]
+        return [*solved, *(flights_ahead(spare) if until is None else [])]  # flights wait for the steady airflow
 
     def _air(self) -> tuple[MeshSummary | None, Airflow | None]:
         """The mesh and the airflow; None without air, and where the run stops before them."""

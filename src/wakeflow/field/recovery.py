@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,19 @@ def gradient_operators(points: Array, triangles: Index) -> tuple[Any, Any]:
     Least-squares quadratics over the nodes around each node (polynomial preserving recovery, Zhang & Naga 2005, SIAM
     J. Sci. Comput. 26, 1192): exact for quadratics, second order up to the boundary. A patch is the node's
     neighbours, and theirs where the fit would not be well posed; coordinates are whitened by the patch's own shape,
-    so flat cells do no harm. Where even wide patches are too small a linear fit is made.
+    so flat cells do no harm. Where even wide patches are too small a linear fit is made. The last few meshes' are kept:
+    many fields share one.
     """
+    nodes, cells = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(triangles, dtype=np.int64)
+    return _operators(nodes.tobytes(), cells.tobytes())
+
+
+@lru_cache(maxsize=8)
+def _operators(nodes: bytes, cells: bytes) -> tuple[Any, Any]:
+    """:func:`gradient_operators` of the bytes of ``points`` and ``triangles``."""
     from scipy.sparse import coo_matrix, csr_matrix, identity
 
+    points, triangles = np.frombuffer(nodes).reshape(-1, 2), np.frombuffer(cells, dtype=np.int64).reshape(-1, 3)
     count = len(points)
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     ends = np.concatenate([ends, ends[:, ::-1]])

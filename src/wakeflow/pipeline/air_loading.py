@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,7 +75,8 @@ class AirLoading:
     @cached_property
     def first(self) -> Gathered:
         """What granules exert on the air that does not feel them."""
-        return self._gathered(*self._unloaded)
+        key, field = self._unloaded
+        return self._gathered(key, lambda: field)
 
     def apply(self, field: FlowField) -> FlowField:
         """A field of the same channel, with the change."""
@@ -131,7 +132,7 @@ class AirLoading:
         force, start = before.force.above(self.least), self.steady.solution
         for number in range(MOST_PASSES):
             key, folder = self._solved(force, *start)
-            after = self._gathered(key, self.field_in(folder))
+            after = self._gathered(key, partial(self.field_in, folder))
             change = _farthest(before, after)
             yield Pass(force, key, folder, after, change)
             if change <= self.plan.target_error:
@@ -139,8 +140,8 @@ class AirLoading:
             before, start, force = after, (key, folder), force.towards(after.force.above(self.least), TOWARDS)
             self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * change:.2g} points")
 
-    def _gathered(self, key: str, field: FlowField) -> Gathered:
-        """What granules exert on the air of a field and its key, from the cache or gathered now."""
+    def _gathered(self, key: str, field: Callable[[], FlowField]) -> Gathered:
+        """What granules exert on the air of a field, made where it is not told by its key, from the cache or now."""
         from .gather import gather_force, gathered_in, resolved
 
         tables = self.scene.model_dump(mode="json", by_alias=True)
@@ -155,9 +156,8 @@ class AirLoading:
         def work(part: Path) -> None:
             if COMPILED not in self.cache.seconds:
                 self.compilation.finish(self.cache)
-            gather_force(
-                self.scene, self.plan, field, self.workers, lambda text: self.cache.tell("momentum", text), part
-            )
+            tell = partial(self.cache.tell, "momentum")
+            gather_force(self.scene, self.plan, field(), self.workers, tell, part)
 
         return gathered_in(self.cache.make("momentum", made, work))
 

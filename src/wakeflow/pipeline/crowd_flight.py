@@ -53,11 +53,13 @@ class SlabFlight:
 
     def fly_all(self, folder: Path, replicates: int) -> None:
         """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
-        left alone. The first finds the step of the others.
+        left alone. Where no ``step`` is given the first finds that of the others.
         """
-        self._keep(folder, 0)
-        others = replace(self, step=step_of(folder))
-        left = [number for number in range(1, replicates) if not _file(folder, number).exists()]
+        others = self
+        if self.step is None:
+            self._keep(folder, 0)
+            others = replace(self, step=step_of(folder))
+        left = [number for number in range(replicates) if not _file(folder, number).exists()]
         pool = ThreadPoolExecutor(self.workers or cores())
         try:
             jobs = [pool.submit(others._keep, folder, number) for number in left]

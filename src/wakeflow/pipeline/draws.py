@@ -7,7 +7,8 @@ so that what it moves is seen between the same granules: its error is that of th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.files import atomic_write
+from ..core.process import cores
 from ..core.store import content_key
 from ..injection.sobol import normal_points
 from ..planning.plan import REPLICATES, replicate_size
@@ -97,25 +99,38 @@ class DrawStage:
         return Draws(tuple(self.unknowns), self.design, varied, own)
 
     def _fly_all(self, folder: Path, tracked: Tracked) -> None:
-        scene, plan = self.tracks.scene, self.tracks.plan
+        """All draws, those of one air by one thread: granules of a draw are too few for several."""
         found: dict[str, list[NDArray[Any]]] = {}
-        air: tuple[AirVariation, Realisations] | None = None
-        for number, z in enumerate(self.design):
-            self.tracks.cache.tell("draws", f"{number} of {DRAWS}")
-            made = variation_at(scene, plan, self.unknowns, z)
-            replicate, part = number % REPLICATES, _part(replicate_size(scene.feed.count), number // REPLICATES)
-            if air is None or air[0] != made.air:
-                air = made.air, self._air(made.air)
-            flight = self.tracks.flight(made.fed(scene), air[1])
-            for name in scene.fraction:
-                landing = tracked.landings[name]
-                own = landing.bin[landing.replicate == replicate][part].astype(np.int64)
-                varied = flight.fly_part(name, replicate, part, made.of(name))
-                for which, bins in (("own", own), ("varied", varied)):
-                    found.setdefault(f"{which}.{name}", []).append(np.where(bins >= 0, bins, len(scene.bin)))
+        pool = ThreadPoolExecutor(self.tracks.workers or cores())
+        try:
+            jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, DRAWS, SAME_AIR)]
+            for done, job in enumerate(jobs):
+                self.tracks.cache.tell("draws", f"{SAME_AIR * done} of {DRAWS}")
+                for draw in job.result():
+                    for which, bins in draw.items():
+                        found.setdefault(which, []).append(bins)
+        finally:
+            pool.shutdown(cancel_futures=True)
         with atomic_write(folder / "draws.npz", "wb") as stream:
             arrays: dict[str, Any] = {key: np.array(rows, dtype=np.int16) for key, rows in found.items()}
             np.savez(stream, **arrays)
+
+    def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[dict[str, NDArray[Any]]]:
+        """The draws from ``first`` on that share its air: each granule's bin as drawn, and its own."""
+        scene, plan = self.tracks.scene, self.tracks.plan
+        found, airs = [], None
+        for number in range(first, first + SAME_AIR):
+            made = variation_at(scene, plan, self.unknowns, self.design[number])
+            airs = airs or self._air(made.air)
+            replicate, part = number % REPLICATES, _part(replicate_size(scene.feed.count), number // REPLICATES)
+            flight = replace(self.tracks.flight(made.fed(scene), airs), workers=1)
+            bins: dict[str, NDArray[Any]] = {}
+            for name in scene.fraction:
+                landing = tracked.landings[name]
+                bins[f"own.{name}"] = landing.bin[landing.replicate == replicate][part].astype(np.int64)
+                bins[f"varied.{name}"] = flight.fly_part(name, replicate, part, made.of(name))
+            found.append({which: np.where(row >= 0, row, len(scene.bin)) for which, row in bins.items()})
+        return found
 
     def _air(self, air: AirVariation) -> Realisations:
         """The airflow as a draw has it."""

@@ -55,8 +55,10 @@ class Pipeline:
     label: str = ""
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
+    _grids: dict[int, Pipeline] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
+        self._grids[self.grid] = self
         if self.planner is None:
             self.planner = Planner(self.scene, self.plan.force, self.plan.target_error)
 
@@ -116,12 +118,15 @@ class Pipeline:
     @cached_property
     def loading(self) -> AirLoading | None:
         """What the granules change of the airflow; None where the plan leaves it out."""
-        if not self.plan.airflow.loaded:
-            return None
+        return self._loading if self.plan.airflow.loaded else None
+
+    @cached_property
+    def _loading(self) -> AirLoading:
         if self.grid:  # the change is solved on the answer's own grid, and brought to the others
-            return self.on_grid(0).loading
-        base = self if self.plan.airflow.stepping == "steady" else self.draft
-        return AirLoading(base.scene, base.plan, base.cache, base._in_case, self.compilation, self.workers)
+            return self.on_grid(0)._loading
+        if self.plan.airflow.stepping != "steady":  # and in the steady airflow, for that in time too
+            return self.draft._loading
+        return AirLoading(self.scene, self.plan, self.cache, self._in_case, self.compilation, self.workers)
 
     @cached_property
     def field(self) -> tuple[str, FlowField]:
@@ -160,9 +165,12 @@ class Pipeline:
         return replace(self, plan=plan, grid=grid, label=f"{self.label}draft ")
 
     def on_grid(self, grid: int) -> Pipeline:
-        """The same scene on another of the plan's grids."""
-        scale = self.plan.airflow.scales[grid]
-        return self if grid == self.grid else replace(self, grid=grid, label=f"{self.label}grid x {scale:.2g} ")
+        """The same scene on another of the plan's grids; the same one whenever it is asked for."""
+        if grid not in self._grids:
+            scale = self.plan.airflow.scales[grid]
+            other = replace(self, grid=grid, label=f"{self.label}grid x {scale:.2g} ")
+            self._grids[grid], other._grids = other, self._grids
+        return self._grids[grid]
 
     # -- tracks --------------------------------------------------------------------------------------------------------
 

@@ -35,7 +35,7 @@ NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, w
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
 SWITCHED_OFF = "switched off by --force"
-IN_SLAB = "computed for granules alone; those of the slab, where granules meet, fly without it"
+IN_SLAB = "granules that meet have no record of their past"
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
@@ -131,14 +131,16 @@ def open_gate(
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
     collisions cannot be, None where they can.
 
-    A force that remembers the past is computed for granules alone, and left out of the slab in which they meet. What
-    acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
-    known there.
+    A force that remembers the past is left out where granules meet, whose slab flies without it; it is computed there
+    for granules alone where it is switched on. What acts on granules that turn is computed wherever a body makes them
+    turn, however little it moves: the spin is known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
     blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
+    if COLLISIONS in whole:
+        blocked |= {term: IN_SLAB for term in forces if forces[term].memory is not None}
     small = _small(shifts, blocked, limit, turning=bool(scene.body))
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
@@ -157,16 +159,15 @@ def open_gate(
             missing[term] = reason = obstacle
         left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
     order = tuple(term for term in forces if term in used)
-    alone = order if COLLISIONS in whole else ()
-    missing |= {term: IN_SLAB for term in alone if forces[term].memory is not None and shifts[term] > limit}
-    left_out += _left_out_of_slab(name, alone, shifts)
+    if COLLISIONS in whole:
+        left_out += _left_out_of_slab(name, order, shifts)
     return Gate(
         (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
     )  # fmt: skip
 
 
 def _left_out_of_slab(name: str, used: Sequence[str], shifts: Mapping[str, float]) -> list[LeftOutTerm]:
-    """Those of the ``used`` forces of a fraction that granules which meet fly without."""
+    """Those of the ``used`` forces of a fraction, switched on for granules alone, that the slab flies without."""
     past = [term for term in used if forces[term].memory is not None]
     return [LeftOutTerm(term, shifts[term], f"{bounds[term].why}; {IN_SLAB}", name) for term in past]
 
