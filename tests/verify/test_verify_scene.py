@@ -6,11 +6,18 @@ import csv
 import json
 from pathlib import Path
 
+import pytest
+
 from support import CASES, shipped
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
+from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.verify import runner
 from wakeflow.verify.airflow.airflow import is_published
 from wakeflow.verify.scene_curves import LED, TARGETS, run_curves
+from wakeflow.verify.trackers import peer_chain
+from wakeflow.verify.trackers.peer_chain import PEER, peer_rows, why_no_peer
 
 
 def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
@@ -34,6 +41,27 @@ def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
     for ending in ("png", "svg"):
         assert (tmp_path / f"curves-own.{ending}").stat().st_size > 1000
     runner.show({"curves-own": report})
+
+
+@pytest.mark.openfoam
+def test_the_peer_answers_beside_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Heavy grain without scatter flies as it does there; the rest of the truth is left out."""
+    monkeypatch.setattr(peer_chain, "COUNTS", (64,))
+    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "numerics.rung": "draft"})
+    plain = scene.replace({f"fraction.{name}.impact": "paper" for name in scene.fraction})
+    alone = make_plan(plain, force={"collisions": False, "air-loading": False})
+    wheat = separate(plain, Pipeline(plain, alone).tracks().landings).fractions["wheat"]
+    truth = {("wheat", place): share.value for place, share in wheat.items()}
+    (row,) = peer_rows(scene, truth)
+    assert row["knob"] == PEER
+    assert row["error"] < 0.08
+    assert row["seconds"] > 1.0  # mesh and airflow are part of it
+
+
+def test_scenes_that_the_peer_cannot_compute_say_why() -> None:
+    assert why_no_peer(shipped("rhombus")) is None
+    assert "no airflow about a body" in str(why_no_peer(shipped("vacuum")))
+    assert "no airflow about a body" in str(why_no_peer(shipped("aspirator")))
 
 
 def test_what_is_published_is_told_apart() -> None:

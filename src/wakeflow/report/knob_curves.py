@@ -32,7 +32,8 @@ def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> Non
             "ms": 4.0,
         }
         axes.plot(seconds, [100 * max(row["error"], LEAST) for row in mine], "-", label=knob, **look)
-        axes.plot(seconds, [100 * max(row["half"], LEAST) for row in mine], ":", **look)
+        if all(row["half"] is not None for row in mine):
+            axes.plot(seconds, [100 * max(row["half"], LEAST) for row in mine], ":", **look)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.grid(alpha=0.3)

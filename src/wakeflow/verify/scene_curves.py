@@ -17,6 +17,7 @@ from ..results.refinement import KnobSettings
 from ..results.result import Result
 from ..scene import Scene
 from .settings import BinShares, bin_shares, largest_error, largest_half, reference_shares
+from .trackers.peer_chain import PEER, peer_rows, why_no_peer
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,7 +35,8 @@ COARSEST = 4.0  # largest numerics.mesh_scale
 def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None) -> dict[str, Any]:
     """Rows (knob, setting, error, half, seconds) of the scene in a file: errors of the largest bin share against a
     reference that is finer in every knob, seconds of the stages when they were computed. An airflow in time is
-    computed with ``slow`` alone, else its draft. Written to ``folder`` as JSON, CSV, PNG and SVG.
+    computed with ``slow`` alone, else its draft. Beside them the peer's chain (``trackers.peer_chain``), where it can
+    compute the scene. Written to ``folder`` as JSON, CSV, PNG and SVG.
     """
     from ..report.knob_curves import draw_knobs, write_knobs
 
@@ -52,7 +54,12 @@ def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: N
             tell(f"{LED} {target:g}")
             result = runs.run(scene, Path(scratch, "led"), rung=rung, target_error=target, report=False)
             rows.append(_row(LED, f"{target:g}", result, truth))
-    report = {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows, "notes": [_note(rung, slow=slow)]}
+    obstacle, notes = why_no_peer(scene), [_note(rung, slow=slow)]
+    if obstacle is None:
+        rows += peer_rows(scene, truth, tell)
+    else:
+        notes.append(f"not beside {PEER}: {obstacle}")
+    report = {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows, "notes": notes}
     name = f"curves-{path.stem}"
     write_json(folder / f"{name}.json", report)
     write_knobs(folder / f"{name}.csv", rows)
@@ -97,6 +104,6 @@ def curve_table(report: dict[str, Any]) -> Table:
     heads = ("knob", "setting", "error, points", "half width, points", "s")
     table = Table(*heads, title="error against run time", title_justify="left", pad_edge=False, box=None)
     for row in report["rows"]:
-        numbers = (f"{100 * row['error']:.2g}", f"{100 * row['half']:.2g}", f"{row['seconds']:.3g}")
-        table.add_row(row["knob"], row["setting"], *numbers)
+        half = "–" if row["half"] is None else f"{100 * row['half']:.2g}"
+        table.add_row(row["knob"], row["setting"], f"{100 * row['error']:.2g}", half, f"{row['seconds']:.3g}")
     return table

@@ -38,6 +38,7 @@ __all__ = [
 
 BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
 MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of the reference, times the settings it is for
+MORE_MEETING = 4  # the same of granules that meet, which cost the most
 OTHER_SEED = 1009  # added to the scene's: the reference is another sample
 
 
@@ -59,17 +60,22 @@ class TimedRun:
 
 
 def reference_shares(scene: Scene, settings: KnobSettings, rung: str | None = None) -> BinShares:
-    """The shares of another sample of ``scene``, far finer than ``settings``, on cells of half the edge."""
-    mesh = settings.mesh_scale
+    """The shares of another sample of ``scene``, far finer than ``settings``, on cells of half the edge: of granules
+    that meet where they do.
+    """
+    mesh, slab = settings.mesh_scale, settings.slab
     finer = replace(
         settings,
-        granules=MORE_GRANULES * settings.granules,
+        granules=(MORE_GRANULES if slab is None else 1) * settings.granules,
+        slab=None if slab is None else MORE_MEETING * slab,
         tolerance=FINER_STEPS * settings.tolerance,
         mesh_scale=None if mesh is None else max(FINER_MESH * mesh, knobs["mesh"].finest),
     )
     other = applied(scene, finer).replace({"feed.seed": scene.feed.seed + OTHER_SEED})
     plan = make_plan(other, rung=rung)
-    return _shares(separate(other, Pipeline(plan.airflow.flown(other), plan).tracks().landings))
+    pipeline = Pipeline(plan.airflow.flown(other), plan)
+    crowd = pipeline.crowd()
+    return _shares(separate(other, pipeline.tracks().landings if crowd is None else crowd.landings))
 
 
 def bin_shares(result: Result) -> BinShares:

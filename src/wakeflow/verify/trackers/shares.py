@@ -29,7 +29,18 @@ from .benchmark_cases import BenchmarkCase, benchmark_case, shipped
 from .foam_interpolant import FoamInterpolant, make_foam_interpolant
 from .foam_parcels import fly_parcels
 
-__all__ = ["FRACTIONS", "BinRow", "compare_shares", "run_shares"]
+__all__ = [
+    "COURANT",
+    "FRACTIONS",
+    "SCHEME",
+    "STEP",
+    "BinRow",
+    "bins_of",
+    "compare_shares",
+    "flown_here",
+    "landed_time",
+    "run_shares",
+]
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -95,15 +106,16 @@ def compare_shares(
         for name, (fraction, changes) in FRACTIONS.items():
             tell(f"{name}: ours")
             case = benchmark_case(name, "steady", scene, foam.field, count, (fraction, changes))
-            mine, same = (_ours(case, scene, air) for air in (own, foam.field))
+            mine, same = (flown_here(case, scene, air) for air in (own, foam.field))
             tell(f"{name}: OpenFOAM's parcels")
-            there = _theirs(case, foam, float(np.nanmax(_landed_time(same))), Path(room, "run"))
+            there = _theirs(case, foam, float(np.nanmax(landed_time(same))), Path(room, "run"))
             met[name] = float(np.mean(same.impacts > 0))
-            rows += _rows(name, scene, case, [_bins(case, x) for x in (_x(mine), _x(same), there)], same.impacts == 0)
+            rows += _rows(name, scene, case, [bins_of(case, x) for x in (_x(mine), _x(same), there)], same.impacts == 0)
     return rows, met
 
 
-def _ours(case: BenchmarkCase, scene: Scene, air: FlowField) -> Tracks:
+def flown_here(case: BenchmarkCase, scene: Scene, air: FlowField) -> Tracks:
+    """The case's granules flown by this tracker through ``air`` down to the scene's floor."""
     p, half = case.problem, scene.channel.width
     floor = np.array([(-half, scene.channel.bottom), (half, scene.channel.bottom)])
     return track(
@@ -117,7 +129,8 @@ def _x(tracks: Tracks) -> Array:
     return np.where(tracks.line == 0, tracks.position[:, 0], np.nan)
 
 
-def _landed_time(tracks: Tracks) -> Array:
+def landed_time(tracks: Tracks) -> Array:
+    """When granules crossed the floor (n,) s, NaN where they did not."""
     return np.where(tracks.line == 0, tracks.time, np.nan)
 
 
@@ -127,7 +140,7 @@ def _theirs(case: BenchmarkCase, foam: FoamInterpolant, longest: float, folder: 
     return found.position[:, 0]
 
 
-def _bins(case: BenchmarkCase, x: Array) -> NDArray[np.int64]:
+def bins_of(case: BenchmarkCase, x: Array) -> NDArray[np.int64]:
     """The place of each granule among the bins from left to right; their number where it reached none."""
     place = np.searchsorted(case.bins, x, side="right") - 1
     last = len(case.bins) - 1
