@@ -1,6 +1,6 @@
 """Move inlet and outlet of the shipped rhombus' airflow, and see what that changes of the air and of the shares:
 
-.venv/bin/python cases/studies/domain.py [draft|standard ...] [--count N] [--quick]
+.venv/bin/python cases/studies/domain.py [draft|standard ...] [--count N] [--only FRACTION] [--quick]
 
 Prints the tables of docs/validation.md, one a rung: the same scene with its ends at so many body widths before and
 behind the body; in the last row they are furthest off, and the last columns compare each row's shares with that one's.
@@ -37,7 +37,7 @@ QUICK_SCALE, QUICK_COUNT = 4.0, 64
 ACCURACY = 0.02  # statistics sharper than the answer's
 HEAD = (
     "| before, D | behind, D | cells | Cd | Cl rms | Cp base | change of shares, points: largest "
-    "| of dust, chaff, wheat in their bins |\n" + "|---" * 8 + "|"
+    "| of each fraction in its bins |\n" + "|---" * 8 + "|"
 )
 Shares = dict[str, np.ndarray]
 
@@ -97,7 +97,7 @@ def table(scene: wf.Scene, rung: str, scales: Sequence[float], tell: Callable[[s
         mean, error = mean_and_error(np.concatenate(list(moves.values()), axis=1))
         largest = int(np.abs(mean).argmax())
         meant = ", ".join(
-            "{:+.2f} ± {:.2f}".format(*mean_and_error(move[:, target(scene, name)].sum(axis=1)))
+            "{:+.2f} ± {:.2f} {}".format(*mean_and_error(move[:, target(scene, name)].sum(axis=1)), name)
             for name, move in moves.items()
         )
         cells = round(float(np.mean([air["cells"] for air in airs])))
@@ -108,10 +108,17 @@ def table(scene: wf.Scene, rung: str, scales: Sequence[float], tell: Callable[[s
 
 
 def main(
-    rungs: Sequence[str], tell: Callable[[str], None] = print, quick: bool = False, count: int | None = None
+    rungs: Sequence[str],
+    tell: Callable[[str], None] = print,
+    quick: bool = False,
+    count: int | None = None,
+    only: str | None = None,
 ) -> None:
-    """Tell the table of each rung; ``count`` granules of each fraction."""
+    """Tell the table of each rung; ``count`` granules of each fraction, or of the ``only`` one that is flown."""
     scene = wf.Scene.load(CASES / "rhombus.toml").replace({"feed.count": count or (QUICK_COUNT if quick else COUNT)})
+    if only is not None:
+        tables = scene.tables()
+        scene = wf.Scene.parse({**tables, "fraction": {only: {**tables["fraction"][only], "mass_share": 1.0}}})
     for rung in rungs:
         scales = QUICK_SCALE * MESHES[3:5] / MESHES[4] if quick else SCALES[rung] * MESHES
         table(scene, rung, scales, tell, short=quick)
@@ -121,6 +128,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("rungs", nargs="*", choices=list(DISTANCES), default=list(DISTANCES))
     parser.add_argument("--count", type=int, help="granules of each fraction")
+    parser.add_argument("--only", help="one fraction instead of all")
     parser.add_argument("--quick", action="store_true", help="two coarse meshes, few granules")
     asked = parser.parse_args()
-    main(asked.rungs, quick=asked.quick, count=asked.count)
+    main(asked.rungs, quick=asked.quick, count=asked.count, only=asked.only)
