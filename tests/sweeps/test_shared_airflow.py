@@ -14,7 +14,8 @@ from support import shipped
 @pytest.mark.openfoam
 def test_a_change_of_restitution_solves_no_airflow(tmp_path: Path) -> None:
     """Two scenes fly at once in one airflow, which neither of them solves."""
-    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "feed.count": 64})
+    few = {"feed.count": 64, "feed.rate": "0.5 kg/hour"}  # that neither meet nor load the air
+    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, **few})
     found = wf.variants(scene, {"fraction.chaff.restitution": [0.21, 0.34]})
     sweep = wf.sweep(found, tmp_path, rung="draft", workers=2)
     assert sweep.failed == {}
