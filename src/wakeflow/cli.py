@@ -69,7 +69,7 @@ def run(
     until
         Stop after this stage.
     as_json
-        Print result.json instead of tables.
+        Print result.json instead of tables; on stderr how far the run is, as JSON lines.
     """
     from . import runs
     from .scene import Scene
@@ -79,10 +79,10 @@ def run(
     changes, switches = changes_of(settings), switches_of(force)
     asked = Scene.load(scene, changes)
     options = {"rung": rung, **switches, "target-error": target_error}
-    with live(enabled=not (quiet or as_json)) as listener:
+    with live(enabled=not quiet, as_json=as_json) as listener:
         result = runs.run(
             asked, out or Path("runs", run_folder(scene.stem, asked, changes, options)), until=until, rung=rung,
-            force=switches, target_error=target_error, workers=workers, listener=listener,
+            force=switches, target_error=target_error, workers=workers, listener=listener, planned=listener.planned,
         )  # fmt: skip
     if as_json:
         print(json.dumps(result.table, indent=2))

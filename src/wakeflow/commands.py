@@ -40,7 +40,7 @@ Target = Annotated[
     ),
 ]
 Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
-Quiet = Annotated[bool, Parameter(help="Print nothing but errors.")]
+Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; with --json the result alone.")]
 
 Axes = Annotated[
     list[str],
@@ -217,7 +217,9 @@ def sensitivity(
         asked = Scene.load(scene, changes)
         folder = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
         with live(enabled=not quiet) as listener:
-            result = run(asked, folder, rung=rung, force=switches, workers=workers, listener=listener)
+            result = run(
+                asked, folder, rung=rung, force=switches, workers=workers, listener=listener, planned=listener.planned
+            )
     if result.landings is None or not result.landings.measure_next:
         raise SceneError(f"{result.folder}: no share depends on what is unknown; give [uncertainty], or run it whole")
     figure, table = result.folder / "figures" / "inputs.png", result.folder / "sensitivity.csv"
