@@ -14,14 +14,15 @@ from .scene.overrides import share_of, switches_of
 from .scene.rungs import rungs
 
 __all__ = [
-    "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Target", "Threads", "bins", "clean", "compare",
-    "sensitivity", "sweep",
+    "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Stage", "Target", "Threads", "bins", "clean",
+    "compare", "sensitivity", "sweep",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
     RungName = str
 else:
     RungName = Literal[tuple(rungs)]
+Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
 Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/, the scene's name, its changes.")]
 Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
 Settings = Annotated[

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import SceneError
+from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
 from .canvas import BODY, INK, MM, new_figure, text_width
 
@@ -18,10 +21,11 @@ if TYPE_CHECKING:
 
     from ..scene import Bin, Body, Scene
 
-__all__ = ["draw_sketch"]
+__all__ = ["draw_sketch", "write_sketch"]
 
 Array = NDArray[np.float64]
 UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
+FILES = ("png", "svg", "pdf")
 AIR, FEED = "#0b7285", "#c98500"
 BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 TALLEST, WIDEST = 5.4, 5.4  # inches of the machine itself
@@ -72,6 +76,16 @@ def draw_sketch(scene: Scene, units: Mapping[str, str] | None = None) -> Figure:
         _draw_bins(sheet, scene)
         _write(sheet, notes)
     return figure
+
+
+def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] | None = None) -> None:
+    """Write :func:`draw_sketch` to a PNG, SVG or PDF file that is whole or absent. Raises SceneError for another."""
+    kind = path.suffix.removeprefix(".").lower()
+    if kind not in FILES:
+        raise SceneError(f"{path}: a picture's name ends in {', '.join(f'.{one}' for one in FILES)}")
+    figure = draw_sketch(scene, units)
+    with atomic_write(path, "wb") as stream:
+        figure.savefig(stream, format=kind)
 
 
 def _window(scene: Scene) -> tuple[float, float, float, float]:
