@@ -1,4 +1,4 @@
-"""The commands that look at something and compute nothing: plan; and how a picture is opened."""
+"""The commands that look at something and compute nothing: plan, view; and how a picture is opened."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .scene.overrides import changes_of, switches_of
 if TYPE_CHECKING:
     from .scene import Scene
 
-__all__ = ["LOOKING", "plan"]
+__all__ = ["LOOKING", "plan", "view"]
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # variables that name a screen
 Picture = Annotated[Path | None, Parameter(help="Where to draw it: PNG, SVG or PDF.")]
@@ -73,19 +73,45 @@ def plan(
     options = {"rung": rung, **switches, "target-error": target_error}
     folder = out or Path("runs", run_folder(scene.stem, asked, changes, options))
     path = picture or folder.with_name(f"{folder.name}-plan.png")
-    _draw(path, asked, scene, show=show)
+    _draw(path, asked, scene)
     if not as_json:
         print(f"drawing: {path}")
+    if show:
+        _open(path)
 
 
-def _draw(path: Path, asked: Scene, scene: Path, *, show: bool) -> None:
-    """Draw what a scene file asks for, in the units that it writes; ``show`` it too."""
+def view(what: Path, *, picture: Picture = None, settings: Settings = []) -> None:  # noqa: B006
+    """Look at a machine in a window: its bodies and bins, and of a finished run the air and its granules in time.
+
+    Drag turns, the wheel zooms, the slider sets the time since a granule's release, q ends. Where there is no screen
+    the same picture is written to NAME-view.png, or to --picture.
+
+    Parameters
+    ----------
+    what
+        A scene file, or the folder of a finished run.
+    picture
+        Draw it there, as PNG, and open no window.
+    """
+    from .report.window import look
+    from .results.result import Result
+    from .scene import Scene
+
+    run = what if what.is_dir() else None
+    scene = Scene.parse(dict(Result.load(what).scene)) if run else Scene.load(what, changes_of(settings))
+    screen = any(os.environ.get(name) for name in DISPLAYS)
+    path = picture or (None if screen else what.with_name(f"{what.stem}-view.png"))
+    if path is not None and picture is None:
+        print(f"no screen for a window (neither DISPLAY nor WAYLAND_DISPLAY is set): {path}")
+    look(scene, run, path)
+
+
+def _draw(path: Path, asked: Scene, scene: Path) -> None:
+    """Draw what a scene file asks for, in the units that it writes."""
     from .report.sketch import write_sketch
     from .scene import units_written
 
     write_sketch(path, asked, units_written(scene))
-    if show:
-        _open(path)
 
 
 def _open(path: Path) -> None:
@@ -96,4 +122,4 @@ def _open(path: Path) -> None:
         print(f"no screen to open it on: {path}")
 
 
-LOOKING = (plan,)
+LOOKING = (plan, view)

@@ -58,15 +58,16 @@ def make_plan(
     switches = {**given.force, **(force or {})}
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
     flown = airflow.flown(given)
+    chain = flown.air is None and given.air is not None
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
-    obstacle = LOOK if flown is not given else _why_none_meet(flown, known)
+    obstacle = LOOK if chain else _why_none_meet(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
     decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
     fractions = {name: one.plan for name, one in decided.items()}
-    gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
+    gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
     validity = _validity(flown, decided, known, target)
     without_air = _without_air(given, fractions) if chain else _WithoutAir()
     strained = warning_lines(flown, airflow, fractions, validity, target, rest[0])

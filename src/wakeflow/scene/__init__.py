@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .bins import Bin
-    from .consistency import RESERVED_BIN
+    from .consistency import OVER_THE_TOP, RESERVED_BIN
     from .crowding import Crowding
     from .distributions import Size, Speeds
     from .feed import Feed, Profile
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .whole import Numerics, SceneTables
 
 _HOMES = {
+    "OVER_THE_TOP": "consistency",
     "RESERVED_BIN": "consistency",
     "Air": "surroundings",
     "Bin": "bins",
@@ -50,6 +51,7 @@ _HOMES = {
     "units_written": "scene",
 }
 __all__ = [
+    "OVER_THE_TOP",
     "RESERVED_BIN",
     "Air",
     "Bin",

@@ -19,7 +19,8 @@ from pydantic import ValidationError
 from ..core.errors import SceneError
 from ..core.quantities import speaking
 from ..laws.constants import STANDARD_AIR
-from .consistency import CHECKS
+from .bins import Bin
+from .consistency import CHECKS, OVER_THE_TOP
 from .doubts import doubts, with_units
 from .messages import explain, units_in
 from .overrides import changed, unquoted_in
@@ -101,6 +102,17 @@ class Scene(SceneTables):
     def without_air(self) -> Scene:
         """The scene in a vacuum; itself where it has no air."""
         return self if self.air is None else self.model_copy(update={"air": None})
+
+    def with_top(self) -> Scene:
+        """The scene with a bin over the whole top where the air blows up and no bin lies there: what the air carries
+        out is an answer, not lost. Itself otherwise, and where another bin has that name.
+        """
+        upward = self.air is not None and self.air.direction == "up"
+        if not upward or OVER_THE_TOP in self.bin or any(b.points is None and b.on == "top" for b in self.bin.values()):
+            return self
+        half = self.channel.width / 2
+        top = Bin(on="top", start=-half, to=half)
+        return self.model_copy(update={"bin": {**self.bin, OVER_THE_TOP: top}})
 
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
