@@ -44,10 +44,14 @@ def test_per_cent_on_the_command_line(cases: Path, capsys: pytest.CaptureFixture
     assert plans[0] == plans[1] == plans[2]
 
 
-def test_plan_prints_for_people(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_plan_prints_for_people(
+    cases: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(["plan", str(cases / "vacuum.toml"), "--set", "feed.count=32"]) == 0
-    out = capsys.readouterr().out
-    assert "no [air] table" in out
+    assert "none: granules fly in a vacuum" in capsys.readouterr().out
+    assert main(["plan", str(cases / "vacuum.toml"), "--all"]) == 0
+    assert "no [air] table" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

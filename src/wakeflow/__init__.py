@@ -50,6 +50,7 @@ LAYERS = (
     "doctor",
     "terminal",
     "commands",
+    "looking",
     "cli",
 )
 

@@ -7,12 +7,13 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
-from .commands import MANY, Fidelity, Folder, Forced, Quiet, Settings, Target, Threads
+from .commands import MANY, Fidelity, Folder, Forced, Quiet, Settings, Stage, Target, Threads
 from .core.errors import ProgramError, SceneError, WakeflowError
+from .looking import LOOKING
 from .scene.overrides import changes_of, switches_of, unquoted
 
 __all__ = ["app", "main"]
@@ -26,10 +27,8 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for _command in MANY:
+for _command in (*LOOKING, *MANY):
     app.command(_command)
-
-Stage = Literal["funnel", "mesh", "airflow", "tracks"]
 
 
 def _version() -> str:
@@ -69,7 +68,7 @@ def run(
     until
         Stop after this stage.
     as_json
-        Print result.json instead of tables.
+        Print result.json instead of tables; on stderr how far the run is, as JSON lines.
     """
     from . import runs
     from .scene import Scene
@@ -79,10 +78,10 @@ def run(
     changes, switches = changes_of(settings), switches_of(force)
     asked = Scene.load(scene, changes)
     options = {"rung": rung, **switches, "target-error": target_error}
-    with live(enabled=not (quiet or as_json)) as listener:
+    with live(enabled=not quiet, as_json=as_json) as listener:
         result = runs.run(
             asked, out or Path("runs", run_folder(scene.stem, asked, changes, options)), until=until, rung=rung,
-            force=switches, target_error=target_error, workers=workers, listener=listener,
+            force=switches, target_error=target_error, workers=workers, listener=listener, planned=listener.planned,
         )  # fmt: skip
     if as_json:
         print(json.dumps(result.table, indent=2))
@@ -90,44 +89,6 @@ def run(
         from .terminal import show_result
 
         show_result(result)
-
-
-@app.command
-def plan(
-    scene: Path,
-    *,
-    out: Path | None = None,
-    until: Stage | None = None,
-    workers: int | None = None,
-    rung: Fidelity = None,
-    settings: Settings = [],  # noqa: B006
-    force: Forced = [],  # noqa: B006
-    target_error: Target = None,
-    as_json: Annotated[bool, Parameter(name="--json")] = False,
-) -> None:
-    """Say what a scene needs, what is left out and why, and what it will cost; starts nothing heavy.
-
-    Parameters
-    ----------
-    scene
-        A scene file (TOML).
-    out, until, workers
-        Taken as by run, so that its command line can be reused; a plan does not depend on them.
-    as_json
-        Print JSON.
-    """
-    del out, until, workers
-    from .planning.make import make_plan
-    from .scene import Scene
-
-    asked = Scene.load(scene, changes_of(settings))
-    made = make_plan(asked, rung=rung, force=switches_of(force), target_error=target_error)
-    if as_json:
-        print(json.dumps(made.summary(), indent=2))
-    else:
-        from .terminal import show_plan
-
-        show_plan(made)
 
 
 @app.command

@@ -14,14 +14,15 @@ from .scene.overrides import share_of, switches_of
 from .scene.rungs import rungs
 
 __all__ = [
-    "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Target", "Threads", "bins", "clean", "compare",
-    "sensitivity", "sweep",
+    "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Stage", "Target", "Threads", "bins", "clean",
+    "compare", "sensitivity", "sweep",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
     RungName = str
 else:
     RungName = Literal[tuple(rungs)]
+Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
 Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/, the scene's name, its changes.")]
 Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
 Settings = Annotated[
@@ -40,7 +41,7 @@ Target = Annotated[
     ),
 ]
 Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
-Quiet = Annotated[bool, Parameter(help="Print nothing but errors.")]
+Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; with --json the result alone.")]
 
 Axes = Annotated[
     list[str],
@@ -217,7 +218,9 @@ def sensitivity(
         asked = Scene.load(scene, changes)
         folder = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
         with live(enabled=not quiet) as listener:
-            result = run(asked, folder, rung=rung, force=switches, workers=workers, listener=listener)
+            result = run(
+                asked, folder, rung=rung, force=switches, workers=workers, listener=listener, planned=listener.planned
+            )
     if result.landings is None or not result.landings.measure_next:
         raise SceneError(f"{result.folder}: no share depends on what is unknown; give [uncertainty], or run it whole")
     figure, table = result.folder / "figures" / "inputs.png", result.folder / "sensitivity.csv"

@@ -22,6 +22,7 @@ from .core.store import content_key, digest_files
 from .laws.momentum import momentum_pressure
 from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
+from .planning.machine_rates import learn
 from .planning.make import Planner, make_plan
 from .refining.loop import refined
 from .results.air_loading import loading_of
@@ -53,12 +54,17 @@ from .scene import Scene
 
 if TYPE_CHECKING:
     from .pipeline.landings import Landings, Tracked
+    from .planning.plan import Plan
     from .report import Landed
 
 __all__ = ["report_again", "run", "versions"]
 
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
+
+
+def _unheard(plan: Plan) -> None:
+    """Nobody asks what will be done."""
 
 
 def run(
@@ -71,6 +77,7 @@ def run(
     target_error: float | None = None,
     workers: int | None = None,
     listener: Listener = silent,
+    planned: Callable[[Plan], object] = _unheard,
     redraw: bool = False,
     report: bool = True,
     refine: bool = True,
@@ -82,14 +89,16 @@ def run(
     ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. With a ``target_error`` the
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
     (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
-    time; ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that
-    draws it.
+    time, ``planned(plan)`` before of what will be done; ``redraw`` draws a finished report anew; without ``report``
+    none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
     request = Request(until, rung, dict(force or {}), target_error)
-    once = partial(_run_once, folder=folder, request=request, workers=workers, listener=listener, redraw=redraw)
+    once = partial(
+        _run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
+    )
     if target_error is None or until is not None or not refine:
         return once(asked, report=report)
 
@@ -105,6 +114,7 @@ def _run_once(
     request: Request,
     workers: int | None,
     listener: Listener,
+    planned: Callable[[Plan], object],
     redraw: bool,
     report: bool,
     refinement: Refinement | None = None,
@@ -116,6 +126,7 @@ def _run_once(
     _check(scene, folder, request, workers)
     planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
     plan = planner.plan(rung)
+    planned(plan)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         # Threads of the run's own share the cores; those of BLAS would wait for each other, and sum in their own order
@@ -127,7 +138,11 @@ def _run_once(
                 planner = planner.at(fed)  # the bounds on loading follow the rate
                 plan = planner.plan(rung)
                 pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
-            return _Run(scene, pipeline, poured, folder, request, redraw, report, refinement).result()
+            result = _Run(scene, pipeline, poured, folder, request, redraw, report, refinement).result()
+            if workers is None:  # with all cores, as the expected times are meant
+                spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
+                learn(pipeline.store.root, plan.stages, spent)
+            return result
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
@@ -336,7 +351,8 @@ def report_again(folder: Path | str) -> Path:
     """
     scene, asked = asked_in(folder)
     _run_once(
-        Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, redraw=True, report=True,
+        Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, planned=_unheard,
+        redraw=True, report=True,
         refinement=refinement_in(folder),
     )  # fmt: skip
     return Path(folder) / "report.html"

@@ -93,7 +93,7 @@ def test_a_new_rung_is_a_record(rhombus: Scene, tmp_path: Path) -> None:
     coarse, draft = (make_plan(rhombus, rung=rung, force=OFF) for rung in ("coarse", "draft"))
     assert any("rung coarse, steady, kOmegaSST" in line for line in coarse.used)
     assert any(line.startswith("coarse airflow: a steady wake is too long") for line in coarse.warnings)
-    assert typical_cells(coarse.airflow, 1) == typical_cells(draft.airflow, 1) / 4
+    assert typical_cells(rhombus, coarse.airflow) == typical_cells(rhombus, draft.airflow) / 4
     wide, fine = (Pipeline(rhombus, plan, store=Store(tmp_path)) for plan in (coarse, draft))
     assert wide.mesh_spec.h_body == pytest.approx(2 * fine.mesh_spec.h_body)
     assert wide.mesh_quality["cells"] < 0.5 * fine.mesh_quality["cells"]

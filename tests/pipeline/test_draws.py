@@ -10,9 +10,10 @@ import pytest
 import wakeflow as wf
 from wakeflow.field.varied import varied
 from wakeflow.laws.restitution import Restitution
-from wakeflow.pipeline.draws import DRAWS, SAME_AIR, DrawStage
+from wakeflow.pipeline.draws import DrawStage
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import DRAWS, SAME_AIR
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, unknown_kinds
 
 EXACT = ("restitution", "friction", "size")

@@ -8,7 +8,7 @@ import pytest
 
 from wakeflow.core.errors import SceneError
 from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow
-from wakeflow.planning.airflow_cost import typical_seconds
+from wakeflow.planning.cost import airflow_cost
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.scene import Scene
@@ -61,7 +61,10 @@ def test_the_plan_says_why_and_what_it_computes_beside(rhombus: Scene) -> None:
 
 
 def test_a_finer_rung_is_expected_to_cost_more(rhombus: Scene) -> None:
-    spent = [typical_seconds(choose_airflow(rhombus, rung, 0.01)) for rung in ("draft", "standard", "reference")]
+    spent = [
+        airflow_cost(rhombus, choose_airflow(rhombus, rung, 0.01)).seconds
+        for rung in ("draft", "standard", "reference")
+    ]
     assert spent[0] < spent[1] < spent[2]
 
 

@@ -103,7 +103,10 @@ def test_only_a_turbulent_wake_in_time_is_estimated(
     assert found.kind == kind
     assert (found.wake is not None) == (kind == "best-estimate")
     assert len(found.wakes_beside) == beside
-    assert times_again(found) == beside + len(found.scales) - 1 + REPLICATES // COMPARED  # the draws: one of the answer
+    again = times_again(found)
+    assert again["draws"] == REPLICATES / COMPARED  # as many granules as the answer
+    assert sum(stage.endswith(" wake") for stage in again) == beside
+    assert sum(stage.startswith("grid x ") for stage in again) == len(found.scales) - 1
 
 
 def test_the_other_wakes_are_the_ends() -> None:

@@ -46,7 +46,7 @@ class CoarserSteps(Source[Tracked]):
 def coarser() -> Iterator[CoarserSteps]:
     """The example, registered as any source is, and taken out again."""
     source = budget_sources.add(CoarserSteps.name, CoarserSteps())
-    flights_again.add(source.name, lambda airflow: 1)
+    flights_again.add(source.name, lambda airflow: {source.name: 1.0})
     yield source
     del budget_sources._entries[source.name]
     del flights_again._entries[source.name]
@@ -72,7 +72,7 @@ def test_a_new_source_that_flies_again_is_in_the_plans_cost(cases: Path, request
     before = make_plan(scene)
     times = times_again(before.airflow)
     request.getfixturevalue("coarser")
-    assert times_again(before.airflow) == times + 1
+    assert times_again(before.airflow) == {**times, "coarser-steps": 1.0}
     assert make_plan(scene).estimate["seconds"] > before.estimate["seconds"]
 
 

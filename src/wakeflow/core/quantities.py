@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pint import Unit
 
-__all__ = ["QUANTITY", "converted", "metres", "quantity", "say", "speaking", "split_quantity"]
+__all__ = ["QUANTITY", "converted", "duration", "metres", "quantity", "say", "speaking", "split_quantity"]
 
 NUMBER = r"[-+\u2212]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+\u2212]?[0-9]+)?"  # U+2212: a typographer's minus
 UNIT = r"(?:1/)?[^\s\d.,;'\u2019_+*\u2212-].*"  # whatever could go on a number is none
@@ -113,3 +113,14 @@ def say(value: float, unit: str, digits: int = 6) -> str:
 def metres(value: float, digits: int = 6) -> str:
     """A length in metres with the unit that the user writes lengths in."""
     return say(value, "m", digits)
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit that suits it.
+
+    >>> duration(42.0), duration(600.0), duration(9000.0)
+    ('42 s', '10 min', '2.5 h')
+    """
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -48,7 +48,9 @@ class Compilation:
         for child in self.children:
             child.join()
         compile_tracker()
-        cache.seconds[COMPILED] = StageTime(time.monotonic() - started, cached=False)
+        spent = time.monotonic() - started
+        cache.seconds[COMPILED] = StageTime(spent, cached=False)
+        cache.tell("compile", f"done ({spent:.1f} s)")
 
 
 def _in_child(function: str, log: Path) -> Thread:

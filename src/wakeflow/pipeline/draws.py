@@ -20,7 +20,7 @@ from ..core.files import atomic_write
 from ..core.process import cores
 from ..core.store import content_key
 from ..injection.sobol import normal_points
-from ..planning.plan import REPLICATES, replicate_size
+from ..planning.plan import DRAWS, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation
 from .cache import code_of
@@ -31,11 +31,9 @@ if TYPE_CHECKING:
     from .realisations import Realisations
     from .track_stage import TrackStage
 
-__all__ = ["DRAWS", "DrawStage", "Draws"]
+__all__ = ["DrawStage", "Draws"]
 
 Array = NDArray[np.float64]
-DRAWS = 64  # of everything; their regression has some forty degrees of freedom
-SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 PARTS = DRAWS // REPLICATES  # of a replicate: each flies under one draw
 
 

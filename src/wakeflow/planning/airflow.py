@@ -129,7 +129,7 @@ class AirflowPlan:
 
     def flown(self, scene: Scene) -> Scene:
         """The scene that granules are flown through."""
-        return scene
+        return scene.with_top()
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
         """One for each way in which the airflow of ``scene`` differs from the real one."""

@@ -6,9 +6,10 @@ from ..scene import Scene
 from .airflow import AirflowPlan
 from .span import SpanCost, cost_of
 
-__all__ = ["ranks_for", "span_cost", "typical_cells", "typical_seconds"]
+__all__ = ["ranks_for", "solver_seconds", "span_cost", "typical_cells"]
 
-SECONDS = {"steady": 15.0, "time-resolved": 90.0}  # of solving on 2020s hardware at the rung's own mesh, one core
+SECONDS = {"steady": 20.0, "time-resolved": 95.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
+UNMIRRORED = 2.5  # times as long: a steady solution of the whole channel, which has more cells and settles late
 WORTH_IT = 60_000  # cells from which a second MPI rank pays
 RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding
 CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
@@ -21,10 +22,12 @@ def ranks_for(cells: int) -> tuple[int, str]:
     return RANKS, f"{RANKS} MPI ranks of about {cells // RANKS} cells"
 
 
-def typical_cells(airflow: AirflowPlan, bodies: int) -> float:
-    """Cells to expect on the answer's grid, before it is meshed; good to a factor of two."""
+def typical_cells(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> float:
+    """Cells to expect on a grid of the plan, 0 the answer's, before it is meshed; good to a factor of two."""
     layers = 1 if airflow.span is None else airflow.span.layers
-    return 0.0 if airflow.stepping is None else layers * CELLS[airflow.stepping] * bodies / airflow.scales[0] ** 2
+    if airflow.stepping is None:
+        return 0.0
+    return layers * CELLS[airflow.stepping] * len(scene.body) / _edges(scene, airflow, grid) ** 2
 
 
 def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
@@ -35,11 +38,23 @@ def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
     return cost_of(airflow.span, CELLS["time-resolved"] * len(scene.body) / scale**2, scale)
 
 
-def typical_seconds(airflow: AirflowPlan) -> float:
-    """Seconds of OpenFOAM to expect on one core, its starting solution included; good to a factor of three."""
+def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[float, float]:
+    """Seconds of OpenFOAM to expect on one core, on a grid of the plan: of the steady solution that a time-resolved one
+    starts from, 0 where it is steady itself, and of the airflow; good to a factor of two.
+
+    The time step goes with the cells' edges, and so do the iterations of a steady solution.
+    """
     if airflow.stepping is None:
-        return 0.0
-    whole = 1.0 if airflow.half or airflow.stepping == "time-resolved" else 2.5
-    one = SECONDS[airflow.stepping] * whole
-    first = 0.0 if airflow.stepping == "steady" else SECONDS["steady"] * (1.0 if airflow.symmetric else 2.5)
-    return sum(first / scale**2 + one / scale**3 for scale in airflow.scales)
+        return 0.0, 0.0
+    size = len(scene.body) / _edges(scene, airflow, grid) ** 3
+    steady = airflow.stepping == "steady"
+    half = airflow.half if steady else airflow.symmetric
+    start = SECONDS["steady"] * size * (1.0 if half else UNMIRRORED)
+    if airflow.span is not None:
+        return start, 0.0
+    return (0.0, start) if steady else (start, SECONDS["time-resolved"] * size)
+
+
+def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
+    """Cell edges on a grid, over the usual ones."""
+    return airflow.scales[grid] * scene.numerics.mesh_scale

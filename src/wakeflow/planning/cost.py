@@ -1,27 +1,36 @@
-"""What a plan will cost: seconds, memory and disk, before anything is started; good to a factor of three.
+"""What a plan will cost: the seconds of each stage, memory and disk, before anything is started.
 
-All numbers are measured: runs of the shipped scenes on two cores of 2020s hardware.
+All numbers are measured: runs of the shipped scenes on two cores of 2020s hardware. What this machine makes of the
+seconds is in :mod:`.machine_rates`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
-from .airflow_cost import span_cost, typical_cells, typical_seconds
+from .airflow_cost import solver_seconds, span_cost, typical_cells
 from .crowd import CrowdPlan
 from .flights_again import times_again
-from .plan import AT_ONCE, COMPARED, REPLICATES, FractionPlan, replicate_size
+from .plan import AT_ONCE, COMPARED, DRAWS, REPLICATES, FractionPlan, StageCost, replicate_size
 
-__all__ = ["AirflowCost", "airflow_cost", "estimate_cost"]
+__all__ = ["AirflowCost", "airflow_cost", "estimate_cost", "expected_stages", "wall_seconds"]
 
-STARTED = 5.0  # s: importing, reading, writing the report
-SECONDS_A_GRANULE = 150e-6  # s of both cores: one flight with drag and weight
-LOADED = 60.0  # s: three passes of the air that feels the granules
+STARTED = 3.0  # s: importing and planning
+REPORT = 6.0  # s: its figures, tables and the field's files
+SECONDS_A_GRANULE = 400e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
+IN_KNOWN_AIR = 110e-6  # s of both cores: the same in air that is known without triangles
+BY_CHAIN = 60e-6  # s of both cores: of a flight from impact to impact without air
+EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
+MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
+READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
+DRAWN = 0.25  # s: to draw the granules of a fraction anew, and its air
+PASSES, AGAIN_UNDER_FORCE = 3, 0.7  # of the air that feels the granules; a solution under force over a first one
+RESIDENCE = 3.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
 BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
 BYTES_LANDED = 120.0  # bytes of memory a granule: its row of landings
@@ -29,7 +38,7 @@ FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
-CROWD_AGAIN = 0.25  # of the slab's time: part of it again with twice the step, and in a slab of half the depth
+SLAB_AGAIN = {"slab longer steps": 0.25, "thinner slab": 0.2}  # of the slab's time: part of it with one thing changed
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 
@@ -42,26 +51,98 @@ class AirflowCost(NamedTuple):
 
 def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
     """What is shared by all scenes that fly in one airflow."""
-    cells, deep = typical_cells(airflow, len(scene.body)), span_cost(scene, airflow)
+    cells, deep = typical_cells(scene, airflow), span_cost(scene, airflow)
     kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
-    return AirflowCost(typical_seconds(airflow) + deep.core_seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
+    seconds = sum(stage.whole for stage in _airflow_stages(scene, airflow))
+    return AirflowCost(seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
 
 
 def estimate_cost(
-    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CrowdPlan | None
+    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], stages: Sequence[StageCost]
 ) -> dict[str, float]:
-    """``seconds``, ``memory`` and ``disk`` (bytes) of a run, its funnel and its slab included."""
+    """``seconds``, ``memory`` and ``disk`` (bytes) of a run of these ``stages``."""
     count = REPLICATES * replicate_size(scene.feed.count)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
-    effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
-    again = 1 + times_again(airflow) * COMPARED / REPLICATES
-    tracks = SECONDS_A_GRANULE * count * (len(fractions) + effort) * again
-    poured = 0.0 if scene.funnel is None else estimated_seconds(scene.funnel)
-    loaded = LOADED if airflow.loaded else 0.0
-    slab = 0.0 if crowd is None else crowd.seconds * (1.0 + CROWD_AGAIN)
     air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
     return {
-        "seconds": STARTED + air.seconds + loaded + tracks + slab + poured,
+        "seconds": wall_seconds(stages),
         "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
         "disk": FILES + air.disk + BYTES_STORED * count * len(fractions),
     }
+
+
+def wall_seconds(stages: Sequence[StageCost], cores: int = 2) -> float:
+    """Seconds until the last of ``stages`` is done. What does not need the answer's own airflow is made beside it, on
+    another core where there is one.
+    """
+    spent = dict.fromkeys(StageCost.ORDER, 0.0)
+    for stage in stages:
+        spent[stage.when] += stage.whole
+    together = (max if cores > 1 else sum)((spent["answer"], spent["beside"]))
+    return STARTED + spent["first"] + together + spent["after"]
+
+
+def expected_stages(
+    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CrowdPlan | None
+) -> tuple[StageCost, ...]:
+    """The stages of a run by the names that its listener hears, in the order in which they are usually done."""
+    found = []
+    if scene.funnel is not None:
+        found.append(StageCost("funnel", estimated_seconds(scene.funnel), "first"))
+    found += _airflow_stages(scene, airflow)
+    if airflow.loaded:
+        found += _loading_stages(scene, airflow, fractions)
+    found.append(StageCost("tracks", _flown(scene, airflow, fractions), "after"))
+    if crowd is not None:
+        found.append(StageCost("slab", crowd.seconds, "after"))
+        found += [StageCost(name, part * crowd.seconds, "after") for name, part in SLAB_AGAIN.items()]
+    found += _flown_again(scene, airflow, fractions)
+    if airflow.wake is not None or airflow.span is not None:
+        found.append(StageCost("residence", RESIDENCE, "after"))
+    return (*found, StageCost("report", REPORT, "after"))
+
+
+def _airflow_stages(scene: Scene, airflow: AirflowPlan) -> Iterator[StageCost]:
+    """Meshes, solutions and fields, the answer's own and those of its other grids."""
+    if airflow.stepping is None:
+        return
+    steady = airflow.stepping == "steady"
+    for number, scale in enumerate(airflow.scales):
+        grid = "" if number == 0 else f"grid x {scale:.2g} "
+        own, before = ("answer", "first") if number == 0 else ("beside", "beside")
+        cells = typical_cells(scene, airflow, number)
+        yield StageCost(f"{grid}mesh", MESHED[0] + MESHED[1] * cells, before)
+        start, rest = solver_seconds(scene, airflow, number)
+        if not steady:
+            yield StageCost(f"{grid}draft mesh", MESHED[0] + 0.5 * MESHED[1] * cells, before)
+            yield StageCost(f"{grid}draft airflow", start, before)
+            yield StageCost(f"{grid}draft field", READ["steady"], "beside")
+        yield StageCost(f"{grid}airflow", rest + span_cost(scene, airflow).core_seconds * (number == 0), own)
+        yield StageCost(f"{grid}field", READ[airflow.stepping], own)
+
+
+def _loading_stages(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> Iterator[StageCost]:
+    """The passes of the air that feels the granules, through the steady airflow."""
+    steady = airflow.stepping == "steady"
+    draft, when = "" if steady else "draft ", "after" if steady else "beside"
+    gathered = _flown(scene, airflow, fractions) / 2.0
+    yield StageCost(f"{draft}momentum", gathered, when, PASSES + 1)
+    start, rest = solver_seconds(scene, airflow, 0)
+    yield StageCost(f"{draft}loaded-airflow", AGAIN_UNDER_FORCE * (rest if steady else start), when, PASSES)
+
+
+def _flown(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> float:
+    """Seconds in which all granules fly once."""
+    count = REPLICATES * replicate_size(scene.feed.count)
+    effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
+    one = SECONDS_A_GRANULE if airflow.stepping is not None or airflow.rung == "given" else IN_KNOWN_AIR
+    return EACH_STAGE + (BY_CHAIN if airflow.rung == "none" else one) * count * (len(fractions) + effort)
+
+
+def _flown_again(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> Iterator[StageCost]:
+    """The stages in which a part of the granules flies again, for the budget."""
+    compared = (_flown(scene, airflow, fractions) - EACH_STAGE) * COMPARED / REPLICATES
+    for stage, times in times_again(airflow).items():
+        ahead = airflow.stepping is not None and stage.startswith(("draft ", "grid "))
+        drawn = DRAWS * DRAWN * len(fractions) if stage == "draws" and airflow.rung != "none" else 0.0
+        yield StageCost(stage, EACH_STAGE + drawn + compared * times, "beside" if ahead else "after")

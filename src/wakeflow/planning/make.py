@@ -19,7 +19,7 @@ from .air_loading import feels_granules
 from .airflow import AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body
 from .bounds import COLLISIONS, LOADING, VIBRATION, bounds, moved_by_air
-from .cost import estimate_cost
+from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits
 from .crowd import CrowdPlan, plan_crowd, too_many_to_meet, why_no_crowd
 from .flight_scales import flights
@@ -54,24 +54,24 @@ def make_plan(
     could move a fraction by more than the accuracy asked for.
     """
     given = Scene.of(scene).fed()
-    target = given.numerics.target_error if target_error is None else target_error
-    if not 0.0 < target <= LARGEST_ERROR:
-        raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
+    target = _accuracy(given, target_error)
     switches = {**given.force, **(force or {})}
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
     flown = airflow.flown(given)
+    chain = flown.air is None and given.air is not None
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
-    obstacle = LOOK if flown is not given else _why_none_meet(flown, known)
+    obstacle = LOOK if chain else _why_none_meet(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
     decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
     fractions = {name: one.plan for name, one in decided.items()}
-    gates, chain = {name: one.gate for name, one in decided.items() if one.gate is not None}, flown is not given
+    gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
     validity = _validity(flown, decided, known, target)
     without_air = _without_air(given, fractions) if chain else _WithoutAir()
     strained = warning_lines(flown, airflow, fractions, validity, target, rest[0])
+    stages = expected_stages(flown, airflow, fractions, crowd)
     return Plan(
         airflow=airflow,
         target_error=target,
@@ -79,13 +79,22 @@ def make_plan(
         fractions=fractions,
         used=tuple(used_lines(flown, airflow, fractions, validity, motion, crowd, chain=chain)),
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
-        estimate=estimate_cost(flown, airflow, fractions, crowd),
+        estimate=estimate_cost(flown, airflow, fractions, stages),
+        stages=stages,
         notices=gravest_first((*missing_lines(gates, flown.unit), *without_air.notices, *strained)),
         flown_by="chain" if chain else "tracker",
         validity=validity,
         unit=flown.unit,
         crowd=crowd,
     )
+
+
+def _accuracy(scene: Scene, asked: float | None) -> float:
+    """The error of a share that is asked for, instead of the scene's own. Raises SceneError for one that is none."""
+    target = scene.numerics.target_error if asked is None else asked
+    if not 0.0 < target <= LARGEST_ERROR:
+        raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
+    return target
 
 
 @dataclass(frozen=True)

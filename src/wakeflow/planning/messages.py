@@ -45,7 +45,7 @@ def used_lines(
     ``motion``: what the vibration asks of the airflow; ``crowd``: the slab in which granules meet; ``chain``: a scene
     with air is flown without.
     """
-    yield from _airflow_lines(airflow, len(scene.body), scene.numerics.ranks)
+    yield from _airflow_lines(scene, airflow)
     if airflow.span is not None:
         yield from span_lines(airflow.span, span_cost(scene, airflow))
     if chain:
@@ -126,7 +126,7 @@ def _spread(scene: Scene, name: str) -> str:
     return f", of each granule's own terminal velocity, 90 % within {ends[0]:.3g} to {ends[1]:.3g} m/s"
 
 
-def _airflow_lines(airflow: AirflowPlan, bodies: int, ranks: int | str) -> Iterator[str]:
+def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed beside it."""
     if airflow.stepping is None:
         yield from () if airflow.summary is None else (airflow.summary,)
@@ -135,7 +135,7 @@ def _airflow_lines(airflow: AirflowPlan, bodies: int, ranks: int | str) -> Itera
     if airflow.mirrored:
         part = "; half of the granules fly in its mirror image"
     yield f"airflow: rung {airflow.rung}, {airflow.stepping}, {airflow.turbulence}{part} ({airflow.why})"
-    cells = typical_cells(airflow, bodies)
+    cells, ranks = typical_cells(scene, airflow), scene.numerics.ranks
     shared = ranks_for(round(cells))[1] if ranks == "auto" else f"{ranks} MPI ranks, as numerics.ranks asks"
     yield f"about {cells:.0f} cells: {shared}"
     if airflow.wake is not None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 from ..core.graded import Notice
 from .airflow import AirflowPlan
@@ -16,11 +16,24 @@ from .crowd import CrowdPlan
 from .impaction import Deflection
 from .terms import LeftOut
 
-__all__ = ["AT_ONCE", "COMPARED", "REPLICATES", "FractionPlan", "Plan", "replicate_size", "whole_terms"]
+__all__ = [
+    "AT_ONCE",
+    "COMPARED",
+    "DRAWS",
+    "REPLICATES",
+    "SAME_AIR",
+    "FractionPlan",
+    "Plan",
+    "StageCost",
+    "replicate_size",
+    "whole_terms",
+]
 
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
+DRAWS = 64  # of everything that is not known exactly; their regression has some forty degrees of freedom
+SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 
 
 @dataclass(frozen=True)
@@ -58,6 +71,25 @@ def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]
 
 
 @dataclass(frozen=True)
+class StageCost:
+    """What a stage is expected to take: its ``name`` as a run's listener hears it, ``seconds`` each of the ``times``
+    that it is done, and ``when``: first, in the answer's own airflow, beside that on another core, or after it.
+    """
+
+    ORDER: ClassVar[tuple[str, ...]] = ("first", "answer", "beside", "after")
+
+    name: str
+    seconds: float
+    when: str
+    times: int = 1
+
+    @property
+    def whole(self) -> float:
+        """Seconds of all times together."""
+        return self.times * self.seconds
+
+
+@dataclass(frozen=True)
 class Plan:
     """What will be computed and what will not: complete when it is made, and not changed afterwards."""
 
@@ -68,6 +100,7 @@ class Plan:
     used: tuple[str, ...]  # what is computed, in words
     left_out: tuple[LeftOut, ...]
     estimate: Mapping[str, float]  # seconds, memory (bytes), disk (bytes)
+    stages: tuple[StageCost, ...] = ()  # what is done, in order, and what it is expected to take
     notices: tuple[Notice, ...] = ()  # what a user must know before the run, the gravest first
     flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
     validity: tuple[Limit, ...] = ()  # what the feed rate strains, and from which rate on

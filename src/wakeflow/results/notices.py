@@ -9,7 +9,7 @@ from ..core.graded import Notice, information, less_sure, void
 from ..core.record import to_json
 from ..funnel import notices as funnel_notices
 from ..pipeline.pipeline import Pipeline
-from ..scene import Scene
+from ..scene import OVER_THE_TOP, Scene
 from ..tracking import Fate
 from .airflow_summary import Airflow
 from .crowd_summary import CrowdSummary
@@ -26,9 +26,15 @@ LONGER = 1e-9  # m: rounding of the mesh's ends, no longer channel
 JAM = "granules that lie still become more as long as it runs; widen the gap, or lower feed.rate"
 MANY = 0.05  # of a fraction: more granules without a landing void its shares; chosen
 ENDINGS = {  # fates that are no landing: what they mean, and what to change
-    "airborne": ("were still in the air when tracking ended", ""),
-    "stopped": ("hit the tracker's hard stop", ""),
-    "resting": ("came to rest on a body or wall", "; [vibration] or steeper faces throw them off"),
+    "airborne": (
+        "were still in the air when tracking ended",
+        "; another air.speed, which does not hold them up, or a [bin.NAME] with points where they hover",
+    ),
+    "stopped": (
+        "hit the tracker's hard stop",
+        "; a larger numerics.tolerance, or a feed.position that does not begin inside a body",
+    ),
+    "resting": ("came to rest on a body or wall", "; [vibration], or a steeper body.NAME.slope_angle, throws them off"),
 }
 
 
@@ -69,14 +75,21 @@ def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
 
 
 def _out_of_the_top(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
-    """Of the fractions that leave the channel above the feed, where no bin counts them: with upward air, or thrown."""
+    """Of the fractions that leave the channel above the feed: what upward air carries into the bin that stands there
+    for it, and what no bin counts, carried or thrown.
+    """
     carried = scene.air is not None and scene.air.direction == "up"
     how = "leaves through the top with the air" if carried else "is thrown out through the top"
     mend = "a [bin.NAME] with on = 'top' counts it" if carried else "a higher channel.top keeps it in"
+    above = list(scene.bin).index(OVER_THE_TOP) if carried and OVER_THE_TOP in scene.bin else None
     for name, landing in tracked.landings.items():
+        mass, over = landing.mass_shares, landing.bin == above
+        if above is not None and over.any() and OVER_THE_TOP not in scene.fraction[name].targets:
+            yield information(
+                f"{name}: {mass[over].sum():.2g} of it {how}, counted as {OVER_THE_TOP}; a lower air.speed keeps it in"
+            )
         gone = (landing.bin < 0) & (landing.fate == Fate.ESCAPED) & (landing.position[:, 1] > scene.level)
-        share = float(landing.mass_shares[gone].sum())
-        if share > 0.0:
+        if (share := float(mass[gone].sum())) > 0.0:
             yield less_sure(f"{name}: {share:.2g} of it {how} and counts as elsewhere; {mend}")
 
 
@@ -100,7 +113,10 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
         )
     yield from _solver_notices(airflow)
     if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
-        yield less_sure(f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation")
+        yield less_sure(
+            f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation; a smaller "
+            "numerics.averaging records more of it"
+        )
     suction = airflow.suction
     assert suction is not None
     assert suction.width is not None

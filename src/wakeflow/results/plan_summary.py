@@ -16,6 +16,7 @@ __all__ = [
     "LeftOutSummary",
     "PlanSummary",
     "PlannedSlab",
+    "PlannedStage",
     "ValidityLimit",
     "summary_of",
 ]
@@ -50,6 +51,16 @@ class FractionSummary:
 
 
 @dataclass(frozen=True)
+class PlannedStage:
+    """What a stage was expected to take."""
+
+    name: str = column("", "of the stage, as in the table seconds")
+    seconds: float = column("s", "run time, each time")
+    when: str = column("", "first, in the answer's own airflow (answer), beside that, or after it")
+    times: int = column("1", "how often")
+
+
+@dataclass(frozen=True)
 class LeftOutSummary:
     """A term that is not computed."""
 
@@ -61,7 +72,7 @@ class LeftOutSummary:
 
 @dataclass(frozen=True)
 class CostEstimate:
-    """What the run was expected to cost; good to a factor of three."""
+    """What the run was expected to cost; good to a factor of two."""
 
     seconds: float = column("s", "run time")
     memory: float = column("bytes", "memory")
@@ -127,6 +138,7 @@ class PlanSummary(Partial):
     used: tuple[str, ...] = column("", "what is used, in words", default=())
     left_out: tuple[LeftOutSummary, ...] = column("", "what is left out", default=())
     estimate: CostEstimate | None = column("", "expected cost", default=None)
+    stages: tuple[PlannedStage, ...] = column("", "what was to be done, in order", default=())
     warnings: tuple[str, ...] | None = column(
         "", "what a user must know before the run, the gravest first", default=None
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .bins import Bin
-    from .consistency import RESERVED_BIN
+    from .consistency import OVER_THE_TOP, RESERVED_BIN
     from .crowding import Crowding
     from .distributions import Size, Speeds
     from .feed import Feed, Profile
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     from .funnel import Funnel
     from .pictures import Picture, picture_tables
     from .rebound import Coefficient, Rebound
-    from .scene import Scene
+    from .scene import Scene, units_written
     from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
     from .table import Table
     from .whole import Numerics, SceneTables
 
 _HOMES = {
+    "OVER_THE_TOP": "consistency",
     "RESERVED_BIN": "consistency",
     "Air": "surroundings",
     "Bin": "bins",
@@ -47,8 +48,10 @@ _HOMES = {
     "Table": "table",
     "Vibration": "surroundings",
     "picture_tables": "pictures",
+    "units_written": "scene",
 }
 __all__ = [
+    "OVER_THE_TOP",
     "RESERVED_BIN",
     "Air",
     "Bin",
@@ -72,6 +75,7 @@ __all__ = [
     "Table",
     "Vibration",
     "picture_tables",
+    "units_written",
 ]
 
 

@@ -17,9 +17,10 @@ from .rungs import rungs
 from .uncertainty import OF_FRACTION, OF_SCENE
 from .whole import SceneTables
 
-__all__ = ["CHECKS", "RESERVED_BIN"]
+__all__ = ["CHECKS", "OVER_THE_TOP", "RESERVED_BIN"]
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
+OVER_THE_TOP = "top"  # the bin of what upward air carries out of the channel, where the scene has none up there
 RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
 Array = NDArray[np.float64]
 

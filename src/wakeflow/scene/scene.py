@@ -19,7 +19,8 @@ from pydantic import ValidationError
 from ..core.errors import SceneError
 from ..core.quantities import speaking
 from ..laws.constants import STANDARD_AIR
-from .consistency import CHECKS
+from .bins import Bin
+from .consistency import CHECKS, OVER_THE_TOP
 from .doubts import doubts, with_units
 from .messages import explain, units_in
 from .overrides import changed, unquoted_in
@@ -28,7 +29,7 @@ from .user_case import air_of, find_case
 from .vibration_samples import read_samples
 from .whole import SceneTables
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "units_written"]
 
 Array = NDArray[np.float64]
 
@@ -73,17 +74,7 @@ class Scene(SceneTables):
         Raises SceneError as :meth:`parse` does, and where a length without a unit is far off the scene's scale.
         """
         path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise SceneError(f"no scene file {str(path)!r}; make one with: wakeflow new rhombus {path.name}") from None
-        except IsADirectoryError:
-            raise SceneError(f"{path} is a folder; name a scene file") from None
-        except UnicodeDecodeError as problem:
-            raise SceneError(f"{path}: not a text file: {problem}") from None
-        except tomllib.TOMLDecodeError as problem:
-            raise SceneError(f"{path}: not valid TOML: {problem}{unquoted_in(path, str(problem))}") from None
-        data = changed(data, changes or {}, path.name)
+        data = changed(_read(path), changes or {}, path.name)
         if asked := doubts(data):
             raise SceneError(f"{path.name}: {asked}")
         return cls.parse(data, path.name, path.parent)
@@ -112,6 +103,17 @@ class Scene(SceneTables):
         """The scene in a vacuum; itself where it has no air."""
         return self if self.air is None else self.model_copy(update={"air": None})
 
+    def with_top(self) -> Scene:
+        """The scene with a bin over the whole top where the air blows up and no bin lies there: what the air carries
+        out is an answer, not lost. Itself otherwise, and where another bin has that name.
+        """
+        upward = self.air is not None and self.air.direction == "up"
+        if not upward or OVER_THE_TOP in self.bin or any(b.points is None and b.on == "top" for b in self.bin.values()):
+            return self
+        half = self.channel.width / 2
+        top = Bin(on="top", start=-half, to=half)
+        return self.model_copy(update={"bin": {**self.bin, OVER_THE_TOP: top}})
+
     def tables(self) -> dict[str, Any]:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
         tables: dict[str, Any] = json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))
@@ -125,6 +127,25 @@ class Scene(SceneTables):
 
         with atomic_write(path) as stream:
             stream.write(tomlkit.dumps(with_units(self.tables())))
+
+
+def units_written(path: Path | str) -> dict[str, str]:
+    """The unit that a scene file uses most for each unit of the SI: {"m": "mm"}. Raises SceneError as Scene.load."""
+    return units_in(_read(Path(path)))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The tables of a scene file, as they are written. Raises SceneError where it is none."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SceneError(f"no scene file {str(path)!r}; make one with: wakeflow new rhombus {path.name}") from None
+    except IsADirectoryError:
+        raise SceneError(f"{path} is a folder; name a scene file") from None
+    except UnicodeDecodeError as problem:
+        raise SceneError(f"{path}: not a text file: {problem}") from None
+    except tomllib.TOMLDecodeError as problem:
+        raise SceneError(f"{path}: not valid TOML: {problem}{unquoted_in(path, str(problem))}") from None
 
 
 def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:

@@ -158,7 +158,7 @@ def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
         same, name = (one.airflow, one.flight), one.variant.name
         before = None if one.airflow is None else f"{AIRFLOWS}/{one.airflow[:12]}"
         air = airflow_cost(one.scene, one.plan.airflow)
-        needs, estimate = leaders.get(same, before), one.plan.estimate
+        needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
         leaders.setdefault(same, name)
         job = jobs.of(one, name, report=jobs.report)
-        yield Step(name, job, False, needs, estimate["seconds"] - air.seconds, estimate["disk"] - air.disk)
+        yield Step(name, job, False, needs, alone - air.seconds, one.plan.estimate["disk"] - air.disk)

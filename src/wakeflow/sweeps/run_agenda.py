@@ -8,6 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field
 
 from ..core.errors import ProgramError
+from ..core.quantities import duration
 from .agenda import Agenda, Step
 from .work import JobEnd, fly_scene, solve_airflow_of
 
@@ -44,17 +45,6 @@ class SweepProgress:
         left = "" if self.left is None or self.done == self.steps else f", about {duration(self.left)} left"
         failed = f", {self.failed} failed" if self.failed else ""
         return f"{self.done} of {self.steps} stages{failed}{left}"
-
-
-def duration(seconds: float) -> str:
-    """A time in the unit that suits it.
-
-    >>> duration(42.0), duration(600.0), duration(9000.0)
-    ('42 s', '10 min', '2.5 h')
-    """
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..core.cleaning import KeptStage
+from ..core.quantities import duration
 from ..report.many import main_quantities
 from ..report.words import NO_VALUE, percent
 from ..results.dividers import Dividers, cut
@@ -13,7 +14,6 @@ from ..results.quantities import TableQuantity
 from ..results.table import DONE, ResultTable
 from .comparison import Difference, RunComparison
 from .compute import Sweep, SweepEstimate
-from .run_agenda import duration
 
 __all__ = ["show_comparison", "show_dividers", "show_estimate", "show_stages", "show_sweep", "show_table"]
 

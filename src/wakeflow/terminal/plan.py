@@ -1,24 +1,179 @@
-"""The plan on a screen: what is used, what is left out and by which bound, the cost."""
+"""The plan on a screen: ten lines of what is flown, what is left out, what is doubtful and what it costs; or all."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from ..core.graded import Grade
+from ..core.process import cores
+from ..core.quantities import duration, metres, say, speaking
+from ..core.store import cache_root
+from ..planning.airflow_cost import typical_cells
+from ..planning.cost import wall_seconds
+from ..planning.machine_rates import COMPILE, on_this_machine
 from ..planning.plan import whole_terms
-from .warn import warn
+from .warn import MOST_WARNINGS, warn
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.table import Table
 
-    from ..planning.plan import Plan
+    from ..planning.plan import Plan, StageCost
     from ..planning.terms import LeftOut
+    from ..scene import Scene
 
-__all__ = ["show_plan"]
+__all__ = ["show_plan", "show_whole_plan"]
+
+AIRS = {  # what is flown in, by kind of airflow
+    "none": "left out, granules fly in parabolas from impact to impact",
+    "analytic": "known everywhere, since nothing stands in it",
+    "given": "a solved case of yours",
+    "steady": "one steady wake",
+    "time-resolved": "the wake in time",
+    "best-estimate": "a best estimate between the steady wake and the one in time",
+    "three-dimensional": "the wake in three dimensions",
+}
+UNITS = {"m": "mm", "kg/s": "kg/h"}  # what is said where a scene does not write its own
+PARTS: dict[str, tuple[str, str | tuple[str, ...]]] = {  # of the run time: how the names of its stages begin and end
+    "the tracker's compilation": ("", COMPILE),
+    "funnel": ("", "funnel"),
+    "other meshes": ("grid ", ""),
+    "air loading": ("", ("momentum", "loaded-airflow")),
+    "airflow": ("", ("mesh", "airflow", "field", "residence")),
+    "tracks": ("tracks", ""),
+    "slab": ("", ("slab", "slab longer steps")),
+    "draws": ("draws", ""),
+    "report": ("report", ""),
+    "companions": ("", ""),
+}
+WORTH_TELLING = 0.04  # of the whole run time: a part that takes less is not named
 
 
-def show_plan(plan: Plan) -> None:
-    """Print what is used, the bound on every term for every fraction, what is left out, and the cost."""
+def show_plan(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) -> None:
+    """Print in some ten lines what is flown, what is left out, what is doubtful and what it costs; ``units`` as in
+    :func:`wakeflow.report.sketch.draw_sketch`.
+    """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    lines = Table.grid(padding=(0, 2))
+    lines.add_column(style="bold", no_wrap=True)
+    lines.add_column()
+    with speaking({**UNITS, **(units or {})}):
+        for label, text in _lines(plan, scene):
+            lines.add_row(label, Text(text))
+    Console().print(lines, highlight=False)
+
+
+def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
+    """Label and text of each line."""
+    yield "machine", _machine(scene)
+    yield "air", _air(plan, scene)
+    yield "feed", _feed(scene)
+    yield "flown with", _terms(plan)
+    if plan.crowd is not None:
+        flying = _round(sum(plan.crowd.in_flight.values()))
+        yield "meetings", f"granules meet, {flying} at a time in a slab {metres(plan.crowd.depth, 2)} deep"
+    yield "left out", _left_out(plan)
+    doubts = [notice for notice in plan.notices if notice.grade is not Grade.INFORMATION]
+    for number, notice in enumerate(doubts[:MOST_WARNINGS]):
+        grade = f"{notice.grade.value}: " if notice.grade is Grade.VOID else ""
+        yield "" if number else "doubtful", grade + notice.text
+    yield "costs", _cost(plan)
+    more = len(plan.notices) - min(len(doubts), MOST_WARNINGS)
+    noted = f", and {more} more note{'s' if more > 1 else ''}" if more else ""
+    yield "", f"--all tells every bound and stage{noted}"
+
+
+def _machine(scene: Scene) -> str:
+    bodies = [f"{name} {metres(float(size), 3)} wide" for name, size in _widths(scene).items()]
+    standing = ", ".join(bodies) if len(bodies) <= 2 else f"{len(bodies)} bodies, {bodies[0]}"
+    channel = scene.channel
+    place = f"channel of {metres(channel.width)} x {metres(channel.top - channel.bottom)}"
+    count = f"{len(scene.bin)} bin{'s' if len(scene.bin) > 1 else ''}"
+    return f"{standing} in a {place}; {count}" if bodies else f"empty {place}; {count}"
+
+
+def _round(number: float) -> str:
+    """A count that is known to two digits: 1700."""
+    return f"{float(f'{number:.2g}'):.0f}"
+
+
+def _widths(scene: Scene) -> dict[str, float]:
+    return {name: body.outline()[:, 0].max() - body.outline()[:, 0].min() for name, body in scene.body.items()}
+
+
+def _air(plan: Plan, scene: Scene) -> str:
+    if scene.air is None:
+        return "none: granules fly in a vacuum"
+    stream = f"{say(scene.air.speed, 'm/s')} {scene.air.direction}"
+    cells = typical_cells(scene, plan.airflow)
+    about = f", about {_round(cells)} cells" if cells else ""
+    return f"{stream}; rung {plan.rung}: {AIRS[plan.airflow.kind]}{about}"
+
+
+def _feed(scene: Scene) -> str:
+    rate = "no rate given" if scene.feed.rate is None else say(scene.feed.rate, "kg/s")
+    shares = ", ".join(f"{name} {share:.3g} %" for name, share in _percent(scene))
+    return f"{rate}: {shares}; {scene.feed.count} granules of each fly"
+
+
+def _percent(scene: Scene) -> Iterator[tuple[str, float]]:
+    return ((name, 100.0 * share) for name, share in scene.mass_shares().items())
+
+
+def _terms(plan: Plan) -> str:
+    """The terms that all fractions fly with, and those that only some do."""
+    terms = dict.fromkeys(term for fraction in plan.fractions.values() for term in fraction.forces)
+    flown: dict[tuple[str, ...], list[str]] = {}
+    for term in terms:
+        names = tuple(name for name, fraction in plan.fractions.items() if term in fraction.forces)
+        flown.setdefault(names, []).append(term)
+    every = tuple(plan.fractions)
+    common = ", ".join(flown.pop(every, []))
+    return "; ".join([common, *(f"{', '.join(some)} for {' and '.join(names)}" for names, some in flown.items())])
+
+
+def _left_out(plan: Plan) -> str:
+    """Each term with the most that it could move a landing by; those that could move it too far are doubts."""
+    most: dict[str, float] = {}
+    for row in plan.left_out:
+        most[row.name] = max(most.get(row.name, 0.0), row.bound or 0.0)
+    doubted = {notice.text.partition(", left out")[0] for notice in plan.notices}
+    told = [f"{name} {bound:.1g}" if bound else name for name, bound in most.items() if name not in doubted]
+    return f"{', '.join(told)} ({plan.unit} at most)" if told else "nothing else"
+
+
+def _cost(plan: Plan) -> str:
+    """The run time on this machine by its parts, memory and disk."""
+    stages, runs = on_this_machine(plan, cache_root())
+    spent = _parts(stages)
+    whole = wall_seconds(stages, cores())
+    told = [f"{part} {duration(time)}" for part, time in spent.items() if time >= WORTH_TELLING * sum(spent.values())]
+    learned = f"as its last {runs} run{'s' if runs > 1 else ''} took" if runs else "not measured on this machine yet"
+    cost = plan.estimate
+    return (
+        f"about {duration(whole)}, {learned} ({', '.join(told)}); {cost['memory'] / 1e9:.1f} GB of memory, "
+        f"{cost['disk'] / 1e6:.0f} MB of disk"
+    )
+
+
+def _parts(stages: Sequence[StageCost]) -> dict[str, float]:
+    """Seconds of each of PARTS, the longest first."""
+    spent: dict[str, float] = {}
+    for stage in stages:
+        part = next(
+            p for p, (begins, ends) in PARTS.items() if stage.name.startswith(begins) and stage.name.endswith(ends)
+        )
+        spent[part] = spent.get(part, 0.0) + stage.whole
+    return dict(sorted(spent.items(), key=lambda item: -item[1]))
+
+
+def show_whole_plan(plan: Plan) -> None:
+    """Print what is used, the bound on every term for every fraction, what is left out, every stage, every warning."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -33,12 +188,21 @@ def show_plan(plan: Plan) -> None:
         bounds = "\n".join("–" if row.bound is None else f"{row.bound:.2g}" for row in rows)
         table.add_row(name, "\n".join(row.fraction or "all" for row in rows), bounds, Text(why))
     console.print(table)
-    cost = plan.estimate
-    console.print(
-        f"about {cost['seconds']:.0f} s, {cost['memory'] / 1e9:.1f} GB of memory, {cost['disk'] / 1e6:.0f} MB of disk",
-        highlight=False,
-    )
-    warn(console, plan.warnings, [notice.grade.value for notice in plan.notices])
+    console.print(_stages_table(on_this_machine(plan, cache_root())[0]))
+    warn(console, plan.warnings, [notice.grade.value for notice in plan.notices], most=len(plan.notices))
+    console.print(_cost(plan), highlight=False)
+
+
+def _stages_table(stages: Sequence[StageCost]) -> Table:
+    """Every stage in order, and what it is expected to take here."""
+    from rich.table import Table
+
+    table = Table("stage", title="what is done, in order", title_justify="left", pad_edge=False)
+    table.add_column("s", justify="right")
+    for stage in stages:
+        often = f" ({stage.times} times)" if stage.times > 1 else ""
+        table.add_row(stage.name + often, f"{stage.whole:.0f}" if stage.whole >= 1.0 else "< 1")
+    return table
 
 
 def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:
@@ -50,20 +214,19 @@ def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:
 
 
 def _bounds_table(plan: Plan) -> Table:
-    """Terms by fractions: what each could move, in body widths; bold where it is computed."""
+    """Terms by fractions: what each could move, in body widths; a star where it is computed."""
     from rich.table import Table
 
     title = f"how far each term could move a fraction, {plan.unit} (accuracy {plan.target_error:.2g} of a share)"
-    table = Table(
-        "term", title=title, title_justify="left", pad_edge=False, caption="bold: computed; the rest left out"
-    )
+    caption = "* computed; the rest left out"
+    table = Table("term", title=title, title_justify="left", pad_edge=False, caption=caption, caption_justify="left")
     for name in plan.fractions:
         table.add_column(name, justify="right")
     terms = list(next(iter(plan.fractions.values())).bounds)
     whole = whole_terms(plan.airflow, plan.crowd)
     for term in terms:
         cells = [
-            f"[bold]{how.bounds[term]:.2g}[/]" if term in how.forces or term in whole else f"{how.bounds[term]:.2g}"
+            f"[bold]* {how.bounds[term]:.2g}[/]" if term in how.forces or term in whole else f"{how.bounds[term]:.2g}"
             for how in plan.fractions.values()
         ]
         table.add_row(term, *cells)

@@ -15,10 +15,10 @@ __all__ = ["MOST_WARNINGS", "warn"]
 MOST_WARNINGS = 3  # on screen; the rest is in the report
 
 
-def warn(console: Console, warnings: Sequence[str], grades: Sequence[str]) -> None:
-    """The gravest warnings with their grades, and how many more there are."""
-    for line, grade in list(zip(warnings, grades, strict=True))[:MOST_WARNINGS]:
+def warn(console: Console, warnings: Sequence[str], grades: Sequence[str], most: int = MOST_WARNINGS) -> None:
+    """The gravest warnings with their grades, at ``most`` so many, and how many more there are."""
+    for line, grade in list(zip(warnings, grades, strict=True))[:most]:
         style = "bold red" if grade == Grade.VOID.value else "yellow" if grade == Grade.LESS_SURE.value else ""
         console.print(f"! {grade}: {line}", highlight=False, markup=False, style=style)
-    if len(warnings) > MOST_WARNINGS:
-        console.print(f"! and {len(warnings) - MOST_WARNINGS} more: report.html, or --json", highlight=False)
+    if len(warnings) > most:
+        console.print(f"! and {len(warnings) - most} more: report.html, or --json", highlight=False)

@@ -1,0 +1,92 @@
+"""What this machine makes of the seconds that a plan expects: learned from its own earlier runs, kept in the cache.
+
+A plan's own seconds are those of two idle cores of 2020s hardware, so that a plan depends on its scene alone. Here they
+are brought to the machine and its usual load: each finished run notes, by kind of work, how its stages' run times
+compare with what was expected of them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import wakeflow
+
+from ..core.files import write_json
+from .plan import Plan, StageCost
+
+__all__ = ["COMPILE", "kind_of_work", "learn", "on_this_machine"]
+
+FILE = "machine-rates.json"  # by kind of work: seconds over expected ones, of the last runs
+KEPT = 9  # runs that a rate is the median of
+COMPILE, COMPILED = "compile", 45.0  # the stage of the tracker's compilation, and its seconds
+WORK = {  # a kind of work: the last words of the stages in which it is done
+    "mesh": ("mesh",),
+    "airflow": ("airflow", "loaded-airflow"),
+    "field": ("field", "residence"),
+    "slab": ("slab", "steps"),
+    "funnel": ("funnel",),
+    COMPILE: (COMPILE,),
+    "flights": (),  # whatever else is computed
+}
+
+
+def kind_of_work(stage: str) -> str:
+    """What is done in a stage, one of the kinds of work whose rates are learned."""
+    last = stage.rsplit(" ", 1)[-1]
+    return next((work for work, words in WORK.items() if last in words), "flights")
+
+
+def learn(root: Path, expected: Sequence[StageCost], spent: Mapping[str, float]) -> None:
+    """Note in the cache's ``root`` how the run times ``spent`` (s, by stage, those that were computed now) compare with
+    the ``expected`` ones. Two runs that end at once may lose one's note.
+    """
+    both: dict[str, list[tuple[float, float]]] = {}
+    for stage in expected:
+        if stage.name in spent:
+            both.setdefault(kind_of_work(stage.name), []).append((spent[stage.name], stage.seconds))
+    if not both:
+        return
+    known = _read(root)
+    for work, pairs in both.items():
+        ratio = sum(pair[0] for pair in pairs) / sum(pair[1] for pair in pairs)
+        known[work] = [*known.get(work, []), round(ratio, 3)][-KEPT:]
+    root.mkdir(parents=True, exist_ok=True)
+    write_json(root / FILE, known)
+
+
+def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]:
+    """The stages of a plan with the seconds that this machine needs, as its runs in the cache's ``root`` say, and of
+    how many runs the best known kind of work was learned; a kind that none has done keeps its seconds.
+
+    The tracker's compilation is one of them where it is still to be done, beside the airflow where there is one.
+    """
+    known = _read(root)
+    rates = {work: median(ratios) for work, ratios in known.items()}
+    here = [replace(one, seconds=one.seconds * rates.get(kind_of_work(one.name), 1.0)) for one in plan.stages]
+    if plan.flown_by == "tracker" and not _compiled(root):
+        waits = any(one.when == "answer" for one in here)
+        here.insert(0, StageCost(COMPILE, COMPILED, "beside" if waits else "first"))
+    return tuple(here), max(map(len, known.values()), default=0)
+
+
+def _compiled(root: Path) -> bool:
+    """Whether the cache holds a compiled tracker that is newer than its sources: told from the times of files, since
+    numba's own cache knows it for certain, but not at once.
+    """
+    made = [path.stat().st_mtime for path in (root / "numba").glob("*/*")]
+    source = Path(wakeflow.__file__).parent
+    changed = [path.stat().st_mtime for part in ("tracking", "laws") for path in (source / part).rglob("*.py")]
+    return bool(made) and max(made) > max(changed)
+
+
+def _read(root: Path) -> dict[str, list[float]]:
+    """The rates that are known; none where no run has noted any, and where the file is not whole."""
+    try:
+        found: dict[str, list[float]] = json.loads((root / FILE).read_text())
+    except (FileNotFoundError, json.JSONDecodeError):
+        return {}
+    return found

@@ -1,0 +1,163 @@
+"""The machine in a window of its own, by PyVista: bodies, bins, and of a finished run the air and granules in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.errors import SceneError
+from .canvas import BODY, fraction_colours
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+__all__ = ["look"]
+
+SIZE = (1200, 900)  # pixels
+BARS = ("#1a1a1a", "#7d7d7d")  # bins, in turn
+SLOWEST = 0.98  # of the tracks have ended at the slider's end
+TRACK, BAR = 2.0, 8.0  # pixels wide
+PALE = 0.5  # opacity of the air
+
+
+def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> None:
+    """Open a window on a scene, and on what stands in the folder of its finished ``run``: the air's speed on its mesh,
+    and the tracks up to a time since release that a slider sets. Returns when it is closed.
+
+    With ``picture`` no window opens, and a PNG of what it would show goes there. Raises SceneError for another file.
+    """
+    import pyvista
+
+    if picture is not None and picture.suffix.lower() != ".png":
+        raise SceneError(f"{picture}: the picture of a window is a PNG; name it so")
+    plotter: Any = pyvista.Plotter(off_screen=picture is not None, window_size=SIZE)
+    plotter.set_background("white")
+    if run is not None:
+        _add_air(plotter, run)
+        _add_tracks(plotter, scene, run, slider=picture is None)
+    _add_machine(plotter, scene)
+    plotter.view_xy()
+    _frame(plotter, scene)
+    if picture is None:
+        plotter.show(title="wakeflow")
+        return
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    with pyvista.vtk_verbosity("off"):  # VTK looks for a screen first, and would complain that there is none
+        plotter.screenshot(picture)
+    plotter.close()
+
+
+def _add_machine(plotter: Any, scene: Scene) -> None:
+    """Bodies, walls, bins with their names."""
+    import pyvista
+
+    for body in scene.body.values():
+        outline = _lifted(body.outline())
+        polygon = pyvista.PolyData(outline, faces=[len(outline), *range(len(outline))]).triangulate()
+        plotter.add_mesh(polygon, color=BODY, lighting=False)
+        plotter.add_mesh(_line(np.concatenate([outline, outline[:1]])), color="black", line_width=1.5)
+    channel = scene.channel
+    for x in (-channel.width / 2, channel.width / 2):
+        wall = np.array([(x, channel.bottom), (x, channel.top)])
+        plotter.add_mesh(_line(_lifted(wall)), color="black", line_width=2.0)
+    lines = [_lifted(bin_.line(channel)) for bin_ in scene.bin.values()]
+    for number, line in enumerate(lines):
+        plotter.add_mesh(_line(line), color=BARS[number % 2], line_width=BAR)
+    middles = np.array([line.mean(axis=0) for line in lines])
+    plotter.add_point_labels(middles, list(scene.bin), font_size=14, shape_opacity=0.7, show_points=False)
+
+
+def _add_air(plotter: Any, run: Path) -> None:
+    """The air's speed: the steady field, or the mean of the one in time; nothing where the run has no air."""
+    import pyvista
+
+    steady, series = run / "field.vtu", run / "field.pvd"
+    if steady.exists():
+        grid: Any = pyvista.read(steady)
+        velocity = np.asarray(grid.point_data["velocity"])
+    elif series.exists():
+        reader: Any = pyvista.get_reader(series)
+        total, count = np.zeros(()), len(reader.time_values)
+        for number in range(count):
+            reader.set_active_time_point(number)
+            grid = reader.read()[0]
+            total = total + np.asarray(grid.point_data["velocity"])
+        velocity = np.asarray(total / count)
+    else:
+        return
+    grid.point_data["air speed (m/s)"] = np.linalg.norm(velocity, axis=1)
+    bar = {"title": "air speed (m/s)", "vertical": True, "height": 0.4, "color": "black"}
+    plotter.add_mesh(grid, scalars="air speed (m/s)", cmap="Blues", opacity=PALE, lighting=False, scalar_bar_args=bar)
+
+
+def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
+    """The granules' tracks, a colour a fraction; with a ``slider`` up to a time since release."""
+    import pyvista
+
+    if not (run / "tracks.vtp").exists():
+        return
+    tracks: Any = pyvista.read(run / "tracks.vtp")
+    paths = [(int(tracks.cell_data["fraction"][i]), tracks.get_cell(i)) for i in range(tracks.n_cells)]
+    every = np.asarray(tracks.point_data["time"])
+    rows: dict[int, list[tuple[Any, Any]]] = {}
+    for number, cell in paths:
+        if len(cell.point_ids) > 1:
+            times = every[list(cell.point_ids)]
+            rows.setdefault(number, []).append((_lifted(np.asarray(cell.points)[:, :2]), times - times[0]))
+    names, colours = list(scene.fraction), fraction_colours(list(scene.fraction))
+
+    def shown(until: float) -> None:
+        for number, parts in rows.items():
+            name = names[number]
+            flown = _until(parts, until)
+            if flown is not None:
+                plotter.add_mesh(
+                    flown, color=colours[name], line_width=TRACK, lighting=False, name=f"tracks {name}", label=name
+                )
+
+    whole = max((float(times[-1]) for parts in rows.values() for _, times in parts), default=0.0)
+    shown(whole)
+    if rows:
+        plotter.add_legend(bcolor="white", face="line", size=(0.15, 0.12))
+    if slider and rows:
+        ends = [float(times[-1]) for parts in rows.values() for _, times in parts]
+        last = float(np.quantile(ends, SLOWEST))
+        plotter.add_slider_widget(shown, (0.0, last), value=last, title="time since release (s)", color="black")
+
+
+def _until(parts: list[tuple[Any, Any]], until: float) -> Any:
+    """The tracks as lines, each up to a time since its release; None where none has two points by then."""
+    import pyvista
+
+    kept = [points[: int(np.searchsorted(times, until, side="right"))] for points, times in parts]
+    kept = [points for points in kept if len(points) > 1]
+    if not kept:
+        return None
+    sizes = [len(points) for points in kept]
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    lines = [np.concatenate([[size], np.arange(at, at + size)]) for size, at in zip(sizes, first, strict=False)]
+    return pyvista.PolyData(np.concatenate(kept), lines=np.concatenate(lines))
+
+
+def _frame(plotter: Any, scene: Scene) -> None:
+    """The channel fills the window, whatever is computed beyond its ends."""
+    channel, margin = scene.channel, 0.06
+    low, high = channel.bottom, max(channel.top, scene.level + scene.release[0])
+    plotter.enable_parallel_projection()
+    camera = plotter.camera
+    middle = (low + high) / 2
+    camera.focal_point, camera.position = (0.0, middle, 0.0), (0.0, middle, 1.0)
+    camera.parallel_scale = (0.5 + margin) * max(high - low, channel.width * SIZE[1] / SIZE[0])
+
+
+def _line(points: Any) -> Any:
+    import pyvista
+
+    return pyvista.lines_from_points(np.asarray(points, dtype=float))
+
+
+def _lifted(plane: Any) -> Any:
+    """(n, 2) to (n, 3), in front of the air."""
+    return np.column_stack([np.asarray(plane, dtype=float), np.full(len(plane), 1e-4)])

@@ -1,0 +1,78 @@
+"""What a plan expects to take: by stage, on idle cores, and on the machine whose earlier runs are known."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from support import shipped
+from wakeflow.planning.cost import wall_seconds
+from wakeflow.planning.machine_rates import COMPILE, kind_of_work, learn, on_this_machine
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import Plan, StageCost
+
+# Seconds of the stages of `wakeflow run cases/rhombus.toml` on two idle cores; loading: of all its passes.
+MEASURED = {"mesh": 3.3, "draft mesh": 1.9, "draft airflow": 23.0, "airflow": 101.4, "tracks": 17.6, "slab": 50.5,
+            "companion": 8.6, "draws": 79.8, "grid x 1.5 airflow": 33.2}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return make_plan(shipped("rhombus"))
+
+
+def test_each_stage_is_expected_to_take_what_it_took(plan: Plan) -> None:
+    expected = {stage.name: stage.whole for stage in plan.stages}
+    off = {name: expected[name] / seconds for name, seconds in MEASURED.items()}
+    assert not {name: ratio for name, ratio in off.items() if not 1 / 1.5 < ratio < 1.5}
+    assert 469.0 / 1.5 < plan.estimate["seconds"] < 469.0 * 1.5  # the whole run, compilation included
+
+
+def test_what_needs_no_airflow_is_done_beside_it() -> None:
+    stages = [StageCost("airflow", 100.0, "answer"), StageCost("grid x 1.5 airflow", 30.0, "beside", times=2)]
+    assert wall_seconds(stages, cores=2) == wall_seconds(stages[:1])
+    assert wall_seconds(stages, cores=1) == wall_seconds(stages[:1]) + 60.0
+
+
+@pytest.mark.parametrize(
+    ("stage", "work"),
+    [("draft loaded-airflow", "airflow"), ("grid x 1.5 mesh", "mesh"), ("slab longer steps", "slab"),
+     ("time-resolved wake", "flights"), ("draws", "flights"), ("coarser-steps", "flights")],
+)  # fmt: skip
+def test_a_stage_is_one_kind_of_work(stage: str, work: str) -> None:
+    assert kind_of_work(stage) == work
+
+
+def test_a_machine_is_known_by_its_runs(plan: Plan, tmp_path: Path) -> None:
+    fresh, runs = on_this_machine(plan, tmp_path)
+    assert runs == 0
+    assert [stage for stage in fresh if stage.name != COMPILE] == list(plan.stages)
+
+    twice = {stage.name: 2.0 * stage.seconds for stage in plan.stages if kind_of_work(stage.name) == "flights"}
+    for slower in (2.0, 1.0, 40.0):  # the last one beside other programs: the median leaves it out
+        learn(tmp_path, plan.stages, {name: slower / 2.0 * seconds for name, seconds in twice.items()})
+    here, runs = on_this_machine(plan, tmp_path)
+    assert runs == 3
+    for stage, own in zip([one for one in here if one.name != COMPILE], plan.stages, strict=True):
+        assert stage.seconds == pytest.approx(own.seconds * (2.0 if own.name in twice else 1.0))
+
+
+def test_what_came_from_the_cache_teaches_nothing(plan: Plan, tmp_path: Path) -> None:
+    learn(tmp_path / "cache", plan.stages, {})
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_machine_keeps_its_last_runs(plan: Plan, tmp_path: Path) -> None:
+    for number in range(20):
+        learn(tmp_path, plan.stages, {"mesh": 1.0 + number})
+    (noted,) = json.loads((tmp_path / "machine-rates.json").read_text()).values()
+    assert len(noted) == 9
+    assert noted == sorted(noted)
+
+
+def test_the_compilation_is_expected_until_it_is_done(plan: Plan, tmp_path: Path) -> None:
+    assert [stage.when for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE] == ["beside"]
+    (tmp_path / "numba" / "586f" / "kernel").mkdir(parents=True)
+    assert not [stage for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE]

@@ -1,0 +1,116 @@
+"""How far a run is: stages that are done, one that is under way, the time left at the pace so far."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.planning.plan import StageCost
+from wakeflow.terminal import live
+from wakeflow.terminal.progress import FROM_CACHE, RunProgress
+
+STAGES = (
+    StageCost("mesh", 2.0, "first"),
+    StageCost("airflow", 60.0, "answer"),
+    StageCost("tracks", 30.0, "after"),
+    StageCost("report", 8.0, "after"),
+)
+
+
+@dataclass
+class Clock:
+    """A clock that goes when it is told to."""
+
+    now: float = 0.0
+    seen: list[float] = field(default_factory=list)
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def progress(clock: Clock) -> RunProgress:
+    made = RunProgress(clock=clock)
+    made.begin(STAGES, cores=2)
+    return made
+
+
+def test_at_the_beginning_everything_is_left(progress: RunProgress) -> None:
+    assert (progress.number, progress.part) == (1, 0.0)
+    assert progress.left == pytest.approx(103.0)
+
+
+def test_a_stage_under_way_counts_by_its_time_until_it_is_overdue(progress: RunProgress, clock: Clock) -> None:
+    progress.hear("mesh", "meshing")
+    clock.now = 2.0
+    progress.hear("mesh", "done (2.0 s)")
+    progress.hear("airflow", "iteration 1")
+    clock.now = 32.0
+    assert progress.number == 2
+    assert progress.left == pytest.approx(103.0 - 32.0)
+    clock.now = 500.0
+    assert progress.part == pytest.approx((2.0 + 57.0) / 103.0)
+
+
+def test_a_slow_machine_takes_longer_than_was_expected(progress: RunProgress, clock: Clock) -> None:
+    clock.now = 124.0
+    for stage in ("mesh", "airflow"):
+        progress.hear(stage, "done (62.0 s)")
+    assert progress.left == pytest.approx(41.0 * (124.0 + 20.0) / (62.0 + 20.0))  # what stands before both: 20 s
+
+
+def test_what_comes_from_the_cache_is_no_work(progress: RunProgress, clock: Clock) -> None:
+    for stage in ("mesh", "airflow"):
+        progress.hear(stage, FROM_CACHE)
+    clock.now = 1.0
+    assert len(progress.expected) == 2
+    assert progress.number == 1
+    assert progress.left == pytest.approx(41.0, abs=3.0)
+
+
+def test_what_is_made_now_and_read_again_stays_done(progress: RunProgress) -> None:
+    progress.hear("tracks", "done (3.0 s)")
+    progress.hear("tracks", FROM_CACHE)
+    assert progress.number == 2
+    assert len(progress.expected) == 4
+
+
+def test_without_a_plan_nothing_is_promised() -> None:
+    nothing = RunProgress()
+    nothing.hear("verify", "problem 3 of 28")
+    assert nothing.left is None
+    assert str(nothing) == ""
+
+
+def test_a_run_names_its_stages_as_its_plan_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, heard = shipped("vacuum", {"feed.count": 64}), []
+    with live(enabled=True, as_json=True) as told:
+
+        def listener(stage: str, text: str) -> None:
+            heard.append(stage)
+            told(stage, text)
+
+        result = wf.run(scene, tmp_path, planned=told.planned, listener=listener)
+    expected = {stage.name for stage in wf.plan(scene).stages}
+    assert expected <= set(heard)
+    assert expected - {"report"} == set(result.table["seconds"]) - {"compile"}
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert {"stage", "text", "number", "of", "seconds_left"} == set(lines[0])
+    assert lines[-1]["stage"] == "report"
+    assert all(line["number"] <= line["of"] for line in lines)
+
+
+def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with live(enabled=False) as told:
+        told("mesh", "done (1.0 s)")
+    assert capsys.readouterr() == ("", "")
