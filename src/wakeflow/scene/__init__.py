@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .funnel import Funnel
     from .pictures import Picture, picture_tables
     from .rebound import Coefficient, Rebound
-    from .scene import Scene
+    from .scene import Scene, units_written
     from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
     from .table import Table
     from .whole import Numerics, SceneTables
@@ -47,6 +47,7 @@ _HOMES = {
     "Table": "table",
     "Vibration": "surroundings",
     "picture_tables": "pictures",
+    "units_written": "scene",
 }
 __all__ = [
     "RESERVED_BIN",
@@ -72,6 +73,7 @@ __all__ = [
     "Table",
     "Vibration",
     "picture_tables",
+    "units_written",
 ]
 
 

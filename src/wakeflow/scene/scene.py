@@ -28,7 +28,7 @@ from .user_case import air_of, find_case
 from .vibration_samples import read_samples
 from .whole import SceneTables
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "units_written"]
 
 Array = NDArray[np.float64]
 
@@ -73,17 +73,7 @@ class Scene(SceneTables):
         Raises SceneError as :meth:`parse` does, and where a length without a unit is far off the scene's scale.
         """
         path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise SceneError(f"no scene file {str(path)!r}; make one with: wakeflow new rhombus {path.name}") from None
-        except IsADirectoryError:
-            raise SceneError(f"{path} is a folder; name a scene file") from None
-        except UnicodeDecodeError as problem:
-            raise SceneError(f"{path}: not a text file: {problem}") from None
-        except tomllib.TOMLDecodeError as problem:
-            raise SceneError(f"{path}: not valid TOML: {problem}{unquoted_in(path, str(problem))}") from None
-        data = changed(data, changes or {}, path.name)
+        data = changed(_read(path), changes or {}, path.name)
         if asked := doubts(data):
             raise SceneError(f"{path.name}: {asked}")
         return cls.parse(data, path.name, path.parent)
@@ -125,6 +115,25 @@ class Scene(SceneTables):
 
         with atomic_write(path) as stream:
             stream.write(tomlkit.dumps(with_units(self.tables())))
+
+
+def units_written(path: Path | str) -> dict[str, str]:
+    """The unit that a scene file uses most for each unit of the SI: {"m": "mm"}. Raises SceneError as Scene.load."""
+    return units_in(_read(Path(path)))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The tables of a scene file, as they are written. Raises SceneError where it is none."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SceneError(f"no scene file {str(path)!r}; make one with: wakeflow new rhombus {path.name}") from None
+    except IsADirectoryError:
+        raise SceneError(f"{path} is a folder; name a scene file") from None
+    except UnicodeDecodeError as problem:
+        raise SceneError(f"{path}: not a text file: {problem}") from None
+    except tomllib.TOMLDecodeError as problem:
+        raise SceneError(f"{path}: not valid TOML: {problem}{unquoted_in(path, str(problem))}") from None
 
 
 def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:

@@ -1,0 +1,337 @@
+"""The sketch of a machine: what a scene asks for, drawn to scale with its measures, before or after it is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.quantities import metres, say, speaking
+from .canvas import BODY, INK, MM, new_figure, text_width
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..scene import Bin, Body, Scene
+
+__all__ = ["draw_sketch"]
+
+Array = NDArray[np.float64]
+UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
+AIR, FEED = "#0b7285", "#c98500"
+BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
+TALLEST, WIDEST = 5.4, 5.4  # inches of the machine itself
+SMALL, LINE = 8.0, 0.155  # points of the measures; inches of a line of them
+BESIDE = 0.35  # inches between the machine and what is written beside it
+OUTSIDE = 0.22  # inches between the machine and a line of measures along it
+HEIGHT = 0.75  # inches on the left that the channel's height takes
+
+
+@dataclass(frozen=True)
+class _Note:
+    """A text beside the machine and the place (m) of what it is about; ``left``: on which side it is written."""
+
+    at: tuple[float, float]
+    text: str
+    left: bool = False
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """Axes in mm, and where on them the machine ends: left, right, low, high (m); ``scale``: inches per m."""
+
+    axes: Axes
+    window: tuple[float, float, float, float]
+    scale: float
+
+    def away(self, inches: float) -> float:
+        """A distance on paper as one on the axes (mm)."""
+        return MM * inches / self.scale
+
+
+def draw_sketch(scene: Scene, units: Mapping[str, str] | None = None) -> Figure:
+    """The machine to scale: bodies, channel, air, feed, secondary streams, bins with their names and limits; measures.
+
+    ``units``: what measures are said in, of units of the SI, as :func:`wakeflow.scene.units_written` finds them in a
+    scene file; by default mm, degrees and kg/h. Coordinates are the scene's. Returns a matplotlib Figure with its own
+    Agg canvas; everything lies within it.
+    """
+    with speaking({**UNITS, **(units or {})}):
+        notes = list(_notes(scene))
+        bounds = _window(scene)
+        figure, sheet = _sheet(bounds, notes, scene)
+        _draw_channel(sheet, scene)
+        _draw_feed(sheet.axes, scene)
+        _draw_air(sheet, scene)
+        for body in scene.body.values():
+            _draw_body(sheet, body, scene)
+        _draw_bins(sheet, scene)
+        _write(sheet, notes)
+    return figure
+
+
+def _window(scene: Scene) -> tuple[float, float, float, float]:
+    """Left, right, low and high end (m) of the channel, with the feed above it."""
+    half, channel = scene.channel.width / 2, scene.channel
+    above = scene.level + scene.release[0]
+    return -half, half, channel.bottom, max(channel.top, above)
+
+
+def _sheet(window: tuple[float, float, float, float], notes: list[_Note], scene: Scene) -> tuple[Figure, _Sheet]:
+    """Paper that holds the machine, the measures along it and the notes beside it."""
+    left, right, low, high = window
+    scale = min(TALLEST / (high - low), WIDEST / (right - left))
+    before, after = HEIGHT + _longest(notes, left=True), BESIDE + _longest(notes, left=False)
+    below, above = (_names_room(scene, on, scale) for on in ("floor", "top"))
+    above += OUTSIDE + LINE
+    wide, tall = before + scale * (right - left) + after, below + scale * (high - low) + above
+    figure = new_figure(wide, tall)
+    figure.set_layout_engine("none")
+    size = (scale * (right - left) / wide, scale * (high - low) / tall)
+    axes = figure.add_axes((before / wide, (tall - above - scale * (high - low)) / tall, *size))
+    axes.set_xlim(MM * left, MM * right)
+    axes.set_ylim(MM * low, MM * high)
+    axes.set_axis_off()
+    return figure, _Sheet(axes, window, scale)
+
+
+def _longest(notes: list[_Note], *, left: bool) -> float:
+    """Inches that the notes on a side take."""
+    lines = [line for note in notes if note.left == left for line in note.text.split("\n")]
+    return max((text_width(line, SMALL) for line in lines), default=0.0) + 0.1
+
+
+def _names_room(scene: Scene, on: str, scale: float) -> float:
+    """Inches that names and limits of the bins on a side of the channel take."""
+    placed = _bins_on(scene, on)
+    if not placed:
+        return 0.1
+    upright = not _level(placed, scale)
+    longest = max(text_width(name, SMALL) for name in placed) if upright else LINE
+    return longest + (max(text_width(text, SMALL) for text in _limits(placed).values()) if upright else LINE) + 0.15
+
+
+def _bins_on(scene: Scene, on: str) -> dict[str, tuple[float, float]]:
+    """The bins on a side of the channel, in order of place, with their ends (m) along it."""
+    ends = {n: (float(b.start or 0.0), float(b.to or 0.0)) for n, b in scene.bin.items() if not b.points and b.on == on}
+    return dict(sorted(ends.items(), key=lambda item: item[1]))
+
+
+def _limits(placed: Mapping[str, tuple[float, float]]) -> dict[float, str]:
+    """The ends of bins in words, without the unit, which the channel's measures have."""
+    return {end: metres(end).split(" ")[0] for ends in placed.values() for end in ends}
+
+
+def _level(placed: Mapping[str, tuple[float, float]], scale: float) -> bool:
+    """Whether the names of bins, and their limits, find room side by side."""
+    limits = max(text_width(text, SMALL) for text in _limits(placed).values()) + 0.05
+    return all(max(text_width(n, SMALL), limits) < scale * (end - start) for n, (start, end) in placed.items())
+
+
+def _draw_channel(sheet: _Sheet, scene: Scene) -> None:
+    """Walls, open ends, its width above and its height on the left."""
+    channel, axes = scene.channel, sheet.axes
+    left, right = -MM * channel.width / 2, MM * channel.width / 2
+    low, high = MM * channel.bottom, MM * channel.top
+    for x in (left, right):
+        axes.plot([x, x], [low, high], color=INK, linewidth=1.4, clip_on=False, zorder=4)
+    for y in (low, high):
+        axes.plot([left, right], [y, y], color=INK, linewidth=0.5, linestyle=":", clip_on=False, zorder=2)
+    over = sheet.away(OUTSIDE + _names_room(scene, "top", sheet.scale))
+    top = max(high, MM * sheet.window[3]) + over
+    _measure(axes, (left, top), (right, top), metres(channel.width))
+    beside = left - sheet.away(1.8 * OUTSIDE)
+    _measure(axes, (beside, low), (beside, high), metres(channel.top - channel.bottom))
+    for y in (low, high):
+        place = (left - sheet.away(0.06), y)
+        label = metres(y / MM).split(" ")[0]
+        axes.annotate(label, place, ha="right", va="center", fontsize=SMALL, color=AIR, annotation_clip=False)
+    axes.plot([0.0, 0.0], [low, high], color="#9aa3ad", linewidth=0.6, linestyle="-.", zorder=0)
+
+
+def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
+    """A line of measure with its text in the middle, along x or y."""
+    style = {"arrowstyle": "<|-|>", "color": INK, "linewidth": 0.7, "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", xy=end, xytext=start, arrowprops=style, annotation_clip=False, zorder=8)
+    box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "linewidth": 0}
+    middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
+    axes.annotate(
+        text, middle, ha="center", va="center", fontsize=SMALL, rotation=90 if start[0] == end[0] else 0, bbox=box,
+        annotation_clip=False, zorder=9,
+    )  # fmt: skip
+
+
+def _draw_feed(axes: Axes, scene: Scene) -> None:
+    """The curtain from where it is released down to the body, or the arrow of its entry."""
+    feed, (height, _) = scene.feed, scene.release
+    x, half, level = MM * feed.position, MM * feed.width / 2, MM * scene.level
+    style = {"arrowstyle": "-|>", "color": FEED, "linewidth": 1.3, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
+    axes.plot([x - half, x + half], [level + MM * height] * 2, color=FEED, linewidth=3, solid_capstyle="butt", zorder=3)
+    if height > 0.0:
+        top = level + MM * height
+        axes.fill_between(
+            [x - half, x + half], level, top, color=FEED, alpha=0.18, linewidth=0, clip_on=False, zorder=1
+        )
+        axes.annotate("", (x, level), xytext=(x, top), arrowprops=style, annotation_clip=False, zorder=3)
+    elif feed.start == "falling":
+        entry = scene.entry / max(float(np.linalg.norm(scene.entry)), 1e-12)
+        tip = np.array([x, level]) + 2 * half * 0.4 * entry
+        axes.annotate("", tuple(tip), xytext=(x, level), arrowprops=style, annotation_clip=False, zorder=3)
+
+
+def _draw_air(sheet: _Sheet, scene: Scene) -> None:
+    """Arrows where the air comes in, and at each secondary stream its opening with an arrow."""
+    channel, axes = scene.channel, sheet.axes
+    style = {"arrowstyle": "-|>", "color": AIR, "linewidth": 1.3, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
+    if scene.air is not None:
+        down = scene.air.direction == "down"
+        tail = MM * (channel.top if down else channel.bottom)
+        head = tail + (-1 if down else 1) * min(0.08 * MM * (channel.top - channel.bottom), sheet.away(0.35))
+        for part in (-0.42, -0.25, 0.25, 0.42):
+            x = MM * part * channel.width
+            axes.annotate("", (x, head), xytext=(x, tail), arrowprops=style, annotation_clip=False, zorder=3)
+    for inlet in channel.inlet.values():
+        inward = 1.0 if inlet.side == "left" else -1.0
+        wall = -inward * MM * channel.width / 2
+        axes.plot([wall] * 2, [MM * y for y in inlet.span], color=AIR, linewidth=5, solid_capstyle="butt", zorder=6)
+        tip, y = wall + inward * sheet.away(0.35), MM * inlet.position
+        axes.annotate("", (tip, y), xytext=(wall, y), arrowprops=style, annotation_clip=False, zorder=7)
+
+
+def _draw_body(sheet: _Sheet, body: Body, scene: Scene) -> None:
+    """A body at the middle of its motion, with an arrow along its vibration."""
+    from matplotlib.patches import Polygon
+
+    outline = MM * body.outline()
+    sheet.axes.add_patch(Polygon(outline, closed=True, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=5))
+    if scene.vibration is not None:
+        middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
+        arm = 0.35 * min(np.ptp(outline, axis=0).min(), sheet.away(0.6)) * scene.vibration.along
+        style = {"arrowstyle": "<|-|>", "color": "white", "linewidth": 1.1, "mutation_scale": 8}
+        sheet.axes.annotate("", tuple(middle + arm), xytext=tuple(middle - arm), arrowprops=style, zorder=6)
+
+
+def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
+    """Bins as bars on their lines; those on the floor and the top with their names and limits along it."""
+    for i, (_, bin_) in enumerate(sorted(scene.bin.items(), key=lambda item: _ends(item[1], scene))):
+        bar = MM * bin_.line(scene.channel)
+        sheet.axes.plot(*bar.T, color=BARS[i % 2], linewidth=5, solid_capstyle="butt", clip_on=False, zorder=5)
+    for on, y, away in (("floor", scene.channel.bottom, -1), ("top", scene.channel.top, 1)):
+        placed = _bins_on(scene, on)
+        if not placed:
+            continue
+        level = _level(placed, sheet.scale)
+        side, turned = "top" if away < 0 else "bottom", 0 if level else 90
+        limits = _limits(placed)
+        beyond = LINE if level else max(text_width(text, SMALL) for text in limits.values()) + 0.05
+        rows = [(x, text, 0.08, AIR) for x, text in limits.items()]
+        rows += [(sum(ends) / 2, name, 0.08 + beyond, INK) for name, ends in placed.items()]
+        for x, text, inches, colour in rows:
+            place = (MM * x, MM * y + away * sheet.away(inches))
+            sheet.axes.annotate(
+                text, place, fontsize=SMALL, color=colour, ha="center", va=side, rotation=turned, annotation_clip=False
+            )
+
+
+def _ends(bin_: Bin, scene: Scene) -> tuple[str, float]:
+    """Where a bin stands in the order along its side."""
+    return bin_.on, float(bin_.line(scene.channel).sum())
+
+
+def _notes(scene: Scene) -> Iterator[_Note]:
+    """What is said beside the machine, of the feed, the air, each body, and the bins that are not on floor or top."""
+    channel, feed = scene.channel, scene.feed
+    half = channel.width / 2
+    yield _Note((feed.position + feed.width / 2, scene.level + scene.release[0]), _feed_words(scene))
+    if scene.air is not None:
+        end = channel.top if scene.air.direction == "down" else channel.bottom
+        inner = end + (-0.04 if scene.air.direction == "down" else 0.04) * (channel.top - channel.bottom)
+        case = "" if scene.air.case is None else " (a solved case)"
+        yield _Note((0.42 * channel.width, inner), f"air {say(scene.air.speed, 'm/s')} {scene.air.direction}{case}")
+    for name, inlet in channel.inlet.items():
+        wall = -half if inlet.side == "left" else half
+        words = f"stream {name}: {say(inlet.velocity, 'm/s')}\nfrom an opening of {metres(inlet.width)}"
+        yield _Note((wall, inlet.position), words, inlet.side == "left")
+    for i, (name, body) in enumerate(scene.body.items()):
+        outline = body.outline()
+        left = float(outline[:, 0].min() + outline[:, 0].max()) < -0.02 * channel.width
+        corner = outline[np.argmin(outline[:, 0]) if left else np.argmax(outline[:, 0])]
+        yield _Note((float(corner[0]), float(corner[1])), _body_words(name, body, scene if i == 0 else None), left)
+    for name, bin_ in scene.bin.items():
+        line = bin_.line(channel)
+        if bin_.points is not None:
+            end = line[np.argmin(line[:, 0])] if line[:, 0].mean() < 0.0 else line[np.argmax(line[:, 0])]
+            yield _Note((float(end[0]), float(end[1])), f"bin {name}", bool(line[:, 0].mean() < 0.0))
+        elif bin_.on in ("left", "right"):
+            ends = f"y {metres(float(line[0, 1]))} to {metres(float(line[1, 1]))}"
+            yield _Note((float(line[0, 0]), float(line[:, 1].mean())), f"bin {name}: {ends}", bin_.on == "left")
+
+
+def _feed_words(scene: Scene) -> str:
+    """The curtain in two lines: its width and fall, its mass flow."""
+    feed = scene.feed
+    if feed.start == "resting":
+        fall = "at rest on the body"
+    elif feed.speed is not None:
+        fall = f"comes at {say(feed.speed, 'm/s')}"
+    else:
+        fall = f"falls {metres(feed.height or 0.0)}"
+    lines = [f"feed: {metres(feed.width)} wide, {fall}"]
+    if feed.position:
+        lines[0] += f", x = {metres(feed.position)}"
+    if feed.rate is not None:
+        lines.append(f"{say(feed.rate, 'kg/s')} over a depth of {metres(feed.depth)}")
+    if scene.funnel is not None:
+        lines.append(f"from a funnel with an outlet of {metres(scene.funnel.orifice)}")
+    return "\n".join(lines)
+
+
+def _body_words(name: str, body: Body, whole: Scene | None) -> str:
+    """A body's measures, its place unless that is the origin, and of the first one the motion of all."""
+    size = np.ptp(body.outline(), axis=0)
+    if body.length is not None and body.thickness is not None:
+        measures = f"{metres(body.length)} x {metres(body.thickness)}"
+    elif body.shape == "circle":
+        measures = f"{metres(float(size[0]))} across"
+    else:
+        measures = f"{metres(float(size[0]), 4)} x {metres(float(size[1]), 4)}"
+    angle = "" if body.slope_angle is None else f", {say(body.slope_angle, 'rad', 4)}"
+    lines = [f"{name}: {measures}{angle}"]
+    if any(body.at):
+        lines.append(f"at x = {metres(body.at[0])}, y = {metres(body.at[1])}")
+    if whole is not None and (shaken := whole.vibration) is not None:
+        every = "vibrates" if len(whole.body) == 1 else "all vibrate"
+        reach = float(np.hypot(*shaken.displacement))
+        lines.append(f"{every} at {say(1.0 / shaken.period, 'Hz', 4)}, ± {metres(reach, 3)} ({shaken.strength:.3g} g)")
+    return "\n".join(lines)
+
+
+def _write(sheet: _Sheet, notes: list[_Note]) -> None:
+    """Notes in a column on either side, as near to the height of what they are about as there is room, with lines."""
+    left, right, *_ = sheet.window
+    for on_left, x in ((True, MM * left - sheet.away(HEIGHT)), (False, MM * right + sheet.away(BESIDE))):
+        column = sorted((note for note in notes if note.left == on_left), key=lambda note: -note.at[1])
+        line = {"arrowstyle": "-", "color": "#9aa3ad", "linewidth": 0.7, "shrinkA": 0, "shrinkB": 2}
+        for note, y in zip(column, _places(sheet, column), strict=True):
+            sheet.axes.annotate(
+                note.text, (MM * note.at[0], MM * note.at[1]), xytext=(x, y), ha="right" if on_left else "left",
+                va="center", fontsize=SMALL, arrowprops={**line, "relpos": (float(on_left), 0.5)},
+                annotation_clip=False, zorder=7,
+            )  # fmt: skip
+
+
+def _places(sheet: _Sheet, column: list[_Note]) -> Array:
+    """Heights (mm) of notes from the top down, together as near to those of their objects as keeps them apart."""
+    if not column:
+        return np.zeros(0)
+    from scipy.optimize import isotonic_regression
+
+    tall = np.array([sheet.away(LINE * (note.text.count("\n") + 1.6)) for note in column])
+    below = np.concatenate([[0.0], np.cumsum((tall[1:] + tall[:-1]) / 2)])  # of the first one's middle, at the least
+    wanted = np.array([MM * note.at[1] for note in column])
+    found = isotonic_regression(wanted + below, increasing=False).x - below
+    return np.asarray(found)
