@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..results.airflow_summary import Airflow
     from ..scene import Scene
 
-__all__ = ["SUCTION_LEVEL", "as_flown", "draw_streamlines", "pressure_coefficient", "window_round_body"]
+__all__ = ["SUCTION_LEVEL", "as_flown", "pressure_coefficient", "trace_streamlines", "window_round_body"]
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def as_flown(mean: FlowField, scene: Scene) -> FlowField:
     return replace(mean, velocity=both, pressure=level, given_gradient=None)
 
 
-def draw_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGrid) -> None:
+def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGrid) -> None:
     """Lines of the stream function, closer where the air is faster and without an end in it, with arrows along them.
 
     ``grid`` (of the window): velocities in its first two values.

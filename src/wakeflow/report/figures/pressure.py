@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air import SUCTION_LEVEL, as_flown, draw_streamlines, pressure_coefficient, window_round_body
+from ..air import SUCTION_LEVEL, as_flown, pressure_coefficient, trace_streamlines, window_round_body
 from ..canvas import (
     INK,
     MM,
@@ -68,7 +68,7 @@ def draw_pressure(
     filled.set_rasterized(True)
     axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.3, linestyles="--")
     grid = PlotGrid.sample(mesh, window, [*mean.velocity.T, cp])
-    draw_streamlines(axes, mean, window, grid)
+    trace_streamlines(axes, mean, window, grid)
     solids(axes, scene)
     frame(axes, window)
     _zones(axes, grid, scene, window, ZONES if numbered else {})
