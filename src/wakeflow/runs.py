@@ -43,9 +43,22 @@ from .results.input_summary import inputs_of
 from .results.inputs import Inputs
 from .results.landing_results import BudgetRow, LandingResults, Separation
 from .results.notices import notices
+from .results.partition import partition_curves
 from .results.plan_summary import summary_of
+from .results.provenance import provenance_of
 from .results.refinement import Refinement
-from .results.result import FILE, SCHEMA, FlightResults, MeshSummary, Request, Result, asked_in, key_in, refinement_in
+from .results.result import (
+    FILE,
+    SCHEMA,
+    FlightResults,
+    MeshSummary,
+    Request,
+    Result,
+    asked_in,
+    key_in,
+    provenance_in,
+    refinement_in,
+)
 from .results.separation import separate
 from .results.source import Flights
 from .results.sources import MODEL, UNLOADED
@@ -192,9 +205,7 @@ class _Run:
                 flown = Flights(self.pipeline, tracked, self.pipeline.crowd())
                 fly_again(flown)
         if tracked is not None and airflow is not None:
-            measured = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
-            airflow = airflow.extended(**measured, loading=loading_of(self.pipeline))
-            airflow = with_residence(airflow, self.pipeline.residence)
+            airflow = self._flown(airflow)
         flights = None if tracked is None else self._flights(tracked)
         landings = None if flown is None else self._landings(flown)
         scene, plan = self.pipeline.scene, self.pipeline.plan
@@ -202,6 +213,7 @@ class _Run:
         told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
         small = together(() if landings is None else landings.budget, plan.target_error)
         known = gravest_first((*plan.notices, *told, *small))
+        key, solver = self._key(tracked), None if airflow is None else self.pipeline.kind.solver
         result = Result(
             schema=SCHEMA,
             scene=self.asked.tables(),
@@ -216,7 +228,8 @@ class _Run:
             grades=tuple(notice.grade.value for notice in known),
             seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
             versions=versions(),
-            key=self._key(tracked),
+            key=key,
+            provenance=provenance_in(self.folder, key) or provenance_of(scene, solver),
             refinement=self.refinement,
             folder=self.folder,
         )
@@ -252,6 +265,12 @@ class _Run:
         momentum = _momentum(scene, airflow) if scene.body and airflow.cp_base is not None else None
         return mesh, airflow.extended(grids=airflow_on_grids(pipeline), momentum=momentum)
 
+    def _flown(self, airflow: Airflow) -> Airflow:
+        """The airflow with what is known of the field that granules fly in."""
+        measured = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
+        told = airflow.extended(**measured, loading=loading_of(self.pipeline))
+        return with_residence(told, self.pipeline.residence)
+
     def _flights(self, tracked: Tracked) -> FlightResults:
         return FlightResults(tracked.fates, tracked.injected, impact_of(self.pipeline.scene, self.pipeline.plan))
 
@@ -266,6 +285,7 @@ class _Run:
         unloaded = flights.of(UNLOADED)
         effects = None if unloaded is None else unloaded.effects(separation.bins)
         summary, parts = inputs_of(inputs)
+        separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
         return LandingResults(separation, bracket, budget, alone, slab, effects, summary, parts)
 
     def _key(self, tracked: Tracked | None) -> str:

@@ -258,7 +258,7 @@ def test_a_picture_with_a_body_speed_needs_injected_granules(tmp_path: Path) -> 
 
 def test_secondary_streams_are_drawn_with_an_arrow_into_the_channel(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, kept = scene_of("air-stream"), []
-    monkeypatch.setattr(figures, "save", lambda figure, path: kept.append(figure))
+    monkeypatch.setattr(figures, "save", lambda figure, path, data=None: kept.append(figure))
     figures.draw_tracks("unused", None, scene, {})
     arrows = {a.xyann[0]: a.xy[0] for a in kept[0].axes[0].texts if a.arrow_patch is not None and a.xyann[1] == -60.0}
     assert arrows.keys() == {-200.0, 200.0}

@@ -180,7 +180,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures as they are about to be saved."""
     kept: list[Any] = []
     for module in (pressure, tracks_figure, landing):
-        monkeypatch.setattr(module, "save", lambda figure, path: kept.append(figure))
+        monkeypatch.setattr(module, "save", lambda figure, path, data=None: kept.append(figure))
     return kept
 
 
@@ -194,8 +194,10 @@ def _annotations(figure: Any) -> dict[str, Any]:
 def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
     page = write_report(tmp_path, _outcome(scene))
     names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
-    always = {"figures/tracks.png", "figures/landing.png", "tracks.vtp", "separation.csv", "budget.csv", "report.html"}
-    assert names == always | ({"field.vtu", "figures/pressure.png"} if scene.air else set())
+    always = {"figures/tracks.csv", "figures/landing.csv", "tracks.vtp", "separation.csv", "budget.csv", "report.html"}
+    pictures = ["tracks", "landing", *(["pressure"] if scene.air else [])]
+    drawn = {f"figures/{name}{suffix}" for name in pictures for suffix in (".png", ".svg")}
+    assert names == always | drawn | ({"field.vtu", "figures/pressure.npz"} if scene.air else set())
     assert page == tmp_path / "report.html"
     for name in names:
         if name.endswith(".png"):
@@ -293,8 +295,14 @@ def test_pressure_is_drawn_as_a_coefficient_from_the_inlet(
 ) -> None:
     from matplotlib.axes import Axes
 
-    seen = []
-    monkeypatch.setattr(Axes, "tricontour", lambda self, mesh, values, **how: seen.append((values, how["levels"])))
+    seen, draw = [], Axes.tricontour
+
+    def tricontour(self: Axes, mesh: Any, values: Any, **how: Any) -> Any:
+        if how["linestyles"] == "--":
+            seen.append((values, how["levels"]))
+        return draw(self, mesh, values, **how)
+
+    monkeypatch.setattr(Axes, "tricontour", tricontour)
     draw_pressure("unused", _field(rhombus), rhombus, FOUND)
     values, levels = seen[0]
     assert levels == [-0.5]
@@ -344,13 +352,26 @@ def test_names_in_pictures_do_not_overlap(scene: Scene, drawn: list[Any]) -> Non
 def test_every_track_and_fraction_is_drawn_in_mm(rhombus: Scene, drawn: list[Any]) -> None:
     tracks = {name: [t["position"] for t in part] for name, part in _tracks(rhombus).items()}
     draw_tracks("unused", None, rhombus, {**tracks, "wheat": []})
-    lines = {line.get_label(): line for line in drawn[0].axes[0].lines}
+    lines = {str(line.get_label()).partition(",")[0]: line for line in drawn[0].axes[0].lines}
     xy = lines["chaff"].get_xydata()
     both = np.concatenate([1000 * track for track in tracks["chaff"]])
     assert np.allclose(xy[~np.isnan(xy[:, 0])], both)
     assert np.isnan(xy[len(tracks["chaff"][0])]).all()  # a gap between two tracks
-    assert {t.get_text() for t in drawn[0].axes[0].get_legend().get_texts()} == {"dust", "chaff", "wheat"}
+    assert {t.get_text() for t in drawn[0].axes[0].get_legend().get_texts()} == {
+        "dust, 2 %", "chaff, 8 %", "wheat, 90 %",
+    }  # fmt: skip
     assert len({lines[name].get_color() for name in tracks}) == 3
+
+
+def test_ink_is_in_proportion_to_mass(rhombus: Scene, drawn: list[Any]) -> None:
+    path = np.array([[0.0, 0.1], [0.0, -0.1]])
+    draw_tracks("unused", None, rhombus, {name: [path] * 48 for name in rhombus.fraction})
+    lines = {str(line.get_label()).partition(",")[0]: line for line in drawn[0].axes[0].lines}
+    ink = {name: lines[name].get_linewidth() * np.isnan(lines[name].get_xdata()).sum() for name in rhombus.fraction}
+    shares = rhombus.mass_shares()
+    assert {name: value / ink["wheat"] for name, value in ink.items()} == pytest.approx(
+        {name: share / shares["wheat"] for name, share in shares.items()}
+    )
 
 
 def test_histograms_hold_the_mass_of_their_bins(scene: Scene, drawn: list[Any]) -> None:

@@ -55,6 +55,11 @@ class AirflowKind(ABC):
     def make_table(self) -> dict[str, Any]:
         """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json, but its rung."""
 
+    @property
+    def solver(self) -> str | None:
+        """Version of the OpenFOAM that solves it; None where none does."""
+        return None
+
     @cached_property
     def field(self) -> tuple[str, FlowField] | None:
         """:meth:`make_field`, made once."""

@@ -113,6 +113,7 @@ class SlabFlight:
             "cycle": self.airs.cycle_of(stream.granules.time)[kept],
             "weight": stream.mass[kept],
             "meetings": tracks.meetings[kept].astype(np.int32),
+            "drag": stream.granules.drag_scale[kept].astype(np.float32),
         }
 
     def _begin(self, number: int) -> float:

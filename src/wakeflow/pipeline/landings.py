@@ -27,7 +27,8 @@ class Landings:
     ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies,
     ``realisation`` (n,) of the airflow and ``cycle`` (n,) of the shedding in it at which the granule was released. Of
     granules that meet others: ``weight`` (n,), what each stands for, its mean such that the sum is the number of equal
-    granules that would be as large a sample, and ``meetings`` (n,) with others; None where each flies alone.
+    granules that would be as large a sample, and ``meetings`` (n,) with others; None where each flies alone. ``drag``
+    (n,): the factor on its drag law.
     """
 
     position: Array
@@ -41,6 +42,7 @@ class Landings:
     cycle: NDArray[Any]
     weight: NDArray[Any] | None = None
     meetings: NDArray[Any] | None = None
+    drag: NDArray[Any] | None = None
 
     @property
     def size(self) -> float:

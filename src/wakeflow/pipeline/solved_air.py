@@ -67,11 +67,15 @@ class SolvedAir(CaseAir):
         spec = self.flow_spec
         return spec if spec.ranks else replace(spec, ranks=1 if spec.vibration else ranks_for(self.cells)[0])
 
-    def make_solution(self) -> tuple[str, Path]:
+    @property
+    def solver(self) -> str:
         from ..foam.version import openfoam_version
 
+        return openfoam_version()
+
+    def make_solution(self) -> tuple[str, Path]:
         (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
-        code = content_key(self.solver_code, digest_files([case_template()]), openfoam_version())
+        code = content_key(self.solver_code, digest_files([case_template()]), self.solver)
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         start = self.start()  # by its key: the same airflow from another start would end at another moment
         key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)

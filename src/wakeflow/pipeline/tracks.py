@@ -275,7 +275,7 @@ def end_lines(scene: Scene) -> list[Array]:
 def landing_columns(
     feed: Feedstock, tracks: Tracks, bins: int, realisation: int = 0, cycle: NDArray[np.uint16] | None = None
 ) -> dict[str, NDArray[Any]]:
-    """What is kept of each landing, 36 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
+    """What is kept of each landing, 40 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
     binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
     return {
         "position": tracks.position,
@@ -288,6 +288,7 @@ def landing_columns(
         "injected": feed.injected,
         "realisation": np.full(len(feed.replicate), realisation, dtype=np.uint8),
         "cycle": np.zeros(len(feed.replicate), dtype=np.uint16) if cycle is None else cycle,
+        "drag": feed.granules.drag_scale.astype(np.float32),
     }
 
 

@@ -6,13 +6,14 @@ as the scene has them.
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..core.files import atomic_write
 
@@ -32,8 +33,8 @@ __all__ = [
     "Window",
     "air_arrow",
     "canvas",
+    "clear",
     "first_outline",
-    "fraction_colours",
     "frame",
     "inside_window",
     "new_figure",
@@ -47,19 +48,13 @@ __all__ = [
 Array = NDArray[np.float64]
 Window = tuple[float, float, float, float]  # left, right, low, high (m)
 
-# Okabe & Ito (2008), "Color Universal Design": told apart with any kind of colour vision; without its yellow, too pale.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 BODY, INK, STREAM = "#8a8a8a", "#1a1a1a", "#0b7285"
 MM = 1000.0
 DPI = 160
+SUFFIXES = (".png", ".svg", ".csv", ".npz")  # of a figure and its data
 LETTER = 0.6  # mean width of a letter over the font size
 TALLEST, WIDEST = 6.6, 5.6  # inches of a map
 TICKS = 9  # along x, where the map is as wide as it is high
-
-
-def fraction_colours(names: Sequence[str]) -> dict[str, str]:
-    """One colour a fraction, the same in every picture of a run."""
-    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
 
 
 def text_width(text: str, size: float) -> float:
@@ -196,8 +191,47 @@ class PlotGrid:
         at = np.meshgrid(MM * x, MM * y)
         return cls(x, y, [LinearTriInterpolator(mesh, value)(*at) for value in nodal])
 
+    def arrays(self, names: Sequence[str]) -> dict[str, Array]:
+        """The grid's lines and its values (ny, nx) under ``names``, NaN outside the mesh."""
+        values = (np.ma.filled(value.astype(np.float32), np.nan) for value in self.values)
+        return {"x (m)": self.x, "y (m)": self.y, **dict(zip(names, values, strict=True))}
 
-def save(figure: Figure, path: Path | str) -> None:
-    """Write a PNG that is whole or absent, cut to what is drawn."""
-    with atomic_write(path, "wb") as stream:
-        figure.savefig(stream, format="png", bbox_inches="tight", pad_inches=0.08)
+    def columns(self, names: Sequence[str]) -> dict[str, Array]:
+        """The grid's points inside the mesh and the values there under ``names``, as columns of one table."""
+        inside = ~np.any([np.ma.getmaskarray(value) for value in self.values], axis=0)
+        x, y = np.meshgrid(self.x, self.y)
+        columns = zip(names, self.values, strict=True)
+        return {"x (m)": x[inside], "y (m)": y[inside], **{name: np.asarray(v[inside]) for name, v in columns}}
+
+
+def save(figure: Figure, path: Path | str, data: Mapping[str, ArrayLike] | None = None) -> None:
+    """Write a figure to ``path`` (.png) and as SVG beside it, cut to what is drawn, and the ``data`` that it shows: CSV
+    where they are columns of one table, else NPZ. Names of data carry their units. Every file is whole or absent.
+    """
+    from matplotlib import rc_context
+
+    path = Path(path)
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": path.stem}):  # text stays text; alike whenever drawn
+        for suffix, metadata in ((".png", None), (".svg", {"Date": None})):
+            with atomic_write(path.with_suffix(suffix), "wb") as stream:
+                figure.savefig(stream, format=suffix[1:], bbox_inches="tight", pad_inches=0.08, metadata=metadata)
+    if data is not None:
+        _save_data(path, {name: np.asarray(values) for name, values in data.items()})
+
+
+def _save_data(path: Path, data: Mapping[str, NDArray[Any]]) -> None:
+    if len({values.shape for values in data.values()}) == 1 and next(iter(data.values())).ndim == 1:
+        with atomic_write(path.with_suffix(".csv")) as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(data)
+            columns = [[f"{v:.7g}" for v in c] if c.dtype.kind == "f" else c.tolist() for c in data.values()]
+            writer.writerows(zip(*columns, strict=True))
+        return
+    with atomic_write(path.with_suffix(".npz"), "wb") as stream:
+        np.savez_compressed(stream, **data)  # type: ignore[arg-type]
+
+
+def clear(path: Path) -> None:
+    """Remove what :func:`save` left for ``path`` (.png)."""
+    for suffix in SUFFIXES:
+        path.with_suffix(suffix).unlink(missing_ok=True)

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ..core.files import atomic_write
-from .canvas import COLOURS, new_figure, save
+from .canvas import new_figure, save
+from .colours import COLOURS
 
 __all__ = ["draw_knobs", "write_knobs"]
 

@@ -15,7 +15,8 @@ from ..core.errors import SceneError
 from ..results.quantities import TableQuantity
 from ..results.table import Entry, ResultTable
 from ..scene.messages import unit_of
-from .canvas import INK, fraction_colours, new_figure, save
+from .canvas import INK, new_figure, save
+from .colours import fraction_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,8 @@ import numpy as np
 from ..core.files import atomic_write
 from ..results.dividers import Dividers
 from ..results.measured import Measured
-from .canvas import COLOURS, new_figure, save
+from .canvas import new_figure, save
+from .colours import COLOURS
 
 __all__ = ["draw_dividers", "write_dividers"]
 

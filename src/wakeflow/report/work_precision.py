@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .canvas import fraction_colours, new_figure, save
+from .canvas import new_figure, save
+from .colours import fraction_colours
 
 __all__ = ["draw"]
 

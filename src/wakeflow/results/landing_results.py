@@ -23,6 +23,7 @@ __all__ = [
     "InputSummary",
     "LandingResults",
     "LoadingEffect",
+    "PartitionCurve",
     "Separation",
     "least_certain",
 ]
@@ -34,6 +35,27 @@ LEFT_OUT, NOT_COMPUTED = "left-out", "not-computed"  # kinds of a term: small en
 
 
 @dataclass(frozen=True)
+class PartitionCurve:
+    """The partition (Tromp) curve of a product: of the granules of all fractions that are alike in one property, by
+    mass, the share that lands in it. The cut is where the share passes a half; Ep is half of the distance between the
+    places where it passes a quarter and three quarters; the imperfection is Ep over the cut.
+    """
+
+    product: tuple[str, ...] = column("", "the bins that make it: targets of a fraction, or one bin")
+    by: str = column("", "the property: size or terminal velocity")
+    unit: str = column("", "of the property: m or m/s")
+    at: tuple[float, ...] = column("as unit", "the property's mean, by mass, in each class of granules")
+    mass: tuple[float, ...] = column("1", "share of the feed's mass in each class")
+    share: tuple[float, ...] = column("1", "of each class, what lands in the product")
+    low: tuple[float, ...] = column("1", "lower end of its 95 % interval, of the finite number of granules alone")
+    high: tuple[float, ...] = column("1", "upper end of it")
+    cut: Measured | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
+    ep: float | None = column("as unit", "Ep; null where the curve does not pass both quarters")
+    imperfection: float | None = column("1", "Ep over the cut; null as Ep")
+    why: str | None = column("", "why there is no cut; else left out", absent=True, default=None)
+
+
+@dataclass(frozen=True)
 class Separation:
     """Which share of each fraction lands in which bin, by mass; ``elsewhere`` is the last bin."""
 
@@ -42,7 +64,7 @@ class Separation:
     purity: dict[str, dict[str, Measured] | None] = column("1", "share of each fraction in a bin's mass; null if empty")
     recovery: dict[str, Measured | None] = column("1", "share of each fraction in its targets; null without a target")
     throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
-    cut: tuple[str, ...] = column("", "empty: kept for cut sizes", default=())
+    cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
 
     def share(self, fraction: str, place: str) -> tuple[float, float, float]:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""

@@ -18,6 +18,7 @@ from .funnel_summary import FunnelSummary
 from .impact_summary import ImpactSummary
 from .landing_results import BudgetRow, LandingResults
 from .plan_summary import PlanSummary
+from .provenance import Provenance
 from .refinement import Refinement
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "Result",
     "asked_in",
     "key_in",
+    "provenance_in",
     "refinement_in",
 ]
 
@@ -105,6 +107,8 @@ class Result:
     key: str = column("", "fingerprint of all that the answer depends on")
     pictures: dict[str, PictureSummary] | None = column("", "what the scene asked for; left out before the tracks",
                                                         absent=True, default=None)  # fmt: skip
+    provenance: Provenance | None = column("", "when, where and with what it was made; left out of results of versions "
+                                                "that did not tell", absent=True, default=None)  # fmt: skip
     refinement: Refinement | None = column("", "how a target error was met; left out of a run without one", absent=True,
                                            default=None)  # fmt: skip
 
@@ -189,6 +193,14 @@ def refinement_in(folder: Path | str) -> Refinement | None:
     """
     table = _read(folder).get("refinement")
     return None if table is None else from_json(Refinement, table, str(Path(folder) / FILE))
+
+
+def provenance_in(folder: Path | str, key: str) -> Provenance | None:
+    """When, where and with what the answer in ``folder`` was made, where it is that of ``key``; None without one."""
+    if key_in(folder) != key:
+        return None
+    table = _read(folder).get("provenance")
+    return None if table is None else from_json(Provenance, table, str(Path(folder) / FILE))
 
 
 def key_in(folder: Path | str) -> str | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...scene.pictures import STANDARD_FIGURES
+from ..canvas import clear
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ for _name in STANDARD_FIGURES:
 
 
 def draw_figures(folder: Path, outcome: Outcome) -> None:
-    """Draw every figure whose needs the run meets, as NAME.png into ``folder``."""
+    """Draw every figure whose needs the run meets, as NAME.png and .svg into ``folder``, its data beside it."""
     for name in figures:
         needs = figures[name].needs
         if needs is None or needs(outcome):
@@ -34,7 +35,7 @@ def draw_figures(folder: Path, outcome: Outcome) -> None:
 def clear_figures(folder: Path) -> None:
     """Remove what :func:`draw_figures` left in ``folder``."""
     for name in figures:
-        (folder / f"{name}.png").unlink(missing_ok=True)
+        clear(folder / f"{name}.png")
 
 
 def lasting_figures() -> Iterator[str]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..canvas import COLOURS, INK, new_figure, save
+from ..canvas import INK, new_figure, save
+from ..colours import COLOURS
 from .figure import Figure, figures
 
 if TYPE_CHECKING:

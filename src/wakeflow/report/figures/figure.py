@@ -19,8 +19,8 @@ __all__ = ["Figure", "figures"]
 class Figure:
     """A picture in the folder ``figures`` and on the page, NAME.png under the name that it is registered by.
 
-    ``caption``: what it shows; ``draw(path, outcome)`` writes the PNG; ``needs(outcome)``: whether the run has what it
-    shows; ``always``: every finished report has it, so that one without it is drawn again.
+    ``caption``: what it shows; ``draw(path, outcome)`` writes the PNG, the SVG and the data; ``needs(outcome)``:
+    whether the run has what it shows; ``always``: every finished report has it, so that one without it is drawn again.
     """
 
     caption: str

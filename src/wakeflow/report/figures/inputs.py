@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...results.landing_results import InputPart, LandingResults, least_certain
-from ..canvas import COLOURS, new_figure, save
+from ..canvas import new_figure, save
+from ..colours import COLOURS
 from .figure import Figure, figures
 
 if TYPE_CHECKING:

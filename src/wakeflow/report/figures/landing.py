@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..canvas import MM, fraction_colours, new_figure, save, text_width
+from ..canvas import MM, new_figure, save, text_width
+from ..colours import fraction_colours
 from ..words import percent
 from .figure import Figure, figures
 
@@ -61,11 +62,14 @@ def draw_landing(
     figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1))
     panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
     colours = fraction_colours(names)
+    table = _Table()
     for row, name in enumerate(names):
         shares = _shares(scene, name, landings[name], separation)
         peak = 0.0
         for axes, wall in zip(panels[row], walls, strict=True):
-            peak = max(peak, _histogram(axes, wall, scene, landings[name], colours[name]))
+            edges, share = _histogram(wall, scene, landings[name])
+            peak = max(peak, _draw_histogram(axes, wall, edges, share, colours[name]))
+            table.add(name, wall.title, edges, share)
             _write_shares(axes, wall, scene, shares, wide)
         axes = panels[row][0]
         axes.set_ylim(0.0, HEADROOM * peak if peak > 0 else 1.0)
@@ -79,7 +83,7 @@ def draw_landing(
     for axes, wall in zip(panels[-1], walls, strict=True):
         axes.set_xlabel(wall.title)
     figure.suptitle("Where each fraction lands, in percent of its mass", fontsize=9)
-    save(figure, path)
+    save(figure, path, table.columns())
 
 
 def _walls_with_bins(scene: Scene) -> Iterator[_Wall]:
@@ -126,13 +130,17 @@ def _arc_length(line: Array, points: Array) -> Array:
     return np.asarray(before[best] + part[np.arange(len(points)), best] * size[best])
 
 
-def _histogram(axes: Axes, wall: _Wall, scene: Scene, landing: Landed, colour: str) -> float:
-    """Draw one panel; its highest value (% of the fraction's mass per cm)."""
+def _histogram(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
+    """Edges (k + 1,) m of the cells along a wall, and the share (k,) % of the fraction's mass that landed in each."""
     edges = wall.edges()
     where, weight = _along(wall, scene, landing)
     total = float(np.sum(landing.weight))
     mass, _ = np.histogram(where, bins=edges, weights=weight)
-    share = 100.0 * mass / total if total > 0 else np.zeros(len(mass))
+    return edges, 100.0 * mass / total if total > 0 else np.zeros(len(mass))
+
+
+def _draw_histogram(axes: Axes, wall: _Wall, edges: Array, share: Array, colour: str) -> float:
+    """Draw one panel; its highest value (% of the fraction's mass per cm)."""
     height = share / (100.0 * np.diff(edges))
     axes.stairs(height, MM * edges, fill=True, color=colour, alpha=0.85, zorder=2)
     for place, ends in enumerate(wall.bins.values()):
@@ -142,6 +150,21 @@ def _histogram(axes: Axes, wall: _Wall, scene: Scene, landing: Landed, colour: s
     axes.set_xlim(MM * wall.span[0], MM * wall.span[1])
     axes.tick_params(labelsize=8)
     return float(height.max(initial=0.0))
+
+
+class _Table:
+    """The cells of all panels, one below the other."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[list[str], list[str], Array, Array, Array]] = []
+
+    def add(self, fraction: str, wall: str, edges: Array, share: Array) -> None:
+        names = [fraction] * len(share), [wall.replace("(mm)", "").strip()] * len(share)
+        self.parts.append((*names, edges[:-1], edges[1:], share))
+
+    def columns(self) -> dict[str, Array]:
+        heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
+        return {head: np.concatenate(column) for head, column in zip(heads, zip(*self.parts, strict=True), strict=True)}
 
 
 def _shares(scene: Scene, name: str, landing: Landed, separation: Separation | None) -> dict[str, str]:

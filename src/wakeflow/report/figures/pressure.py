@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..air import SUCTION_LEVEL, as_flown, pressure_coefficient, trace_streamlines, window_round_body
 from ..canvas import (
     INK,
     MM,
@@ -34,13 +35,11 @@ if TYPE_CHECKING:
     from ...scene import Scene
     from ..outcome import Outcome
 
-__all__ = ["SUCTION_LEVEL", "draw_pressure", "pressure_coefficient"]
+__all__ = ["draw_pressure"]
 
 Array = NDArray[np.float64]
 
-SUCTION_LEVEL = -0.5  # Cp that bounds the suction zone
 PRESSING_LEVEL = 0.3  # a pressing zone is named where Cp rises above this
-UPSTREAM, DOWNSTREAM, ASIDE = 2.2, 5.0, 3.0  # the window from the body's middle, in body widths
 PALER = 1.3  # stretch of the colour scale: streamlines stay visible on its darkest used colour
 ZONES = {"air": "1  ", "pressing zone": "2  ", "body": "3", "suction zone": "4  "}  # as in the paper's Fig. 7
 
@@ -57,28 +56,19 @@ def draw_pressure(
     """
     if field.pressure is None or scene.air is None:
         raise ValueError("the pressure picture needs a field with pressure and a scene with air")
-    mean = field.mean()
+    mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
-    window = _pressure_window(scene, airflow)
+    window = window_round_body(scene, airflow)
     figure, axes, _ = canvas(window)
     mesh = triangulation(mean)
     levels, limit = _cp_levels(cp[inside_window(mean.points, window)])
     filled = axes.tricontourf(
         mesh, cp, levels=levels, cmap=_scale(levels, limit), vmin=-limit, vmax=limit, extend="both"
     )
+    filled.set_rasterized(True)
     axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.3, linestyles="--")
     grid = PlotGrid.sample(mesh, window, [*mean.velocity.T, cp])
-    density = (2.0 * (window[1] - window[0]) / (window[3] - window[2]), 2.0)
-    axes.streamplot(
-        MM * grid.x,
-        MM * grid.y,
-        grid.values[0],
-        grid.values[1],
-        color="#333333",
-        linewidth=0.45,
-        arrowsize=0.55,
-        density=density,
-    )
+    trace_streamlines(axes, mean, window, grid)
     solids(axes, scene)
     frame(axes, window)
     _zones(axes, grid, scene, window, ZONES if numbered else {})
@@ -90,29 +80,7 @@ def draw_pressure(
     bar.set_ticks([t for t in np.arange(-3.0, 2.0, 0.5) if levels[0] <= t <= levels[-1]])
     bar.ax.tick_params(labelsize=8)
     axes.set_title(_airflow_title(airflow, in_time=np.ndim(field.velocity) == 3), fontsize=9, loc="left")
-    save(figure, path)
-
-
-def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Array:
-    """Cp = (p - p_inlet) / (0.5 rho U^2) at the nodes (n,) of a steady field with pressure."""
-    assert scene.air is not None
-    return (np.asarray(mean.pressure) - _inlet_pressure(mean, scene, airflow)) / (
-        0.5 * mean.density * scene.air.speed**2
-    )
-
-
-def _inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
-    """``p_inlet`` (Pa) where it was measured, else the mean along the field's own inlet: its upper or lower end."""
-    if airflow.p_inlet is not None:
-        return airflow.p_inlet
-    assert scene.air is not None
-    assert field.pressure is not None
-    y = field.points[:, 1]
-    end = y.max() if scene.air.direction == "down" else y.min()
-    there = np.flatnonzero(np.abs(y - end) <= 1e-9 * np.ptp(y))
-    there = there[np.argsort(field.points[there, 0])]
-    x, p = field.points[there, 0], field.pressure[there]
-    return float(np.trapezoid(p, x) / np.ptp(x)) if len(there) > 1 else float(p.mean())
+    save(figure, path, grid.arrays(("air vx (m/s)", "air vy (m/s)", "Cp")))
 
 
 def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
@@ -123,23 +91,6 @@ def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
     interval = "" if cd.low is None else f" [{cd.low:.3f}, {cd.high:.3f}]"
     what = "Mean pressure and streamlines" if in_time else "Pressure and streamlines"
     return f"{what}\n{airflow.rung}, {airflow.verdict};  Re = {number};  $C_D$ = {cd.value:.3f}{interval}"
-
-
-def _pressure_window(scene: Scene, airflow: Airflow) -> Window:
-    """Round the body, far enough downstream for the whole suction zone, clipped to the channel."""
-    assert scene.air is not None
-    channel, width = scene.channel, scene.width
-    middle = first_outline(scene).mean(axis=0)
-    zone = airflow.suction
-    longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
-    behind = max(DOWNSTREAM * width, 1.5 * width + longest)
-    above, below = (UPSTREAM * width, behind) if scene.air.direction == "down" else (behind, UPSTREAM * width)
-    return (
-        max(-channel.width / 2, float(middle[0]) - ASIDE * width),
-        min(channel.width / 2, float(middle[0]) + ASIDE * width),
-        max(channel.bottom, float(middle[1]) - below),
-        min(channel.top, float(middle[1]) + above),
-    )
 
 
 def _cp_levels(cp: Array) -> tuple[Array, float]:

@@ -43,11 +43,16 @@ def draw_all(folder: Path, outcome: Outcome) -> dict[str, PictureSummary]:
     for name, picture in outcome.scene.picture.items():
         made = pictures[picture.kind](View(name, folder, picture, outcome))
         text = " ".join(part for part in (picture.caption, made.text) if part)
-        files = tuple(path.name for path in made.files)
+        files = tuple(path.name for path in (*made.files, *_drawings(made.files)))
         drawn[name] = PictureSummary(picture.kind, files, text, to_json(made.numbers))
     if drawn:
         write_json(folder / LIST, to_json(drawn))
     return drawn
+
+
+def _drawings(files: list[Path]) -> list[Path]:
+    """The SVG beside each PNG."""
+    return [svg for path in files if path.suffix == ".png" and (svg := path.with_suffix(".svg")).exists()]
 
 
 def found(folder: Path) -> dict[str, PictureSummary]:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ...core.files import atomic_write
 from ...core.geometry import distance_to
 from ...scene.pictures import Animation
-from ..canvas import BODY, INK, MM, Window, fraction_colours, new_figure, save
+from ..canvas import BODY, INK, MM, Window, new_figure, save
+from ..colours import fraction_colours
 from .paths import Path2D, body_displacement
 from .view import Drawn, View
 

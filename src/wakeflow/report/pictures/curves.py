@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ...injection.first_contact import motion_of
 from ...scene.pictures import Curves
-from ..canvas import MM, fraction_colours, new_figure, save
+from ..canvas import MM, new_figure, save
+from ..colours import fraction_colours
 from .paths import Path2D
 from .view import Drawn, View
 

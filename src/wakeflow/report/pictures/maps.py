@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from ...core.errors import SceneError
 from ...core.record import to_json
 from ...scene.pictures import Density
+from ..air import SUCTION_LEVEL, as_flown, pressure_coefficient
 from ..canvas import (
     INK,
     MM,
     PlotGrid,
     Window,
     air_arrow,
-    fraction_colours,
     frame,
     new_figure,
     save,
@@ -26,7 +26,8 @@ from ..canvas import (
     streams,
     triangulation,
 )
-from ..figures.pressure import SUCTION_LEVEL, draw_pressure, pressure_coefficient
+from ..colours import fraction_colours
+from ..figures.pressure import draw_pressure
 from .paths import Path2D
 from .view import Drawn, View
 
@@ -48,11 +49,11 @@ def draw_streamlines(view: View) -> Drawn:
     if outcome.field is None or outcome.field.pressure is None or outcome.airflow is None:
         raise SceneError(f"picture.{view.name}: streamlines need an airflow with pressure")
     draw_pressure(view.file(".png"), outcome.field, scene, outcome.airflow, numbered=True)
-    mean = outcome.field.mean()
+    mean = as_flown(outcome.field.mean(), scene)
     cp = pressure_coefficient(mean, scene, outcome.airflow)
     grid = PlotGrid.sample(triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
-    columns = ("x (m)", "y (m)", "air vx (m/s)", "air vy (m/s)", "Cp")
-    data = view.write_csv(columns, _grid_rows(grid))
+    columns = grid.columns(("air vx (m/s)", "air vy (m/s)", "Cp"))
+    data = view.write_csv(tuple(columns), zip(*columns.values(), strict=True))
     suction = outcome.airflow.suction
     assert suction is not None
     size = [MM * (length or 0.0) for length in (suction.length, suction.width)]
@@ -61,15 +62,6 @@ def draw_streamlines(view: View) -> Drawn:
         f"(Cp < {SUCTION_LEVEL:g}: lowest {suction.cp_min:.2f}, {size[0]:.0f} mm long, {size[1]:.0f} mm wide)."
     )
     return Drawn([view.file(".png"), data], text, {"suction": to_json(suction)})
-
-
-def _grid_rows(grid: PlotGrid) -> Iterator[tuple[float, ...]]:
-    """Points inside the air only."""
-    for i, y in enumerate(grid.y):
-        for j, x in enumerate(grid.x):
-            values = [value[i, j] for value in grid.values]
-            if not any(np.ma.is_masked(value) for value in values):
-                yield float(x), float(y), *map(float, values)
 
 
 def _channel(view: View) -> Window:
@@ -172,7 +164,7 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
     axes.set_aspect("equal")
     field, airflow = view.outcome.field, view.outcome.airflow
     if view.scene.body and field is not None and field.pressure is not None and airflow is not None:
-        mean, mesh = field.mean(), triangulation(field)
+        mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
         cp = pressure_coefficient(mean, view.scene, airflow)
         axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5)
         axes.tricontour(mesh, mean.velocity[:, 1], levels=[0.0], colors=INK, linewidths=0.9, linestyles=":", zorder=5)
@@ -191,7 +183,7 @@ def _through(view: View) -> dict[str, dict[str, float]]:
     field, airflow = view.outcome.field, view.outcome.airflow
     if not view.scene.body or field is None or field.pressure is None or airflow is None:
         return {}
-    mean, mesh = field.mean(), triangulation(field)
+    mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
     zones = {
         "suction": pressure_coefficient(mean, view.scene, airflow) - SUCTION_LEVEL,
         "reversal": _downstream(view) * mean.velocity[:, 1],

@@ -1,0 +1,137 @@
+"""The air as pictures show it: its mean as the granules flew in it, pressure coefficient, streamlines, the window."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..field.derived import stream_function
+from .canvas import MM, PlotGrid, Window, first_outline, inside_window, triangulation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..field import FlowField
+    from ..results.airflow_summary import Airflow
+    from ..scene import Scene
+
+__all__ = ["SUCTION_LEVEL", "as_flown", "pressure_coefficient", "trace_streamlines", "window_round_body"]
+
+Array = NDArray[np.float64]
+
+SUCTION_LEVEL = -0.5  # Cp that bounds the suction zone
+UPSTREAM, DOWNSTREAM, ASIDE = 2.2, 5.0, 3.0  # the window from the body's middle, in body widths
+LINES = 26  # streamlines across the window, with as much air between any two
+SLOW = (0.5, 0.25, 0.12, 0.06, 0.03)  # of that: further ones on either side of a body's own, for the eddies behind it
+INK_OF_LINES = "#333333"
+
+
+def as_flown(mean: FlowField, scene: Scene) -> FlowField:
+    """A steady field, in a machine that is its own mirror image the mean of the field and its image.
+
+    A few sheddings are a small sample and their mean leans to one side; granules fly in both images, so that what they
+    met does not. Where a mesh that is not quite its own image has no point opposite, the field itself stands.
+    """
+    if not scene.symmetric:
+        return mean
+    velocity, pressure, _ = mean.reflected().sample(mean.points)
+    there = np.isfinite(velocity[:, 0])
+    both = np.where(there[:, None], 0.5 * (mean.velocity + velocity), mean.velocity)
+    level = None if mean.pressure is None else np.where(there, 0.5 * (mean.pressure + pressure), mean.pressure)
+    return replace(mean, velocity=both, pressure=level, given_gradient=None)
+
+
+def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGrid) -> None:
+    """Lines of the stream function, closer where the air is faster and without an end in it, with arrows along them.
+
+    ``grid`` (of the window): velocities in its first two values.
+    """
+    psi = stream_function(mean)
+    here = psi[inside_window(mean.points, window)]
+    step = float(np.ptp(here)) / LINES
+    if step <= 0.0:
+        return
+    outline = inside_window(mean.points, window) & _on_solids(mean)
+    own = float(np.median(psi[outline])) if outline.any() else float(np.median(here))
+    whole = np.arange(np.ceil((here.min() - own) / step), np.floor((here.max() - own) / step) + 1) * step
+    levels = np.unique(np.concatenate([whole, *([part * step, -part * step] for part in SLOW)])) + own
+    lines = axes.tricontour(
+        triangulation(mean), psi, levels=levels, colors=INK_OF_LINES, linewidths=0.45, linestyles="solid"
+    )
+    parts = [np.asarray(part) for path in lines.get_paths() for part in path.to_polygons(closed_only=False)]
+    _arrows(axes, parts, grid, window)
+
+
+def _on_solids(mean: FlowField) -> NDArray[np.bool_]:
+    """Nodes (N,) on a boundary at which the air stands still, the channel's walls left out."""
+    found = np.zeros(len(mean.points), dtype=bool)
+    found[mean.boundary] = True
+    x = mean.points[:, 0]
+    inside = (x > x.min() + 1e-3 * np.ptp(x)) & (x < x.max() - 1e-3 * np.ptp(x))
+    y = mean.points[:, 1]
+    within = (y > y.min() + 1e-3 * np.ptp(y)) & (y < y.max() - 1e-3 * np.ptp(y))
+    return np.asarray(found & inside & within)
+
+
+def _arrows(axes: Axes, lines: list[Array], grid: PlotGrid, window: Window) -> None:
+    """An arrow on every longer line, where it runs half-way through the window."""
+    left, right, low, high = (MM * end for end in window)
+    places = []
+    for line in lines:
+        inside = (line[:, 0] > left) & (line[:, 0] < right) & (line[:, 1] > low) & (line[:, 1] < high)
+        if inside.sum() > 3 and np.ptp(line[inside], axis=0).max() > 0.08 * (high - low):
+            places.append(line[inside][np.argmin(np.abs(line[inside, 1] - 0.5 * (low + high)))])
+    if not places:
+        return
+    x, y = np.array(places).T
+    at = [np.clip(np.searchsorted(MM * line, where), 0, len(line) - 1) for line, where in ((grid.y, y), (grid.x, x))]
+    u, v = (np.ma.filled(values, 0.0)[at[0], at[1]] for values in grid.values[:2])
+    speed = np.hypot(u, v)
+    moving = speed > 1e-6 * float(speed.max(initial=0.0))
+    u, v = (part[moving] / speed[moving] for part in (u, v))
+    axes.quiver(
+        x[moving], y[moving], u, v, color=INK_OF_LINES, angles="xy", pivot="tip", units="dots", scale_units="dots",
+        scale=0.1, width=1.6, headwidth=7, headlength=9, headaxislength=8, zorder=3,
+    )  # fmt: skip
+
+
+def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Array:
+    """Cp = (p - p_inlet) / (0.5 rho U^2) at the nodes (n,) of a steady field with pressure."""
+    assert scene.air is not None
+    return (np.asarray(mean.pressure) - _inlet_pressure(mean, scene, airflow)) / (
+        0.5 * mean.density * scene.air.speed**2
+    )
+
+
+def _inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
+    """``p_inlet`` (Pa) where it was measured, else the mean along the field's own inlet: its upper or lower end."""
+    if airflow.p_inlet is not None:
+        return airflow.p_inlet
+    assert scene.air is not None
+    assert field.pressure is not None
+    y = field.points[:, 1]
+    end = y.max() if scene.air.direction == "down" else y.min()
+    there = np.flatnonzero(np.abs(y - end) <= 1e-9 * np.ptp(y))
+    there = there[np.argsort(field.points[there, 0])]
+    x, p = field.points[there, 0], field.pressure[there]
+    return float(np.trapezoid(p, x) / np.ptp(x)) if len(there) > 1 else float(p.mean())
+
+
+def window_round_body(scene: Scene, airflow: Airflow) -> Window:
+    """Round the body, far enough downstream for the whole suction zone, clipped to the channel."""
+    assert scene.air is not None
+    channel, width = scene.channel, scene.width
+    middle = first_outline(scene).mean(axis=0)
+    zone = airflow.suction
+    longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
+    behind = max(DOWNSTREAM * width, 1.5 * width + longest)
+    above, below = (UPSTREAM * width, behind) if scene.air.direction == "down" else (behind, UPSTREAM * width)
+    return (
+        max(-channel.width / 2, float(middle[0]) - ASIDE * width),
+        min(channel.width / 2, float(middle[0]) + ASIDE * width),
+        max(channel.bottom, float(middle[1]) - below),
+        min(channel.top, float(middle[1]) + above),
+    )
