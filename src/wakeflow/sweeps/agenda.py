@@ -19,6 +19,7 @@ from ..core.record import to_json
 from ..core.store import content_key, digest_files
 from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.pipeline import Pipeline
+from ..planning.airflow_cost import ranks_for, typical_cells
 from ..planning.cost import airflow_cost
 from ..planning.make import make_plan
 from ..planning.plan import Plan
@@ -37,7 +38,9 @@ FED = ("rate", "depth")  # of the feed: likewise
 
 @dataclass(frozen=True)
 class Step:
-    """One job of the agenda: for a scene, or for the airflow of several; ``needs`` the step of that name before it."""
+    """One job of the agenda: for a scene, or for the airflow of several, on so many MPI ``ranks``; ``needs`` the step
+    of that name before it.
+    """
 
     name: str
     job: Job
@@ -45,6 +48,7 @@ class Step:
     needs: str | None
     seconds: float  # expected
     disk: float  # bytes, expected
+    ranks: int = 1
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,16 @@ class _Planned:
             return None
         spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
         return content_key(repr(self.plan.airflow), spec)
+
+    @property
+    def ranks(self) -> int:
+        """MPI processes of its airflow for which a cluster must have cores. The two that a large airflow in two
+        dimensions takes unasked are not counted: any worker may run it.
+        """
+        asked, airflow = self.scene.numerics.ranks, self.plan.airflow
+        if asked != "auto":
+            return asked
+        return 1 if airflow.span is None else ranks_for(round(typical_cells(airflow, len(self.scene.body))))[0]
 
     @cached_property
     def flight(self) -> str:
@@ -148,7 +162,8 @@ def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
     steps = []
     for key, one in first.items():
         cost, folder = airflow_cost(one.scene, one.plan.airflow), f"{AIRFLOWS}/{key[:12]}"
-        steps.append(Step(folder, jobs.of(one, folder, report=False), True, None, cost.seconds, cost.disk))
+        job = jobs.of(one, folder, report=False)
+        steps.append(Step(folder, job, True, None, cost.seconds, cost.disk, one.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import traceback
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from ..scene import Scene
 
 __all__ = ["Job", "JobEnd", "finished", "fly_scene", "solve_airflow_of"]
 
+LOCK = ".job.lock"  # held by the process that works on a folder
 STAMP = "point.json"  # written last into a scene's folder: what the numbers beside it were made for
 CRASH = "failure.log"  # the traceback of a failure that is nobody's wrong input
 
@@ -63,15 +65,27 @@ def finished(folder: Path, stamp: str) -> Result | None:
 
 def solve_airflow_of(job: Job) -> JobEnd:
     """Solve the airflow that a scene flies in, the grids beside it and the airflow that it starts from."""
-    return _tried(job, until="airflow")
+    with _alone(job.folder):
+        return _tried(job, until="airflow")
 
 
 def fly_scene(job: Job) -> JobEnd:
     """Compute a scene to its end; the stamp goes last into its folder, so that a killed job is none that was done."""
-    outcome = _tried(job, until=None)
-    if not outcome.problem:
-        write_json(job.folder / STAMP, {"stamp": job.stamp})
-    return outcome
+    with _alone(job.folder):
+        if finished(job.folder, job.stamp) is not None:  # by a worker that was thought lost, or of an earlier sweep
+            return JobEnd()
+        outcome = _tried(job, until=None)
+        if not outcome.problem:
+            write_json(job.folder / STAMP, {"stamp": job.stamp})
+        return outcome
+
+
+def _alone(folder: Path) -> AbstractContextManager[object]:
+    """Wait until no other process works on a job's folder, as one may that a cluster's scheduler has lost sight of."""
+    from filelock import FileLock
+
+    folder.mkdir(parents=True, exist_ok=True)
+    return FileLock(folder / LOCK)
 
 
 def _tried(job: Job, until: str | None) -> JobEnd:
