@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from .pipeline.landings import Landings, Tracked
     from .report import Landed
 
-__all__ = ["report_again", "run", "versions"]
+__all__ = ["help_along", "report_again", "run", "versions"]
 
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
@@ -74,6 +74,7 @@ def run(
     redraw: bool = False,
     report: bool = True,
     refine: bool = True,
+    crew: int = 1,
 ) -> Result:
     """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
     file's name); finished stages come from the cache.
@@ -83,13 +84,15 @@ def run(
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
     (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
     time; ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that
-    draws it.
+    draws it. ``crew``: how many processes fly the scene's granules side by side, the others by :func:`help_along`.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
     request = Request(until, rung, dict(force or {}), target_error)
-    once = partial(_run_once, folder=folder, request=request, workers=workers, listener=listener, redraw=redraw)
+    once = partial(
+        _run_once, folder=folder, request=request, workers=workers, listener=listener, redraw=redraw, crew=crew
+    )
     if target_error is None or until is not None or not refine:
         return once(asked, report=report)
 
@@ -107,27 +110,44 @@ def _run_once(
     listener: Listener,
     redraw: bool,
     report: bool,
+    crew: int = 1,
     refinement: Refinement | None = None,
 ) -> Result:
     """Run a scene as it stands; ``refinement``: how its settings came about."""
     from filelock import FileLock, Timeout
 
     _check(scene, folder, request, workers)
-    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
-    plan = planner.plan(rung)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
-            pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner)
-            poured = funnel_of(pipeline.funnel)
-            if poured is not None and request.until != "funnel":
-                fed = _fed(scene, poured)
-                planner = planner.at(fed)  # the bounds on loading follow the rate
-                plan = planner.plan(rung)
-                pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+            pipeline, poured = _pipeline(scene, request, workers, listener, crew)
             return _Run(scene, pipeline, poured, folder, request, redraw, report, refinement).result()
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
+
+
+def _pipeline(
+    scene: Scene, request: Request, workers: int | None, listener: Listener, crew: int
+) -> tuple[Pipeline, FunnelSummary | None]:
+    """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers."""
+    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
+    plan = planner.plan(rung)
+    pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner, crew=crew)
+    poured = funnel_of(pipeline.funnel)
+    if poured is not None and request.until != "funnel":
+        fed = _fed(scene, poured)
+        planner = planner.at(fed)  # the bounds on loading follow the rate
+        plan = planner.plan(rung)
+        pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+    return pipeline, poured
+
+
+def help_along(scene: Scene, request: Request, *, workers: int, crew: int) -> None:
+    """Fly what :func:`run` flies of a scene beside another process that runs it with the same ``crew``; each flies the
+    pieces that no other is at. Writes nothing but the cache.
+    """
+    pipeline, _ = _pipeline(scene, request, workers, silent, crew)
+    fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
 
 
 def _check(scene: Scene, folder: Path, request: Request, workers: int | None) -> None:

@@ -141,16 +141,16 @@ def sweep(
     if workers is not None and (workers < 1 or scheduler is not None):
         raise SceneError(f"workers = {workers}: at least 1, of this machine; those of a scheduler are its own")
     folder.mkdir(parents=True, exist_ok=True)
-    request, threads = Request(None, rung, dict(force or {}), target_error), max(1, cores() // count)
+    request = Request(None, rung, dict(force or {}), target_error)
     try:
         with FileLock(folder / ".lock", timeout=0):
             listener("sweep", "planning")
-            agenda = make_agenda(found, folder, request, threads=threads if scheduler is None else 1, report=report)
-            _check_disk(agenda, folder)
-            rows = _Rows(folder, found, agenda)
-            if agenda.steps:
-                with _executor(scheduler, min(count, len(agenda.steps)), folder) as executor:
-                    do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
+            with _executor(scheduler, count, folder) as executor:
+                workers, threads = _hands(executor)
+                agenda = make_agenda(found, folder, request, threads=threads, report=report, workers=workers)
+                _check_disk(agenda, folder)
+                rows = _Rows(folder, found, agenda)
+                do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
             return rows.finish()
     except Timeout:
         raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None
@@ -171,6 +171,13 @@ def _executor(
         return nullcontext(scheduler)
     logs.mkdir(exist_ok=True)
     return Cluster.connect(scheduler, Place(Path.cwd(), logs.absolute(), cache_root()))
+
+
+def _hands(executor: Executor) -> tuple[int, int]:
+    """How many tasks an executor works on at a time, and how many threads each has."""
+    if isinstance(executor, Workers):
+        return executor.count, max(1, cores() // executor.count)
+    return (executor.size if isinstance(executor, Cluster) else 1), 1
 
 
 def _check_disk(agenda: Agenda, folder: Path) -> None:
