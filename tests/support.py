@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from scipy.spatial import Delaunay
@@ -16,6 +21,10 @@ from wakeflow.laws.shape import shapes
 from wakeflow.meshing import plan_mesh
 from wakeflow.scene import Scene
 from wakeflow.tracking import Granules
+
+if TYPE_CHECKING:
+    import distributed
+    import psutil
 
 ROOT = Path(__file__).parents[1]
 CASES = ROOT / "cases"
@@ -84,3 +93,73 @@ def rhombus_spec(**how: Any) -> FlowSpec:
     """The airflow of a rhombus that blocks a sixth of a short channel; ``how``: what ``plan_mesh`` takes."""
     mesh = plan_mesh([RHOMBUS], width=0.3, top=0.25, bottom=-0.45, names=["rhombus"], **{"scale": 1.6, **how})
     return FlowSpec(mesh, 5.0, **AIR, turbulence="kOmegaSST", stepping="steady" if mesh.half else "time-resolved")
+
+
+class LoopbackCluster:
+    """A Dask scheduler at ``address`` with ``workers``, all processes of this machine, as a cluster has them."""
+
+    def __init__(self, folder: Path, workers: int) -> None:
+        self.file, self.log, self.workers = folder / "scheduler.json", (folder / "log").open("wb"), workers
+        self.running: list[subprocess.Popen[bytes]] = []
+
+    def __enter__(self) -> Self:
+        self._start("scheduler", "--host", "127.0.0.1", "--port", "0")
+        for _ in range(self.workers):
+            self._start("worker", "--nthreads", "1", "--memory-limit", "0")
+        with self._client() as client:
+            self.address = client.scheduler.address
+            client.wait_for_workers(self.workers, timeout=120)
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        for one in reversed(self.running):
+            self._end(one)
+        self.log.close()
+
+    @contextmanager
+    def worker(self, *options: str) -> Iterator[int]:
+        """One more worker, its process id."""
+        with self._client() as client:
+            client.wait_for_workers(self.workers, timeout=120)  # one that was killed is started again
+            before = client.run(os.getpid)
+            started = self._start("worker", "--nthreads", "1", "--memory-limit", "0", *options)
+            client.wait_for_workers(len(before) + 1, timeout=120)
+            (new,) = set(client.run(os.getpid).values()) - set(before.values())
+            try:
+                yield new
+            finally:
+                self._end(started)
+
+    def worker_at_work(self) -> psutil.Process:
+        """A worker of this cluster beside which a task runs at this moment."""
+        import psutil
+
+        while True:
+            for nanny in self.running[1:]:
+                for worker in psutil.Process(nanny.pid).children():
+                    for child in worker.children():
+                        if "wakeflow.core.workers" in child.cmdline():
+                            return worker
+            time.sleep(0.01)
+
+    def _start(self, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "dask", *words, "--scheduler-file", str(self.file), "--no-dashboard"]
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}  # tasks of the tests are known by their modules
+        child = subprocess.Popen(command, stdout=self.log, stderr=self.log, cwd=self.file.parent, env=env)
+        self.running.append(child)
+        return child
+
+    def _end(self, child: subprocess.Popen[bytes]) -> None:
+        child.terminate()
+        child.wait(60)
+        if child in self.running:
+            self.running.remove(child)
+
+    def _client(self) -> distributed.Client:
+        import distributed
+
+        deadline = time.monotonic() + 120.0
+        while not self.file.exists():
+            assert time.monotonic() < deadline, "the scheduler does not start"
+            time.sleep(0.05)
+        return distributed.Client(scheduler_file=str(self.file), set_as_default=False)

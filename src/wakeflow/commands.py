@@ -66,7 +66,8 @@ def sweep(
     rung: Fidelity = None,
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
-    workers: Annotated[int | None, Parameter(help="Processes; default one a core.")] = None,
+    workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
+    scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
     report: bool = False,
     dry_run: bool = False,
     quiet: Quiet = False,
@@ -105,8 +106,8 @@ def sweep(
         return 0
     with live(enabled=not quiet) as listener:
         done = compute(
-            found, folder, workers=workers, rung=rung, force=switches, target_error=target_error, report=report,
-            listener=listener,
+            found, folder, scheduler=scheduler, workers=workers, rung=rung, force=switches, target_error=target_error,
+            report=report, listener=listener,
         )  # fmt: skip
     if not quiet:
         show_sweep(done)

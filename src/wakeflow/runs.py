@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -70,7 +71,7 @@ if TYPE_CHECKING:
     from .planning.plan import Plan
     from .report import Landed
 
-__all__ = ["report_again", "run", "versions"]
+__all__ = ["help_along", "report_again", "run", "versions"]
 
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
@@ -94,6 +95,7 @@ def run(
     redraw: bool = False,
     report: bool = True,
     refine: bool = True,
+    crew: int = 1,
 ) -> Result:
     """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
     file's name); finished stages come from the cache.
@@ -103,14 +105,22 @@ def run(
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
     (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
     time, ``planned(plan)`` before of what will be done; ``redraw`` draws a finished report anew; without ``report``
-    none is drawn, and a later call without that draws it.
+    none is drawn, and a later call without that draws it. ``crew``: how many processes fly the scene's granules side by
+    side, the others by :func:`help_along`.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
     request = Request(until, rung, dict(force or {}), target_error)
     once = partial(
-        _run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
+        _run_once,
+        folder=folder,
+        request=request,
+        workers=workers,
+        listener=listener,
+        planned=planned,
+        redraw=redraw,
+        crew=crew,
     )
     if target_error is None or until is not None or not refine:
         return once(asked, report=report)
@@ -130,34 +140,65 @@ def _run_once(
     planned: Callable[[Plan], object],
     redraw: bool,
     report: bool,
+    crew: int = 1,
     refinement: Refinement | None = None,
 ) -> Result:
     """Run a scene as it stands; ``refinement``: how its settings came about."""
     from filelock import FileLock, Timeout
-    from threadpoolctl import threadpool_limits
 
     _check(scene, folder, request, workers)
-    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
-    plan = planner.plan(rung)
-    planned(plan)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        # Threads of the run's own share the cores; those of BLAS would wait for each other, and sum in their own order
-        with FileLock(folder / ".lock", timeout=0), threadpool_limits(1, user_api="blas"):
-            pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner)
-            poured = funnel_of(pipeline.funnel)
-            if poured is not None and request.until != "funnel":
-                fed = _fed(scene, poured)
-                planner = planner.at(fed)  # the bounds on loading follow the rate
-                plan = planner.plan(rung)
-                pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+        with FileLock(folder / ".lock", timeout=0), _one_thread_of_blas():
+            pipeline, poured = _pipeline(scene, request, workers, listener, crew, planned)
             result = _Run(scene, pipeline, poured, folder, request, redraw, report, refinement).result()
-            if workers is None:  # with all cores, as the expected times are meant
+            if workers is None and crew == 1:  # with all cores, as the expected times are meant
                 spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
-                learn(pipeline.store.root, plan.stages, spent)
+                learn(pipeline.store.root, pipeline.plan.stages, spent)
             return result
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
+
+
+def _one_thread_of_blas() -> AbstractContextManager[object]:
+    """Threads of the run's own share the cores; those of BLAS would wait for each other, and sum in their own order."""
+    from threadpoolctl import threadpool_limits
+
+    limits: AbstractContextManager[object] = threadpool_limits(1, user_api="blas")
+    return limits
+
+
+def _pipeline(
+    scene: Scene,
+    request: Request,
+    workers: int | None,
+    listener: Listener,
+    crew: int,
+    planned: Callable[[Plan], object] = lambda _: None,
+) -> tuple[Pipeline, FunnelSummary | None]:
+    """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
+    the plan before.
+    """
+    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
+    plan = planner.plan(rung)
+    planned(plan)
+    pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner, crew=crew)
+    poured = funnel_of(pipeline.funnel)
+    if poured is not None and request.until != "funnel":
+        fed = _fed(scene, poured)
+        planner = planner.at(fed)  # the bounds on loading follow the rate
+        plan = planner.plan(rung)
+        pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+    return pipeline, poured
+
+
+def help_along(scene: Scene, request: Request, *, workers: int, crew: int) -> None:
+    """Fly what :func:`run` flies of a scene beside another process that runs it with the same ``crew``; each flies the
+    pieces that no other is at. Writes nothing but the cache.
+    """
+    with _one_thread_of_blas():
+        pipeline, _ = _pipeline(scene, request, workers, silent, crew)
+        fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
 
 
 def _check(scene: Scene, folder: Path, request: Request, workers: int | None) -> None:

@@ -14,13 +14,13 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
-from threading import Thread
-from types import TracebackType
+from threading import Thread, Timer
+from types import FrameType, TracebackType
 from typing import IO, Any, NamedTuple, ParamSpec, TypeVar
 
 from .errors import ProgramError
@@ -32,6 +32,8 @@ Result = TypeVar("Result")
 Given = ParamSpec("Given")
 # One core each: libraries that multiply matrices must not start a thread for every core of the machine.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+TIDY = 20.0  # s that a worker that is asked to end has for ending its solver and letting go of its locks
+ENDED = 128 + signal.SIGTERM  # exit code of one that did not manage
 
 
 class _Task(NamedTuple):
@@ -44,18 +46,22 @@ class Workers(Executor):
     """``count`` processes that work on what is submitted, first come first served; each is started when it is needed.
 
     A submitted function is known by its module and name, and its arguments and result are pickled. What a worker
-    prints, the end of a crashed one included, goes to ``folder``/log.worker-N. Workers end with the process that
-    started them, however that ends.
+    prints, the end of a crashed one included, goes to ``folder``/log.worker-N. Workers work in the folder ``cwd`` (the
+    caller's) with ``env`` added to the caller's environment. They end with the process that started them, however that
+    ends, and end the programs that they have started before they let go of their locks.
     """
 
     count: int
     folder: Path
+    cwd: Path = field(default_factory=Path.cwd)
+    env: Mapping[str, str] = field(default_factory=dict)
     _tasks: SimpleQueue[_Task | None] = field(default_factory=SimpleQueue, init=False, repr=False)
     _lines: list[_Line] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._lines = [_Line(self._tasks, self.folder / f"log.worker-{number}") for number in range(1, self.count + 1)]
+        logs = [self.folder / f"log.worker-{number}" for number in range(1, self.count + 1)]
+        self._lines = [_Line(self._tasks, log, self.cwd, self.env) for log in logs]
 
     def submit(self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs) -> Future[Result]:
         """Have ``fn(*args, **kwargs)`` called by a worker.
@@ -104,6 +110,8 @@ class _Line:
 
     tasks: SimpleQueue[_Task | None]
     log: Path
+    cwd: Path
+    env: Mapping[str, str]
     thread: Thread = field(init=False)
     child: subprocess.Popen[bytes] | None = field(default=None, init=False)
     answers: IO[bytes] | None = field(default=None, init=False)
@@ -152,8 +160,8 @@ class _Line:
         told, tell = os.pipe()
         command = [sys.executable, "-P", "-m", "wakeflow.core.workers", str(tell)]
         with self.log.open("ab") as sink:
-            env = {**os.environ, **ONE_THREAD}
-            self.child = start_in_group(command, Path.cwd(), env, sink, stdin=subprocess.PIPE, pass_fds=(tell,))
+            env = {**os.environ, **ONE_THREAD, **self.env}
+            self.child = start_in_group(command, self.cwd, env, sink, stdin=subprocess.PIPE, pass_fds=(tell,))
         os.close(tell)
         self.answers = os.fdopen(told, "rb")
 
@@ -180,8 +188,21 @@ class _Line:
         self.child = None
 
 
+def _end_tidily(number: int, frame: FrameType | None) -> None:
+    """Unwind what is done at this moment, as for Ctrl-C: the solver is ended first, then its folder is unlocked, so
+    that no other process finds the one without the other. What cannot be unwound in time is cut short.
+    """
+    del frame
+    signal.signal(number, signal.SIG_IGN)
+    last = Timer(TIDY, os._exit, [ENDED])
+    last.daemon = True
+    last.start()
+    raise SystemExit(ENDED)
+
+
 def _serve(tell: int) -> None:
     """Answer calls from standard input, one after the other, until it is closed."""
+    signal.signal(signal.SIGTERM, _end_tidily)
     with os.fdopen(tell, "wb") as answers:
         while True:
             try:

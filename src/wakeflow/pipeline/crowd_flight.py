@@ -57,19 +57,20 @@ class SlabFlight:
         """
         others = self
         if self.step is None:
-            self._keep(folder, 0)
+            self.keep(0, folder)
             others = replace(self, step=step_of(folder))
         left = [number for number in range(replicates) if not _file(folder, number).exists()]
         pool = ThreadPoolExecutor(self.workers or cores())
         try:
-            jobs = [pool.submit(others._keep, folder, number) for number in left]
+            jobs = [pool.submit(others.keep, number, folder) for number in left]
             for done, job in enumerate(as_completed(jobs), replicates - len(left)):
                 job.result()
                 self.tell(f"{done + 1} of {replicates} replicates")
         finally:
             pool.shutdown(cancel_futures=True)
 
-    def _keep(self, folder: Path, number: int) -> None:
+    def keep(self, number: int, folder: Path) -> None:
+        """Fly one replicate and keep its landings in ``folder``, unless they are there already."""
         path = _file(folder, number)
         if path.exists():
             return

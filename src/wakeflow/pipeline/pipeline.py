@@ -42,7 +42,7 @@ class Pipeline:
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
     same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
-    by default it is one with the plan's own options.
+    by default it is one with the plan's own options. ``crew``: how many processes compute the scene side by side.
     """
 
     scene: Scene
@@ -55,6 +55,7 @@ class Pipeline:
     label: str = ""
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
+    crew: int = 1
     _grids: dict[int, Pipeline] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -65,7 +66,7 @@ class Pipeline:
     @property
     def cache(self) -> StageCache:
         """Where the stages are kept, under this airflow's label."""
-        return StageCache(self.store, self.listener, self.seconds, self.label)
+        return StageCache(self.store, self.listener, self.seconds, self.label, self.crew)
 
     def spent(self, stage: str) -> float:
         """The run time (s) of a stage that is made, when it was computed."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +26,33 @@ from ..planning.variation import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Fate, Granules, Tracks
+from .landings import load_drawn_tracks
 from .realisations import Realisations
 
-__all__ = ["Flight", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
+__all__ = ["Flight", "Piece", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
 HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
+
+
+Flown = tuple[dict[str, Any], list[dict[str, Array]]]  # columns of landings, and tracks for pictures
+
+
+class Piece(NamedTuple):
+    """What is flown at a time of a ``fraction``: ``replicates`` in one ``realisation`` of the airflow, after so many
+    granules that are ``before`` them.
+    """
+
+    fraction: str
+    realisation: int
+    replicates: range
+    before: int
+
+    def __str__(self) -> str:
+        return f"{self.fraction} {self.replicates}"
 
 
 @dataclass(frozen=True)
@@ -54,30 +73,56 @@ class Flight:
         """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
         for name in self.scene.fraction:
             if not (folder / f"{name}.npz").exists():
-                self._fly_fraction(name, folder, drawn=drawn)
+                self._keep(name, folder, self._fly_pieces(self.pieces(name), drawn=drawn), drawn=drawn)
 
-    def _fly_fraction(self, name: str, folder: Path, *, drawn: bool) -> None:
-        """One realisation of the airflow after the other, and whole replicates at a time, so that memory grows neither
-        with the number of fields nor with that of granules.
+    def keep_piece(self, piece: Piece, folder: Path, *, drawn: bool) -> None:
+        """Fly one piece and keep it in ``folder``, for :meth:`join`."""
+        ((columns, paths),) = self._fly_pieces([piece], drawn=drawn)
+        if paths:
+            _save_drawn(folder / "drawn.npz", paths)
+        with atomic_write(folder / "landings.npz", "wb") as stream:
+            np.savez(stream, **columns)
+
+    def join(self, kept: Mapping[str, Path], folder: Path, *, drawn: bool) -> None:
+        """What :meth:`fly_all` leaves in ``folder``, of the folders of all pieces by their names."""
+        for name in self.scene.fraction:
+            self._keep(name, folder, (_kept_piece(kept[str(piece)]) for piece in self.pieces(name)), drawn=drawn)
+
+    def pieces(self, name: str) -> list[Piece]:
+        """What is flown of a fraction at a time: one realisation of the airflow after the other, and whole replicates,
+        so that memory grows neither with the number of fields nor with that of granules.
         """
-        airs, size = self.airs, replicate_size(self.scene.feed.count)
-        count, step = self.replicates * size, max(1, AT_ONCE // size)
-        chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
-        parts, shown, done = [], [], 0
-        for number in range(min(len(airs), self.replicates)):
-            own = range(number, self.replicates, len(airs))
-            flight = replace(self, airs=Realisations(airs.make(number)))
-            images = flight._images()
+        airs, size = len(self.airs), replicate_size(self.scene.feed.count)
+        step, found, done = max(1, AT_ONCE // size), [], 0
+        for number in range(min(airs, self.replicates)):
+            own = range(number, self.replicates, airs)
             for replicates in (own[i : i + step] for i in range(0, len(own), step)):
+                found.append(Piece(name, number, replicates, done))
+                done += size * len(replicates)
+        return found
+
+    def _fly_pieces(self, pieces: Sequence[Piece], *, drawn: bool) -> Iterator[Flown]:
+        count = self.replicates * replicate_size(self.scene.feed.count)
+        chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
+        for number, own in groupby(pieces, lambda piece: piece.realisation):
+            flight = replace(self, airs=Realisations(self.airs.make(number)))
+            images = flight._images()
+            for name, _, replicates, done in own:
                 self.tell(f"{name}: injecting {done} of {count}")
-                feed = feedstock(self.scene, self.plan, name, airs.period, replicates)
-                shown += flight._drawn(name, feed, chosen, replicates)
+                feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates)
+                paths = flight._drawn(name, feed, chosen, replicates)
                 told = len(replicates) < self.replicates
                 tell = partial(self._tell_part, done, count) if told else self.tell
                 tracks = replace(flight, tell=tell)._fly_ensemble(name, feed, images, replicates)
-                cycle = airs.cycle_of(feed.granules.time)
-                parts.append(landing_columns(feed, tracks, len(self.scene.bin), number, cycle))
-                done += len(feed.replicate)
+                cycle = self.airs.cycle_of(feed.granules.time)
+                yield landing_columns(feed, tracks, len(self.scene.bin), number, cycle), paths
+
+    def _keep(self, name: str, folder: Path, flown: Iterable[Flown], *, drawn: bool) -> None:
+        """Keep the landings of a fraction, in the order of the replicates, and the tracks for pictures."""
+        parts, shown = [], []
+        for part, paths in flown:
+            parts.append(part)
+            shown += paths
         if drawn:
             _save_drawn(folder / f"{name}.drawn.npz", shown)
         columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
@@ -297,6 +342,13 @@ def _paths(tracks: Tracks, grains: Granules) -> list[dict[str, Array]]:
     names = ("time", "position", "velocity")
     found = [dict(zip(names, tracks.path(i), strict=True)) for i in range(len(grains))]
     return [{**path, "diameter": np.array(d)} for path, d in zip(found, grains.diameter, strict=True)]
+
+
+def _kept_piece(folder: Path) -> Flown:
+    """What :meth:`Flight.keep_piece` left."""
+    drawn = folder / "drawn.npz"
+    with np.load(folder / "landings.npz") as data:
+        return {key: data[key] for key in data.files}, load_drawn_tracks(drawn) if drawn.exists() else []
 
 
 def _save_drawn(path: Path, paths: list[dict[str, Array]]) -> None:

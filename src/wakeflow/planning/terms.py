@@ -35,9 +35,7 @@ NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, w
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
 SWITCHED_OFF = "switched off by --force"
-IN_SLAB = (
-    "granules that meet have no record of their past; --force basset-history=on computes it for granules alone"
-)
+IN_SLAB = "granules that meet have no record of their past; --force basset-history=on computes it for granules alone"
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import SceneError
-from .canvas import BODY, fraction_colours
+from .canvas import BODY
+from .colours import fraction_colours
 
 if TYPE_CHECKING:
     from ..scene import Scene

@@ -19,6 +19,7 @@ from ..core.record import to_json
 from ..core.store import content_key, digest_files
 from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.pipeline import Pipeline
+from ..planning.airflow_cost import ranks_for, typical_cells
 from ..planning.cost import airflow_cost
 from ..planning.make import make_plan
 from ..planning.plan import Plan
@@ -33,11 +34,14 @@ __all__ = ["Agenda", "Step", "make_agenda"]
 AIRFLOWS = "airflows"  # folder of the airflows' own results
 WEIGHED = ("mass_share", "target")  # of a fraction: they weigh landings, and move none
 FED = ("rate", "depth")  # of the feed: likewise
+WORTH_A_CREW = 60.0  # s of flights, expected, from which several processes fly one scene
 
 
 @dataclass(frozen=True)
 class Step:
-    """One job of the agenda: for a scene, or for the airflow of several; ``needs`` the step of that name before it."""
+    """One job of the agenda: for a scene, or for the airflow of several, on so many MPI ``ranks``; ``needs`` the step
+    of that name before it. One that ``helps`` flies part of the granules of another step's scene.
+    """
 
     name: str
     job: Job
@@ -45,6 +49,8 @@ class Step:
     needs: str | None
     seconds: float  # expected
     disk: float  # bytes, expected
+    ranks: int = 1
+    helps: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,6 +93,16 @@ class _Planned:
         spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
         return content_key(repr(self.plan.airflow), spec)
 
+    @property
+    def ranks(self) -> int:
+        """MPI processes of its airflow for which a cluster must have cores. The two that a large airflow in two
+        dimensions takes unasked are not counted: any worker may run it.
+        """
+        asked, airflow = self.scene.numerics.ranks, self.plan.airflow
+        if asked != "auto":
+            return asked
+        return 1 if airflow.span is None else ranks_for(round(typical_cells(self.scene, airflow)))[0]
+
     @cached_property
     def flight(self) -> str:
         """What tells its flights from others in the same airflow."""
@@ -102,9 +118,18 @@ class _Planned:
 
 
 def make_agenda(
-    variants: Sequence[Variant], out: Path, request: Request, *, threads: int = 1, report: bool = False
+    variants: Sequence[Variant],
+    out: Path,
+    request: Request,
+    *,
+    threads: int = 1,
+    report: bool = False,
+    workers: int = 1,
 ) -> Agenda:
-    """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing."""
+    """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing.
+
+    Where there are fewer scenes than ``workers`` several of these fly the granules of one.
+    """
     planned: list[_Planned] = []
     problems: dict[str, str] = {}
     code, found = digest_files([Path(wakeflow.__file__).parent]), versions()
@@ -123,7 +148,7 @@ def make_agenda(
         planned.append(_Planned(variant, scene, plan, request, stamp))
     stamps = {one.variant.name: one.stamp for one in planned}
     open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
-    jobs = _Jobs(out, threads, report)
+    jobs = _Jobs(out, threads, report, workers // max(1, len(open_ones)))
     airflows = list(_airflow_steps(open_ones, jobs))
     return Agenda((*airflows, *_flight_steps(open_ones, jobs)), stamps, problems)
 
@@ -133,10 +158,15 @@ class _Jobs:
     out: Path
     threads: int
     report: bool
+    idle: int  # workers for each scene
 
-    def of(self, one: _Planned, folder: str, *, report: bool) -> Job:
+    def of(self, one: _Planned, folder: str, *, report: bool, crew: int = 1) -> Job:
         tracked = one.plan.flown_by == "tracker"
-        return Job(one.scene.tables(), one.request, self.out / folder, one.stamp, tracked, self.threads, report)
+        return Job(one.scene.tables(), one.request, self.out / folder, one.stamp, tracked, self.threads, report, crew)
+
+    def crew(self, one: _Planned, seconds: float) -> int:
+        """How many workers fly a scene that takes so long."""
+        return max(1, self.idle) if one.plan.flown_by == "tracker" and seconds >= WORTH_A_CREW else 1
 
 
 def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
@@ -148,7 +178,8 @@ def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
     steps = []
     for key, one in first.items():
         cost, folder = airflow_cost(one.scene, one.plan.airflow), f"{AIRFLOWS}/{key[:12]}"
-        steps.append(Step(folder, jobs.of(one, folder, report=False), True, None, cost.seconds, cost.disk))
+        job = jobs.of(one, folder, report=False)
+        steps.append(Step(folder, job, True, None, cost.seconds, cost.disk, one.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 
@@ -160,5 +191,9 @@ def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
         air = airflow_cost(one.scene, one.plan.airflow)
         needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
         leaders.setdefault(same, name)
-        job = jobs.of(one, name, report=jobs.report)
-        yield Step(name, job, False, needs, alone - air.seconds, one.plan.estimate["disk"] - air.disk)
+        seconds, disk = alone - air.seconds, one.plan.estimate["disk"] - air.disk
+        crew = jobs.crew(one, seconds)
+        job = jobs.of(one, name, report=jobs.report, crew=crew)
+        yield Step(name, job, False, needs, seconds / crew, disk)
+        for number in range(2, crew + 1):
+            yield Step(f"{name} ({number} of {crew})", job, False, needs, seconds / crew, 0.0, helps=True)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ..core.cluster import Cluster, Place
 from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.store import cache_root
@@ -25,6 +26,9 @@ from .agenda import Agenda, Step, make_agenda
 from .run_agenda import do_agenda
 from .variant import Variant, of_scenes, read_sweep_file
 from .work import JobEnd, finished
+
+if TYPE_CHECKING:
+    import distributed
 
 __all__ = ["Sweep", "SweepEstimate", "look_ahead", "sweep"]
 
@@ -110,7 +114,7 @@ def sweep(
     scenes: Scenes,
     out: Path | str = Path("runs", "sweep"),
     *,
-    scheduler: Executor | None = None,
+    scheduler: str | distributed.Client | Executor | None = None,
     workers: int | None = None,
     rung: str | None = None,
     force: Mapping[str, bool] | None = None,
@@ -121,30 +125,32 @@ def sweep(
     """Compute many scenes and write one table to the folder ``out``; each stage is computed once.
 
     ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
-    ``scheduler``: any ``concurrent.futures.Executor`` whose workers see the same folders; by default ``workers``
-    processes on this machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with
+    ``scheduler``: the address of a Dask scheduler (tcp://host:8786), a ``dask.distributed.Client``, or any other
+    ``concurrent.futures.Executor``, whose workers see the same folders; by default ``workers`` processes on this
+    machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with
     ``report`` each scene's is drawn too. The same call goes on where an interrupted or killed one ended; a scene that
     fails is in the table with its reason, and is tried again by the next call.
 
-    Raises SceneError where there is nothing to compute, another sweep writes to ``out``, or the disk is too small.
+    Raises SceneError where there is nothing to compute, another sweep writes to ``out``, the disk is too small, or no
+    scheduler answers.
     """
     from filelock import FileLock, Timeout
 
     folder, found = Path(out), _variants(scenes)
     count = workers or cores()
-    if workers is not None and workers < 1:
-        raise SceneError(f"workers = {workers}: at least 1")
+    if workers is not None and (workers < 1 or scheduler is not None):
+        raise SceneError(f"workers = {workers}: at least 1, of this machine; those of a scheduler are its own")
     folder.mkdir(parents=True, exist_ok=True)
-    request, threads = Request(None, rung, dict(force or {}), target_error), max(1, cores() // count)
+    request = Request(None, rung, dict(force or {}), target_error)
     try:
         with FileLock(folder / ".lock", timeout=0):
             listener("sweep", "planning")
-            agenda = make_agenda(found, folder, request, threads=threads, report=report)
-            _check_disk(agenda, folder)
-            rows = _Rows(folder, found, agenda)
-            if agenda.steps:
-                with _executor(scheduler, min(count, len(agenda.steps)), folder) as executor:
-                    do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
+            with _executor(scheduler, count, folder) as executor:
+                workers, threads = _hands(executor)
+                agenda = make_agenda(found, folder, request, threads=threads, report=report, workers=workers)
+                _check_disk(agenda, folder)
+                rows = _Rows(folder, found, agenda)
+                do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
             return rows.finish()
     except Timeout:
         raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None
@@ -154,14 +160,24 @@ def _variants(scenes: Scenes) -> list[Variant]:
     return read_sweep_file(scenes) if isinstance(scenes, Path | str) else of_scenes(scenes)
 
 
-@contextmanager
-def _executor(given: Executor | None, count: int, folder: Path) -> Iterator[Executor]:
-    """The caller's executor, left open, or workers of this sweep's own, ended with it."""
-    if given is not None:
-        yield given
-    else:
-        with Workers(count, folder / "workers") as own:
-            yield own
+def _executor(
+    scheduler: str | distributed.Client | Executor | None, count: int, folder: Path
+) -> AbstractContextManager[Executor]:
+    """The caller's executor, left open, or processes of this sweep's own, here or on a cluster, ended with it."""
+    logs = folder / "workers"
+    if scheduler is None:
+        return Workers(count, logs)
+    if isinstance(scheduler, Executor):
+        return nullcontext(scheduler)
+    logs.mkdir(exist_ok=True)
+    return Cluster.connect(scheduler, Place(Path.cwd(), logs.absolute(), cache_root()))
+
+
+def _hands(executor: Executor) -> tuple[int, int]:
+    """How many tasks an executor works on at a time, and how many threads each has."""
+    if isinstance(executor, Workers):
+        return executor.count, max(1, cores() // executor.count)
+    return (executor.size if isinstance(executor, Cluster) else 1), 1
 
 
 def _check_disk(agenda: Agenda, folder: Path) -> None:

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field
 
+from ..core.cluster import Cluster
 from ..core.errors import ProgramError
 from ..core.quantities import duration
 from .agenda import Agenda, Step
-from .work import JobEnd, fly_scene, solve_airflow_of
+from .work import JobEnd, fly_scene, help_fly, solve_airflow_of
 
 __all__ = ["SweepProgress", "do_agenda"]
 
@@ -58,7 +59,9 @@ class _Board:
     def begin(self, executor: Executor, step: Step) -> None:
         """Hand a step out, or have it wait for what it needs."""
         if step.needs is None or step.needs in self.found:
-            self.running[executor.submit(solve_airflow_of if step.airflow else fly_scene, step.job)] = step
+            able = executor.on(step.ranks) if isinstance(executor, Cluster) else executor
+            work = solve_airflow_of if step.airflow else help_fly if step.helps else fly_scene
+            self.running[able.submit(work, step.job)] = step
         else:
             self.waiting.setdefault(step.needs, []).append(step)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import traceback
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,12 @@ from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
 from ..core.store import cache_root
 from ..results.result import Request, Result
-from ..runs import run
+from ..runs import help_along, run
 from ..scene import Scene
 
-__all__ = ["Job", "JobEnd", "finished", "fly_scene", "solve_airflow_of"]
+__all__ = ["Job", "JobEnd", "finished", "fly_scene", "help_fly", "solve_airflow_of"]
 
+LOCK = ".job.lock"  # held by the process that works on a folder
 STAMP = "point.json"  # written last into a scene's folder: what the numbers beside it were made for
 CRASH = "failure.log"  # the traceback of a failure that is nobody's wrong input
 
@@ -28,7 +30,8 @@ CRASH = "failure.log"  # the traceback of a failure that is nobody's wrong input
 @dataclass(frozen=True)
 class Job:
     """One scene to compute: plain ``tables``, how it is asked for, its folder, and the ``stamp`` of all that it was
-    made for; whether the compiled tracker flies it (``tracked``), on how many ``threads``; whether a ``report`` is due.
+    made for; whether the compiled tracker flies it (``tracked``), on how many ``threads``, by how many processes
+    (``crew``); whether a ``report`` is due.
     """
 
     tables: Mapping[str, Any]
@@ -38,6 +41,7 @@ class Job:
     tracked: bool = True
     threads: int = 1
     report: bool = False
+    crew: int = 1
 
 
 @dataclass(frozen=True)
@@ -63,15 +67,35 @@ def finished(folder: Path, stamp: str) -> Result | None:
 
 def solve_airflow_of(job: Job) -> JobEnd:
     """Solve the airflow that a scene flies in, the grids beside it and the airflow that it starts from."""
-    return _tried(job, until="airflow")
+    with _alone(job.folder):
+        return _tried(job, until="airflow")
 
 
 def fly_scene(job: Job) -> JobEnd:
     """Compute a scene to its end; the stamp goes last into its folder, so that a killed job is none that was done."""
-    outcome = _tried(job, until=None)
-    if not outcome.problem:
-        write_json(job.folder / STAMP, {"stamp": job.stamp})
-    return outcome
+    with _alone(job.folder):
+        if finished(job.folder, job.stamp) is not None:  # by a worker that was thought lost, or of an earlier sweep
+            return JobEnd()
+        outcome = _tried(job, until=None)
+        if not outcome.problem:
+            write_json(job.folder / STAMP, {"stamp": job.stamp})
+        return outcome
+
+
+def help_fly(job: Job) -> JobEnd:
+    """Fly part of a scene's granules beside the process that computes it to its end."""
+    if finished(job.folder, job.stamp) is None:
+        _compile()
+        help_along(Scene.parse(job.tables), job.request, workers=job.threads, crew=job.crew)
+    return JobEnd()
+
+
+def _alone(folder: Path) -> AbstractContextManager[object]:
+    """Wait until no other process works on a job's folder, as one may that a cluster's scheduler has lost sight of."""
+    from filelock import FileLock
+
+    folder.mkdir(parents=True, exist_ok=True)
+    return FileLock(folder / LOCK)
 
 
 def _tried(job: Job, until: str | None) -> JobEnd:
@@ -83,6 +107,7 @@ def _tried(job: Job, until: str | None) -> JobEnd:
         run(
             Scene.parse(job.tables), job.folder, until=until, rung=asked.rung, force=asked.force,
             target_error=asked.target_error, workers=job.threads, report=job.report, refine=False,
+            crew=job.crew,
         )  # fmt: skip
     except ProgramError as problem:
         _note(job.folder, f"{problem}\n{problem.tail}\n")
