@@ -10,6 +10,7 @@ import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ...foam.case import INSTALL, environment
 from ...tracking import Granules
 from .foam_interpolant import FoamInterpolant, vectors, write_file
 
-__all__ = ["ParcelRun", "fly_parcels", "start_up"]
+__all__ = ["FINE_PARCELS", "ParcelRun", "fly_parcels", "start_up"]
 
 Array = NDArray[np.float64]
 PROGRAM = "icoUncoupledKinematicParcelFoam"
@@ -66,6 +67,8 @@ cloudFunctions
 }
 """
 PLACE, ORIG_ID, AGE = 6, 15, 25  # columns of a landed parcel
+# Settings (s, share of a cell) with landing errors of some 1e-4 body widths
+FINE_PARCELS: dict[str, Any] = {"scheme": "analytical", "step": 1e-4, "courant": 0.3}
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from ...planning.make import make_plan
 from ...scene import RESERVED_BIN, Scene
 from .benchmark_cases import benchmark_case
 from .foam_interpolant import FoamInterpolant, make_foam_interpolant
-from .foam_parcels import fly_parcels
-from .shares import COURANT, SCHEME, STEP, bins_of, flown_here, landed_time
+from .foam_parcels import FINE_PARCELS, fly_parcels
+from .shares import bins_of, flown_here, landed_time
 
 __all__ = ["PEER", "peer_rows", "why_no_peer"]
 
@@ -74,7 +74,7 @@ def _shares(
         case = benchmark_case(name, "steady", scene, foam.field, count, (name, {}))
         longest = float(np.nanmax(landed_time(flown_here(case, scene, foam.field))))
         until = LONGER * longest
-        run = fly_parcels(foam, case.grains, scheme=SCHEME, step=STEP, courant=COURANT, until=until, folder=folder)
+        run = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
         bins: NDArray[np.int64] = bins_of(case, run.position[:, 0])
         shares = np.bincount(bins, minlength=len(places)) / len(bins)
         found |= {(name, place): float(share) for place, share in zip(places, shares, strict=True)}

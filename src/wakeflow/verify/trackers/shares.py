@@ -27,13 +27,10 @@ from ...scene import RESERVED_BIN, Scene
 from ...tracking import Tracks, track
 from .benchmark_cases import BenchmarkCase, benchmark_case, shipped
 from .foam_interpolant import FoamInterpolant, make_foam_interpolant
-from .foam_parcels import fly_parcels
+from .foam_parcels import FINE_PARCELS, fly_parcels
 
 __all__ = [
-    "COURANT",
     "FRACTIONS",
-    "SCHEME",
-    "STEP",
     "BinRow",
     "bins_of",
     "compare_shares",
@@ -55,7 +52,6 @@ FRACTIONS: dict[str, tuple[str, dict[str, Any]]] = {  # name: (fraction of the s
 }
 COUNT, SLOW = 2048, 16384  # granules a fraction
 TOLERANCE = 1e-4  # body widths, as in the shipped scene
-SCHEME, STEP, COURANT = "analytical", 1e-4, 0.3  # of OpenFOAM's tracker, s: landing errors of some 1e-4 body widths
 
 
 @dataclass(frozen=True)
@@ -136,7 +132,7 @@ def landed_time(tracks: Tracks) -> Array:
 
 def _theirs(case: BenchmarkCase, foam: FoamInterpolant, longest: float, folder: Path) -> Array:
     until = 1.05 * longest
-    found = fly_parcels(foam, case.grains, scheme=SCHEME, step=STEP, courant=COURANT, until=until, folder=folder)
+    found = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
     return found.position[:, 0]
 
 
