@@ -121,7 +121,8 @@ def test_a_new_scene_names_itself(kind: str, tmp_path: Path, monkeypatch: pytest
     assert main(["new", kind, "my machine.toml"]) == 0
     text, shipped = Path("my machine.toml").read_text(), scene_templates()[kind].read_text()
     assert "wakeflow run cases/" not in text
-    assert text.count("wakeflow run 'my machine.toml'") == shipped.count(f"wakeflow run cases/{kind}.toml")
+    assert text.count("wakeflow run 'my machine.toml'") == 1 + shipped.count(f"wakeflow run cases/{kind}.toml")
+    assert text.startswith("# Look at it:  wakeflow plan 'my machine.toml'")
     assert Scene.load("my machine.toml") == Scene.load(scene_templates()[kind])
 
 

@@ -15,6 +15,9 @@ from cyclopts import CycloptsError, MissingArgumentError
 import wakeflow
 from support import ROOT
 from wakeflow.cli import app
+from wakeflow.laws.forces import forces
+from wakeflow.planning.bounds import bounds
+from wakeflow.terminal.plan import PARTS
 
 SOURCE = ROOT / "src" / "wakeflow"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -139,5 +142,5 @@ def test_prose_is_wrapped(page: Path) -> None:
 def test_the_glossary_has_the_words_of_the_output() -> None:
     text = (ROOT / "docs" / "glossary.md").read_text()
     rungs = ["none", "analytic", "given", "draft", "standard", "reference"]
-    words = [*(fate.name.lower() for fate in wakeflow.Fate), *rungs]
+    words = [*(fate.name.lower() for fate in wakeflow.Fate), *rungs, *forces, *bounds, *PARTS]
     assert not [word for word in words if f"*{word}*" not in text]

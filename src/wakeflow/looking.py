@@ -1,4 +1,4 @@
-"""The commands that look at something and compute nothing: plan, view; and how a picture is opened."""
+"""The commands that look at something and compute nothing: plan, view, materials; and how a picture is opened."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from .commands import Fidelity, Forced, Settings, Stage, Target
+from .core.errors import SceneError
 from .scene.overrides import changes_of, switches_of
 
 if TYPE_CHECKING:
     from .scene import Scene
 
-__all__ = ["LOOKING", "plan", "view"]
+__all__ = ["LOOKING", "materials", "plan", "view"]
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # variables that name a screen
 Picture = Annotated[Path | None, Parameter(help="Where to draw it: PNG, SVG or PDF.")]
@@ -106,6 +107,32 @@ def view(what: Path, *, picture: Picture = None, settings: Settings = []) -> Non
     look(scene, run, path)
 
 
+def materials(name: str | None = None, *, file: Path | None = None) -> None:
+    """List the materials of granules; of one NAME every value with its range, source and how far to trust it.
+
+    A file of your own, written alike, is named in a scene: materials = "mine.toml".
+
+    Parameters
+    ----------
+    name
+        A material; default all.
+    file
+        List those of your own in this file.
+    """
+    from .core.registry import did_you_mean
+    from .laws.material import materials as shipped
+    from .scene.own_materials import read_materials
+    from .terminal.materials import show_material, show_materials
+
+    known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
+    if name is None:
+        show_materials(known)
+    elif name in known:
+        show_material(name, known[name])
+    else:
+        raise SceneError(f"unknown material {name!r}{did_you_mean(name, list(known))} (known: {', '.join(known)})")
+
+
 def _draw(path: Path, asked: Scene, scene: Path) -> None:
     """Draw what a scene file asks for, in the units that it writes."""
     from .report.sketch import write_sketch
@@ -122,4 +149,4 @@ def _open(path: Path) -> None:
         print(f"no screen to open it on: {path}")
 
 
-LOOKING = (plan, view)
+LOOKING = (plan, view, materials)

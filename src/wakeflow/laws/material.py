@@ -7,18 +7,25 @@ not is a standard deviation from granule to granule; a fraction draws for each o
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ..core.registry import Registry
+from ..core.errors import SceneError
+from ..core.registry import Registry, did_you_mean
 from .restitution import Restitution
 
-__all__ = ["Evidence", "Material", "materials"]
+__all__ = ["Evidence", "Material", "Moisture", "materials", "read_material"]
 
 SPREAD = ("restitution", "friction", "terminal_velocity")  # quantities with a mean and a standard deviation
+PARTS = (*SPREAD, "rebound_scatter", "tangential_restitution", "impact")  # quantities with evidence of their own
+CONFIDENCES = ("measured", "typical", "low")
+LARGEST = {  # in SI units: beyond is a wrong unit
+    "diameter": 0.1, "density": 3e4, "terminal_velocity": 100.0, "restitution": 1.0, "friction": 10.0,
+    "rebound_scatter": 1.0, "tangential_restitution": 1.0,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -26,6 +33,15 @@ class Evidence:
     """How far to trust a number: ``confidence`` measured, typical or low, and its ``source``."""
 
     confidence: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Moisture:
+    """The terminal velocity (m/s) measured at the driest and at the wettest ``share`` of water (of the whole mass)."""
+
+    share: tuple[float, float]
+    terminal_velocity: tuple[float, float]
     source: str
 
 
@@ -50,6 +66,7 @@ class Material:
     tangential_restitution: float = 0.0  # of a contact that sticks
     impact: str = "paper"  # name of its impact model: how a blow turns it
     evidence: Mapping[str, Evidence] = field(default_factory=dict)  # of each of the quantities, by name
+    moisture: Moisture | None = None  # what water does to it, where that was measured
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
@@ -58,18 +75,71 @@ class Material:
 materials: Registry[Material] = Registry("material")
 
 
-def _read(table: dict[str, Any]) -> Material:
-    """A material of materials.toml."""
-    own = {key: value for key, value in table.items() if not isinstance(value, dict)}
-    parts = {key: value for key, value in table.items() if isinstance(value, dict)}
-    own.setdefault("terminal_velocity", None)
-    for name, part in parts.items():
-        own[name] = part["model"] if name == "impact" else part["value"]
-        if name in SPREAD:
-            own[f"{name}_std"] = part["std"]
-    evidence = {name: Evidence(part["confidence"], part["source"]) for name, part in parts.items()}
-    return Material(**own, evidence=evidence)
+def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
+    """The material called ``name``, of a ``table`` as in materials.toml; ``where``: the file, for messages.
+
+    Raises SceneError, one line: what is missing, unknown, or no value of its kind.
+    """
+    at = f"{where}: {name}"
+    own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    parts = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    _same_keys(at, own, ("diameter", "density", "confidence", "source"), ())
+    _same_keys(at, parts, ("restitution", "friction", "impact"), (*PARTS, "moisture"))
+    _words(at, own)
+    found: dict[str, Any] = {"terminal_velocity": None, **own}
+    for key in ("diameter", "density"):
+        found[key] = _number(f"{at}.{key}", own[key], 0.0, LARGEST[key])
+    moisture = parts.pop("moisture", None)
+    for key, part in parts.items():
+        place = f"{at}.{key}"
+        value = "model" if key == "impact" else "value"
+        _same_keys(place, part, (value, *(("std",) if key in SPREAD else ()), "confidence", "source"), ())
+        _words(place, part)
+        found[key] = part[value] if key == "impact" else _number(place, part[value], 0.0, LARGEST[key])
+        if key in SPREAD:
+            found[f"{key}_std"] = _number(f"{place}.std", part["std"], 0.0, LARGEST[key])
+    evidence = {key: Evidence(part["confidence"], part["source"]) for key, part in parts.items()}
+    wet = None if moisture is None else _moisture(f"{at}.moisture", moisture)
+    return Material(**found, evidence=evidence, moisture=wet)
 
 
-for _name, _table in tomllib.loads(Path(__file__).with_name("materials.toml").read_text(encoding="utf-8")).items():
-    materials.add(_name, _read(_table))
+def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:
+    _same_keys(at, table, ("share", "terminal_velocity", "source"), ())
+    ends: dict[str, tuple[float, float]] = {}
+    for key, most in (("share", 1.0), ("terminal_velocity", LARGEST["terminal_velocity"])):
+        if not isinstance(table[key], list) or len(table[key]) != 2:
+            raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers, at the driest and at the wettest")
+        low, high = (_number(f"{at}.{key}", one, 0.0, most) for one in table[key])
+        ends[key] = low, high
+    return Moisture(**ends, source=str(table["source"]))
+
+
+def _same_keys(at: str, table: Mapping[str, Any], needed: Sequence[str], allowed: Sequence[str]) -> None:
+    """Raise SceneError where a table lacks a key that is needed, or has one that is not allowed."""
+    if missing := [key for key in needed if key not in table]:
+        raise SceneError(f"{at}: lacks {', '.join(missing)}")
+    known = [*needed, *(key for key in allowed if key not in needed)]
+    if unknown := [key for key in table if key not in known]:
+        raise SceneError(f"{at}.{unknown[0]}: unknown{did_you_mean(unknown[0], known)} (known: {', '.join(known)})")
+
+
+def _words(at: str, table: Mapping[str, Any]) -> None:
+    if table["confidence"] not in CONFIDENCES:
+        raise SceneError(f"{at}.confidence = {table['confidence']!r}: write {', '.join(CONFIDENCES)}")
+    if not isinstance(table["source"], str) or not table["source"]:
+        raise SceneError(f"{at}.source: say where the number is from")
+
+
+def _number(at: str, value: Any, low: float, high: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise SceneError(f"{at} = {value!r}: needs a number in SI units from {low:g} to {high:g}")
+    return float(value)
+
+
+def _shipped() -> None:
+    file = Path(__file__).with_name("materials.toml")
+    for name, table in tomllib.loads(file.read_text(encoding="utf-8")).items():
+        materials.add(name, read_material(name, table, file.name))
+
+
+_shipped()

@@ -57,8 +57,7 @@ def make_plan(
     target = _accuracy(given, target_error)
     switches = {**given.force, **(force or {})}
     airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
-    flown = airflow.flown(given)
-    chain = flown.air is None and given.air is not None
+    flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
     obstacle = LOOK if chain else _why_none_meet(flown, known)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,21 +34,22 @@ def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> 
 
     if picture is not None and picture.suffix.lower() != ".png":
         raise SceneError(f"{picture}: the picture of a window is a PNG; name it so")
-    plotter: Any = pyvista.Plotter(off_screen=picture is not None, window_size=SIZE)
-    plotter.set_background("white")
-    if run is not None:
-        _add_air(plotter, run)
-        _add_tracks(plotter, scene, run, slider=picture is None)
-    _add_machine(plotter, scene)
-    plotter.view_xy()
-    _frame(plotter, scene)
-    if picture is None:
-        plotter.show(title="wakeflow")
-        return
-    picture.parent.mkdir(parents=True, exist_ok=True)
-    with pyvista.vtk_verbosity("off"):  # VTK looks for a screen first, and would complain that there is none
-        plotter.screenshot(picture)
-    plotter.close()
+    quiet: Any = nullcontext() if picture is None else pyvista.vtk_verbosity("off")  # VTK misses a screen, aloud
+    with quiet:
+        plotter: Any = pyvista.Plotter(off_screen=picture is not None, window_size=SIZE)
+        plotter.set_background("white")
+        if run is not None:
+            _add_air(plotter, run)
+            _add_tracks(plotter, scene, run, slider=picture is None)
+        _add_machine(plotter, scene)
+        plotter.view_xy()
+        _frame(plotter, scene)
+        if picture is None:
+            plotter.show(title="wakeflow")
+        else:
+            picture.parent.mkdir(parents=True, exist_ok=True)
+            plotter.screenshot(picture)
+            plotter.close()
 
 
 def _add_machine(plotter: Any, scene: Scene) -> None:

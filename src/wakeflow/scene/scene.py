@@ -24,6 +24,7 @@ from .consistency import CHECKS, OVER_THE_TOP
 from .doubts import doubts, with_units
 from .messages import explain, units_in
 from .overrides import changed, unquoted_in
+from .own_materials import with_own_materials
 from .uncertainty import with_uncertainty_table
 from .user_case import air_of, find_case
 from .vibration_samples import read_samples
@@ -46,8 +47,9 @@ class Scene(SceneTables):
         """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
-        data = with_uncertainty_table(data)
-        data = _with_samples(_with_case(data, base or Path(), name), base or Path(), name)
+        folder = base or Path()
+        data = with_uncertainty_table(with_own_materials(data, folder, name))
+        data = _with_samples(_with_case(data, folder, name), folder, name)
         with speaking(units_in(data)):
             try:
                 scene = cls.model_validate(data)

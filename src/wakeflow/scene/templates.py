@@ -23,6 +23,7 @@ def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:
         raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
     if target.exists() and not overwrite:
         raise SceneError(f"{target} exists; choose another name or add --overwrite")
+    path, text = shlex.quote(str(target)), known[kind].read_text(encoding="utf-8")
     with atomic_write(target) as stream:
-        text = known[kind].read_text(encoding="utf-8")
-        stream.write(text.replace(f"wakeflow run cases/{kind}.toml", f"wakeflow run {shlex.quote(str(target))}"))
+        stream.write(f"# Look at it:  wakeflow plan {path}    Compute it:  wakeflow run {path}\n")
+        stream.write(text.replace(f"wakeflow run cases/{kind}.toml", f"wakeflow run {path}"))

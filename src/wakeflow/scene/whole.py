@@ -95,6 +95,9 @@ def _switches(value: object) -> object:
 class SceneTables(Table):
     """All tables of a scene, and what follows from them."""
 
+    materials: str | None = Field(
+        None, description="file of materials of your own, relative to the scene file: its values are read in"
+    )
     body: dict[Name, Body] = Field({}, description="without one the air is known, and nothing is solved")
     channel: Channel
     air: Air | None = None

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..planning.terms import LeftOut
     from ..scene import Scene
 
-__all__ = ["show_plan", "show_whole_plan"]
+__all__ = ["PARTS", "show_plan", "show_whole_plan"]
 
 AIRS = {  # what is flown in, by kind of airflow
     "none": "left out, granules fly in parabolas from impact to impact",
@@ -37,7 +37,7 @@ AIRS = {  # what is flown in, by kind of airflow
 }
 UNITS = {"m": "mm", "kg/s": "kg/h"}  # what is said where a scene does not write its own
 PARTS: dict[str, tuple[str, str | tuple[str, ...]]] = {  # of the run time: how the names of its stages begin and end
-    "the tracker's compilation": ("", COMPILE),
+    "compilation": ("", COMPILE),
     "funnel": ("", "funnel"),
     "other meshes": ("grid ", ""),
     "air loading": ("", ("momentum", "loaded-airflow")),
