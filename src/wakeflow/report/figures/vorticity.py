@@ -1,0 +1,77 @@
+"""The vorticity figure: the air's turning at one moment of the shedding, and in the mean that granules fly in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...field.derived import vorticity
+from ..air import as_flown, window_round_body
+from ..canvas import TALLEST, frame, inside_window, new_figure, save, solids, triangulation
+from .figure import Figure, figures
+
+if TYPE_CHECKING:
+    from ...field import FlowField
+    from ...results.airflow_summary import Airflow
+    from ...scene import Scene
+    from ..outcome import Outcome
+
+__all__ = ["draw_vorticity"]
+
+STRONGEST = 98.5  # percentile of its size at which the colour is full
+LEVELS = 25
+
+
+def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow) -> None:
+    """Draw the vorticity times D / U round the first body: of a field in time at its first moment and in the mean."""
+    assert scene.air is not None
+    window = window_round_body(scene, airflow)
+    now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
+    shown = {**now, "mean": as_flown(field.mean(), scene)}
+    scaled = {name: vorticity(one) * scene.width / scene.air.speed for name, one in shown.items()}
+    here = inside_window(field.points, window)
+    most = max(float(np.percentile(np.abs(values[here]), STRONGEST)) for values in scaled.values())
+    across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
+    figure = new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9)
+    panels = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
+    mesh, levels = triangulation(field), np.linspace(-most, most, LEVELS)
+    for axes, (name, values) in zip(panels, scaled.items(), strict=True):
+        filled = axes.tricontourf(mesh, values, levels=levels, cmap="RdBu_r", extend="both")
+        filled.set_rasterized(True)
+        axes.set_aspect("equal")
+        frame(axes, window)
+        solids(axes, scene)
+        axes.set_title(name, fontsize=9, loc="left")
+    bar = figure.colorbar(filled, ax=list(panels), shrink=0.7)
+    bar.set_label(r"vorticity, $\omega D / U$ (counter-clockwise positive)", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    nodes = {"x (m)": field.points[:, 0], "y (m)": field.points[:, 1]}
+    save(figure, path, {**nodes, "triangles": field.triangles, **{f"{k}, times D / U": v for k, v in scaled.items()}})
+
+
+def _first(field: FlowField) -> FlowField:
+    """A field in time as it is at its first moment."""
+    from dataclasses import replace
+
+    assert field.times is not None
+    weights = field.weights(float(field.times[0]))
+    still = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
+    return replace(still, times=None, period=None, coefficients=None, truncation=None)
+
+
+def _needs(outcome: Outcome) -> bool:
+    airflow = outcome.airflow
+    return bool(outcome.scene.body) and outcome.field is not None and airflow is not None and airflow.cd is not None
+
+
+def _draw(path: Path, outcome: Outcome) -> None:
+    assert outcome.field is not None
+    assert outcome.airflow is not None
+    draw_vorticity(path, outcome.field, outcome.scene, outcome.airflow)
+
+
+figures.add(
+    "vorticity", Figure("Vorticity at one moment and in the mean, over air speed and body width.", _draw, _needs)
+)
