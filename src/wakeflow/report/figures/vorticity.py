@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...field.derived import vorticity
 from ..air import as_flown, window_round_body
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_vorticity"]
 
-STRONGEST = 98.5  # percentile of its size at which the colour is full
-LEVELS = 25
+Array = NDArray[np.float64]
+
+FULL = 0.985  # of the window's area has no more than what the colour is full at: thin layers at walls have far more
+LEVELS = 24  # even: none is zero, and air that does not turn is white
 
 
 def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow) -> None:
@@ -32,7 +35,7 @@ def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow)
     shown = {**now, "mean": as_flown(field.mean(), scene)}
     scaled = {name: vorticity(one) * scene.width / scene.air.speed for name, one in shown.items()}
     here = inside_window(field.points, window)
-    most = max(float(np.percentile(np.abs(values[here]), STRONGEST)) for values in scaled.values())
+    most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
     figure = new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9)
     panels = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
@@ -49,6 +52,13 @@ def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow)
     bar.ax.tick_params(labelsize=8)
     nodes = {"x (m)": field.points[:, 0], "y (m)": field.points[:, 1]}
     save(figure, path, {**nodes, "triangles": field.triangles, **{f"{k}, times D / U": v for k, v in scaled.items()}})
+
+
+def _strong(size: Array, area: Array) -> float:
+    """The size (n,) that FULL of the area of all nodes, ``area`` (n,), does not exceed."""
+    order = np.argsort(size)
+    reached = np.cumsum(area[order])
+    return float(size[order][np.searchsorted(reached, FULL * reached[-1])])
 
 
 def _first(field: FlowField) -> FlowField:

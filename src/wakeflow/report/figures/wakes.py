@@ -98,5 +98,9 @@ def _draw(path: Path, outcome: Outcome) -> None:
 
 figures.add(
     "wakes",
-    Figure("The same granules in each wake (marks), and the answer with its 95 % interval (bars).", _draw, _known),
+    Figure(
+        "The same granules, each alone, in each wake (marks), and the answer with its 95 % interval (bars).",
+        _draw,
+        _known,
+    ),
 )
