@@ -3,6 +3,7 @@
 #   sh cases/setup.sh          to run scenes
 #   sh cases/setup.sh funnel   to run scenes with a [funnel] table as well
 #   sh cases/setup.sh test     to run the tests as well (with the funnel's)
+#   sh cases/setup.sh test --slow   and those that open the report in a browser
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 extra=${1:-}
@@ -15,6 +16,9 @@ packages="openfoam python3 python3-venv ca-certificates
 
 # 140 MB, and optional: without it the tests that need it are skipped
 if [ "$extra" = funnel ] || { [ "$extra" = test ] && [ "$(id -u)" = 0 ]; }; then packages="$packages liggghts"; fi
+
+# 300 MB: without it the tests that open a page are skipped
+if [ "$extra" = test ] && [ "${2:-}" = --slow ] && [ "$(id -u)" = 0 ]; then packages="$packages chromium"; fi
 
 say() { echo "setup: $*" >&2; }
 fail() { say "$*"; exit 3; }

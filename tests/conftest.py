@@ -20,6 +20,7 @@ PROGRAMS = {  # by marker: what a test with it may start
     ),
     "mpi": ("mpirun",),
     "liggghts": ("liggghts",),
+    "browser": ("chromium",),
 }  # fmt: skip
 _HOMES = {shutil.which(name): marker for marker, names in PROGRAMS.items() for name in names}
 _HOMES.pop(None, None)

@@ -2,7 +2,9 @@
 # Sets up and runs linters, types and tests: sh tests/run.sh [options of pytest]; --slow adds the long validation
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
-sh "$root/cases/setup.sh" test
+slow=
+for option; do if [ "$option" = --slow ]; then slow=--slow; fi; done
+sh "$root/cases/setup.sh" test $slow
 cd "$root"
 bin=$root/.venv/bin
 "$bin/ruff" check src tests cases

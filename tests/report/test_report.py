@@ -29,6 +29,7 @@ from wakeflow.report.figures import tracks as tracks_figure
 from wakeflow.report.figures.landing import draw_landing
 from wakeflow.report.figures.pressure import draw_pressure
 from wakeflow.report.figures.tracks import draw_tracks
+from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.results.airflow_summary import Airflow
 from wakeflow.results.landing_results import Separation
@@ -195,7 +196,7 @@ def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
     page = write_report(tmp_path, _outcome(scene))
     names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     always = {"figures/tracks.csv", "figures/landing.csv", "tracks.vtp", "separation.csv", "budget.csv", "report.html"}
-    pictures = ["tracks", "landing", *(["pressure"] if scene.air else [])]
+    pictures = ["sketch", "tracks", "landing", *(["pressure"] if scene.air else [])]
     drawn = {f"figures/{name}{suffix}" for name in pictures for suffix in (".png", ".svg")}
     assert names == always | drawn | ({"field.vtu", "figures/pressure.npz"} if scene.air else set())
     assert page == tmp_path / "report.html"
@@ -613,23 +614,33 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
     page = _Page(write_report(tmp_path, outcome).read_text())
     separation = _separation(outcome.result)
     head, *rows = page.tables["separation"]
-    assert head == ["fraction", *separation.bins, "recovery"]
+    bins = head[1:-1]
+    middles = {name: bin_.line(scene.channel)[:, 0].mean() for name, bin_ in scene.bin.items()}
+    assert bins == [*sorted(scene.bin, key=lambda name: middles[name]), "elsewhere"]  # from left to right
     for row, (name, places) in zip(rows, separation.fractions.items(), strict=False):
-        shares = [percent(places[b]) for b in separation.bins]
-        assert row == [name, *shares, percent(separation.recovery[name])]
-    assert rows[-1][1:-1] == [f"{v:.4g}" for v in separation.throughput.values()]
-    assert rows[-2][1] == "–"
+        assert row == [name, *(percent(places[b]) for b in bins), percent(separation.recovery[name])]
+    assert rows[-1][1:-1] == [f"{separation.throughput[b]:.4g}" for b in bins]
+    assert rows[-2][1 + bins.index(separation.bins[0])] == "–"
+    told = {row[0]: row[1:4] for row in page.tables["recovery"][1:]}
     for name, fraction in scene.fraction.items():
-        wanted = f"{name}: {percent(separation.recovery[name])} % lands in {' or '.join(fraction.targets)}"
-        assert wanted in page.text
+        found = separation.recovery[name]
+        assert found is not None
+        ends = f"{100 * found.low:.3g} to {100 * found.high:.3g}"
+        assert told[name] == [" or ".join(fraction.targets), f"{100 * found.value:.1f}", ends]
     if scene.air is not None:
         air = {row[0]: row[1:] for row in page.tables["airflow"]}
         assert air["drag coefficient of the body"][0] == "1.234 [1.21, 1.26]"
         assert air["suction zone: length downstream of the body"] == ["83", "mm"]
         assert air["suction zone: area"] == ["41", "cm²"]
         assert "Strouhal number of the shedding" not in air
-    assert page.tables["budget"][1] == [f"share.{next(iter(scene.fraction))}.{separation.bins[0]}", "0.43",
-                                        "unknown", "unknown"]  # fmt: skip
+    assert page.tables["budget"][1][:4] == [
+        f"share.{next(iter(scene.fraction))}.{separation.bins[0]}", "unknown", "–",
+        "sampling 0.43, airflow-model unknown",
+    ]  # fmt: skip
+    assert page.tables["sources"][1:] == [
+        ["sampling", "from this run", "1.5 s"],
+        ["airflow-model", "not known", "0.0 s"],
+    ]
     assert page.tables["left-out"][1:] == [["basset-history", "0.00031", "small"], ["brownian", "–", "all < large"]]
     assert page.tables["fates"][1] == [next(iter(scene.fraction)), "480", "20", "500"]
     assert [row[:2] for row in page.tables["seconds"][1:]] == [["mesh", "1.2 s"], ["tracks", "3.3 min"]]
@@ -706,8 +717,8 @@ def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
 def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
     text = write_report(tmp_path, _outcome(rhombus)).read_text()
     page = _Page(text)
-    assert len(page.sources) == 3
-    for source, name in zip(page.sources, ("pressure", "tracks", "landing"), strict=True):
+    inlined = [source for source in page.sources if source]
+    for source, name in zip(inlined, ("sketch", "pressure", "tracks", "landing"), strict=True):
         prefix, data = source.split(",")
         assert prefix == "data:image/png;base64"
         assert base64.b64decode(data) == (tmp_path / "figures" / f"{name}.png").read_bytes()
@@ -715,9 +726,14 @@ def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
 
 
 def test_names_cannot_break_the_page(rhombus: Scene) -> None:
-    result = json.loads(json.dumps(_result(rhombus, None)).replace("chaff", "<script>x"))
-    text = html.render(_read(result), {})
-    assert "<script" not in text
+    result = json.loads(json.dumps(_result(rhombus, None)).replace('"chaff": {', '"<script>x": {'))
+    result["separation"]["recovery"]["<script>x"] = result["separation"]["recovery"].pop("chaff")
+    scene = Scene.parse(result["scene"])
+    outcome = replace(_outcome(rhombus), scene=scene, result=_read(result))
+    outcome = replace(outcome, tracks={name: [] for name in scene.fraction})
+    text = html.render(outcome.result, {}, scene=scene, live=live_data(outcome))
+    assert "<script>x" not in text
+    assert "\\u003cscript>x" in text
     assert _Page(text).tables["separation"][2][0] == "<script>x"
 
 
@@ -740,7 +756,9 @@ UNTIL_AIRFLOW = ("separation", "bracket", "budget", "fates", "met_by_law", "impa
 def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
     result = {k: v for k, v in _result(rhombus, AIRFLOW).items() if k not in UNTIL_AIRFLOW}
     page = _Page(html.render(_read(result), {}))
-    assert set(page.tables) == {"airflow", "left-out", "seconds"}
+    assert set(page.tables) == {
+        "airflow", "left-out", "machine-table", "materials", "origin", "proofs", "seconds",
+    }  # fmt: skip
 
 
 def test_the_report_loads_nothing_heavy() -> None:

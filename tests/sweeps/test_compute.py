@@ -90,7 +90,7 @@ def test_frames_are_columns_tidy_or_a_row_a_scene(swept: Any) -> None:
 
 def test_figures_are_drawn_and_others_on_request(swept: Any, tmp_path: Path) -> None:
     sweep, _, _ = swept
-    drawn = {path.name for path in (sweep.folder / "figures").iterdir()}
+    drawn = {path.name for path in (sweep.folder / "figures").glob("*.png")}
     lines = {f"lines-{key}.png" for key in OVER}
     assert drawn == {*lines, "map-fraction.wheat.restitution-feed.height.png", "trade-off.png"}
     path = sweep.plot("share.wheat.outer-left", "feed.height", path=tmp_path / "one.png")

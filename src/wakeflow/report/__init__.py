@@ -43,7 +43,7 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
         vtk.write_field(folder, outcome.field)
     vtk.write_tracks(folder, outcome.tracks)
     csv.write_tables(folder, outcome.result)
-    return html.write_html(folder, outcome.result)
+    return html.write_html(folder, outcome)
 
 
 def draw_discharge(path: Path | str, poured: FunnelSummary) -> None:

@@ -32,6 +32,7 @@ __all__ = [
     "PlotGrid",
     "Window",
     "air_arrow",
+    "bins_across",
     "canvas",
     "clear",
     "first_outline",
@@ -55,6 +56,12 @@ SUFFIXES = (".png", ".svg", ".csv", ".npz")  # of a figure and its data
 LETTER = 0.6  # mean width of a letter over the font size
 TALLEST, WIDEST = 6.6, 5.6  # inches of a map
 TICKS = 9  # along x, where the map is as wide as it is high
+
+
+def bins_across(scene: Scene) -> list[str]:
+    """The bins from left to right by their middles; those beside each other on a wall from the top down."""
+    middles = {name: bin_.line(scene.channel).mean(axis=0) for name, bin_ in scene.bin.items()}
+    return sorted(middles, key=lambda name: (round(float(middles[name][0]), 9), -float(middles[name][1])))
 
 
 def text_width(text: str, size: float) -> float:

@@ -52,7 +52,9 @@ class PartitionCurve:
     cut: Measured | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
     ep: float | None = column("as unit", "Ep; null where the curve does not pass both quarters")
     imperfection: float | None = column("1", "Ep over the cut; null as Ep")
-    why: str | None = column("", "why there is no cut; else left out", absent=True, default=None)
+    why: str | None = column(
+        "", "why there is no cut, or between which values no granules are; else left out", absent=True, default=None
+    )
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ __all__ = ["partition_curves", "settling_velocities"]
 Array = NDArray[np.float64]
 CLASSES = 24  # of a curve, at most
 ALIKE = 1.02  # a property whose largest value is within that factor of its smallest has no curve
+GAP = 2.0  # between two classes: a cut in it is interpolated where nothing is
 MOST = 2**16  # granules of a fraction that are looked at
 REYNOLDS = np.geomspace(1e-9, 1e8, 4096)  # of the table of terminal velocities; its error is below 1e-5
 
@@ -155,7 +156,7 @@ def _shares(fed: Array, landed: Array, count: NDArray[np.int64]) -> tuple[Array,
 
 
 def _cut(at: Array, share: Array, low: Array, high: Array) -> tuple[Measured | None, float | None, str | None]:
-    """The cut with its interval, Ep, and why there is no cut."""
+    """The cut with its interval, Ep, and why there is no cut or how far apart its neighbours are."""
     found = _passes(at, share, 0.5)
     if len(found) != 1:
         level = "less" if float(share.max()) < 0.5 else "more" if float(share.min()) > 0.5 else None
@@ -166,7 +167,9 @@ def _cut(at: Array, share: Array, low: Array, high: Array) -> tuple[Measured | N
     cut = Measured(found[0], *((ends[0], ends[-1]) if known else (None, None)))
     quarters = [_passes(at, share, level) for level in (0.25, 0.75)]
     ep = 0.5 * abs(quarters[1][0] - quarters[0][0]) if all(len(one) == 1 for one in quarters) else None
-    return cut, ep, None
+    turn = int(np.flatnonzero((share[1:] >= 0.5) != (share[:-1] >= 0.5))[0])
+    apart = at[turn + 1] > GAP * at[turn]
+    return cut, ep, f"no granules between {at[turn]:.2g} and {at[turn + 1]:.2g}" if apart else None
 
 
 def _passes(at: Array, share: Array, level: float) -> list[float]:

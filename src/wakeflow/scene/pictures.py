@@ -26,7 +26,9 @@ __all__ = [
 ]
 
 # modules of report.figures: no picture takes a name
-STANDARD_FIGURES = ("pressure", "tracks", "discharge", "landing", "inputs")
+STANDARD_FIGURES = (
+    "sketch", "pressure", "surface", "vorticity", "tracks", "discharge", "landing", "partition", "wakes", "inputs",
+)  # fmt: skip
 DRAWN = 48  # tracks of each fraction that are drawn one by one
 Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ...core.files import write_json
 from ...core.record import from_json, to_json
 from ...results.result import PictureSummary
+from ..canvas import SUFFIXES
 from .animation import draw_animation
 from .curves import draw_curves
 from .maps import draw_density, draw_streamlines
@@ -43,16 +44,17 @@ def draw_all(folder: Path, outcome: Outcome) -> dict[str, PictureSummary]:
     for name, picture in outcome.scene.picture.items():
         made = pictures[picture.kind](View(name, folder, picture, outcome))
         text = " ".join(part for part in (picture.caption, made.text) if part)
-        files = tuple(path.name for path in (*made.files, *_drawings(made.files)))
+        files = tuple(path.name for path in (*made.files, *_beside(made.files)))
         drawn[name] = PictureSummary(picture.kind, files, text, to_json(made.numbers))
     if drawn:
         write_json(folder / LIST, to_json(drawn))
     return drawn
 
 
-def _drawings(files: list[Path]) -> list[Path]:
-    """The SVG beside each PNG."""
-    return [svg for path in files if path.suffix == ".png" and (svg := path.with_suffix(".svg")).exists()]
+def _beside(files: list[Path]) -> list[Path]:
+    """What :func:`..canvas.save` left beside each PNG, but what the picture told itself."""
+    found = (path.with_suffix(suffix) for path in files if path.suffix == ".png" for suffix in SUFFIXES)
+    return [path for path in found if path not in files and path.exists()]
 
 
 def found(folder: Path) -> dict[str, PictureSummary]:

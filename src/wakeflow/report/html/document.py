@@ -1,0 +1,291 @@
+"""The page made of a result: what every part of the template is handed."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.files import atomic_write
+from ...results.landing_results import BudgetPart, BudgetRow, PartitionCurve
+from ...results.measured import Measured
+from ...scene import RESERVED_BIN, Scene
+from ...scene.rungs import rungs
+from ..canvas import bins_across
+from ..colours import fraction_colours
+from ..csv import IMPACT_COLUMNS, impact_cells
+from ..figures import captions
+from ..pictures import found
+from ..words import (
+    HOLDS,
+    NO_VALUE,
+    UNKNOWN_ERROR,
+    change_of,
+    condensed,
+    error_text,
+    expected,
+    percent,
+    source_seconds,
+)
+from .asked import machine_rows, material_rows, proofs_of, resolved, source_of
+from .live import live_data
+from .rows import airflow_rows, end_rows, funnel_rows, number, points, seconds
+
+if TYPE_CHECKING:
+    from ...results.result import Result
+    from ..outcome import Outcome
+
+__all__ = ["render", "write_html"]
+
+SKETCH = "sketch"  # the figure that stands beside the machine's measures
+MOST_MOVED = 3  # shares that are told of a number
+SIDE = 900  # dots of the longer side of the script's canvas
+HOW = {
+    "measured": "from this run",
+    "companion": "from flying granules again",
+    "calibrated": "a true bound: all that lands within the shift of the bin's ends",
+    "unknown": "not known",
+}
+
+
+def write_html(folder: Path | str, outcome: Outcome) -> Path:
+    """Write ``folder/report.html`` from a run and the PNG files in ``folder/figures``."""
+    folder = Path(folder)
+    path = folder / "report.html"
+    asked = found(folder / "figures")
+    texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
+    pictures = _pictures(folder / "figures", texts)
+    with atomic_write(path) as stream:
+        stream.write(render(outcome.result, pictures, folder.resolve().name, texts, outcome.scene, live_data(outcome)))
+    return path
+
+
+def render(
+    result: Result,
+    pictures: Mapping[str, str],
+    title: str = "result",
+    texts: Mapping[str, str] | None = None,
+    scene: Scene | None = None,
+    live: Mapping[str, Any] | None = None,
+) -> str:
+    """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order, the
+    standard figures' captions by default; ``scene``: that of the result by default; ``live``: what the page's script
+    draws (:func:`.live.live_data`), without which it has none.
+
+    Raises jinja2.UndefinedError when the page asks for what a result has not.
+    """
+    scene = Scene.parse(result.scene) if scene is None else scene
+    shown = captions() if texts is None else texts
+    here = Path(__file__).parent
+    text: str = _template().render(
+        style=(here / "style.css").read_text(encoding="utf-8"),
+        script=(here / "live.js").read_text(encoding="utf-8"),
+        result=result,
+        title=title,
+        made=result.provenance,
+        pictures=[(name, pictures[name], text) for name, text in shown.items() if name in pictures and name != SKETCH],
+        sketch=pictures.get(SKETCH),
+        live=live,
+        live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
+        canvas=_canvas(scene),
+        grades=_grades(result),
+        plan=result.plan,
+        dash=NO_VALUE,
+        **_asked(result, scene),
+        **_shares(result, scene),
+        **_air(result),
+        **_impacts(result),
+        **_budget(result),
+        **_inputs(result),
+    )
+    return text
+
+
+def _template() -> Any:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(percent=percent, points=points, number=number, seconds=seconds, between=_between)
+    environment.globals.update(change_of=change_of)
+    return environment.get_template("page.html.j2")
+
+
+def _between(row: Measured) -> str:
+    """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
+    if row.low is None or row.high is None:
+        return NO_VALUE
+    return f"{100 * row.low:.3g} to {100 * row.high:.3g}"
+
+
+def _canvas(scene: Scene) -> tuple[int, int]:
+    """Width and height (dots) of the script's canvas, in the proportions of the channel."""
+    across, up = scene.channel.width, scene.channel.top - scene.channel.bottom
+    return max(240, round(SIDE * across / max(across, up))), max(240, round(SIDE * up / max(across, up)))
+
+
+def _grades(result: Result) -> list[tuple[str, list[str]]]:
+    """The warnings by grade, the gravest first, what is for information last and apart."""
+    lines = zip(result.grades, result.warnings, strict=True)
+    return [(grade, [line for _, line in part]) for grade, part in groupby(lines, key=lambda one: one[0])]
+
+
+def _asked(result: Result, scene: Scene) -> dict[str, Any]:
+    """What the page says of the machine, the materials, the rung, and where the answer comes from."""
+    return {
+        "machine": machine_rows(scene),
+        "materials": material_rows(scene),
+        "proofs": proofs_of(result.plan.rung),
+        "rung_about": rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
+        "origin": _origin(result),
+        "scene": resolved(scene),
+        "colours": fraction_colours(list(scene.fraction)),
+    }
+
+
+def _origin(result: Result) -> list[tuple[str, str]]:
+    made = result.provenance
+    if made is None:
+        return list(result.versions.items())
+    told = [
+        ("date", made.date), ("command", made.command), ("in the folder", made.folder), ("host", made.host),
+        ("system", made.system), ("cores", str(made.cores)), ("seed of the granules", str(made.seed)),
+        ("OpenFOAM", made.openfoam or "not used"), ("git commit of wakeflow", made.commit or "not in a repository"),
+    ]  # fmt: skip
+    return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
+
+
+def _shares(result: Result, scene: Scene) -> dict[str, Any]:
+    """What the page says of the separation."""
+    landings = result.landings
+    return {
+        "separation": None if landings is None else landings.separation,
+        "bins": [*bins_across(scene), RESERVED_BIN],
+        "cuts": [] if landings is None else [_cut(curve) for curve in landings.separation.cut],
+        "alone": None if landings is None else landings.without_collisions,
+        "slab": None if landings is None else landings.slab,
+        "bracket": {} if landings is None else landings.bracket or {},
+        "air_loading": {} if landings is None else landings.air_loading or {},
+        "answers": list(_answers(result)),
+        "targets": {name: result.targets(name) for name in result.scene["fraction"]},
+        "expected": lambda place: expected(result, place),
+        "holds": HOLDS,
+    }
+
+
+def _answers(result: Result) -> Iterator[tuple[str, Measured, tuple[str, ...]]]:
+    """(fraction, its recovery, its target bins) for every fraction that has a target."""
+    recovery = {} if result.landings is None else result.landings.separation.recovery
+    return ((name, row, result.targets(name)) for name, row in recovery.items() if row is not None)
+
+
+def _cut(curve: PartitionCurve) -> tuple[str, ...]:
+    """A row of the partition curves' cuts; sizes in mm."""
+    scale, unit = (1e3, "mm") if curve.by == "size" else (1.0, curve.unit)
+
+    def told(value: float | None) -> str:
+        return NO_VALUE if value is None else number(scale * value)
+
+    cut = curve.cut
+    if cut is None:
+        return " or ".join(curve.product), curve.by, NO_VALUE, NO_VALUE, NO_VALUE, curve.why or ""
+    ends = "" if cut.low is None else f" [{told(cut.low)}, {told(cut.high)}]"
+    imperfection = NO_VALUE if curve.imperfection is None else number(curve.imperfection)
+    return (
+        " or ".join(curve.product),
+        curve.by,
+        f"{told(cut.value)}{ends} {unit}",
+        told(curve.ep),
+        imperfection,
+        ("" if curve.why is None else f"{curve.why} {curve.unit}"),
+    )
+
+
+def _air(result: Result) -> dict[str, Any]:
+    """What the page says of the air and the feed funnel."""
+    return {
+        "airflow": airflow_rows(result.airflow, result.mesh),
+        "ends": end_rows(result.airflow),
+        "funnel": funnel_rows(result.funnel),
+        "grids": () if result.airflow is None else result.airflow.grids or (),
+        "left_out": [
+            (
+                row.name if row.fraction is None else f"{row.name} · {row.fraction}",
+                NO_VALUE if row.bound is None else f"{row.bound:.2g}",
+                row.why,
+            )
+            for row in result.plan.left_out
+        ],
+    }
+
+
+def _impacts(result: Result) -> dict[str, Any]:
+    """What the page says of first impacts and of fates."""
+    flights = result.flights
+    impact = None if flights is None else flights.impact
+    return {
+        "impact": impact,
+        "impacts": impact_cells(impact),
+        "impact_columns": IMPACT_COLUMNS,
+        "fates": {} if flights is None else flights.fates,
+    }
+
+
+def _budget(result: Result) -> dict[str, Any]:
+    """What the page says of the budget."""
+    rows = condensed(result.budget)
+    known = {part.source: part for row in rows for part in row.parts}
+    spent = source_seconds(rows)
+    return {
+        "budget": rows,
+        "made_of": _made_of,
+        "sources": [(name, _how(part), seconds(spent[name])) for name, part in known.items()],
+        "error_text": error_text,
+        "unsaid": list(dict.fromkeys(row.total.note for row in rows if row.total.error is None and row.total.note)),
+    }
+
+
+def _made_of(row: BudgetRow) -> str:
+    """The parts of an error in words, the largest first, those that are zero left out, unknown ones last."""
+    known = sorted((part for part in row.parts if part.error), key=lambda part: -(part.error or 0.0))
+    unknown = [part for part in row.parts if part.error is None]
+    told = [f"{part.source} {error_text(row, part.error)}" for part in known]
+    return ", ".join([*told, *(f"{part.source} {UNKNOWN_ERROR}" for part in unknown)])
+
+
+def _how(part: BudgetPart) -> str:
+    """How a source's error is known, and what stands behind it."""
+    how = HOW.get(part.how, part.how)
+    return how if part.note is None else f"{how}: {part.note}"
+
+
+def _inputs(result: Result) -> dict[str, Any]:
+    """What the page says of the numbers that are not known exactly, those first that move a share most."""
+    landings = result.landings
+    known = {} if landings is None else landings.inputs or {}
+    parts = {} if landings is None else landings.measure_next or {}
+    moves: dict[str, list[tuple[float, str]]] = {key: [] for key in known}
+    for name, places in parts.items():
+        for place, effects in places.items():
+            for key, effect in effects.items():
+                moves[key].append((effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
+    rows = []
+    for key, one in known.items():
+        most = sorted(moves[key], key=lambda move: -move[0])[:MOST_MOVED]
+        told = ", ".join(text for _, text in most)
+        ends = (number(value) for value in (one.value, one.low, one.high))
+        rows.append((most[0][0] if most else 0.0, (key, *ends, one.unit, source_of(key, one.why), told)))
+    return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
+
+
+def _pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    files = {name: folder / f"{name}.png" for name in names}
+    return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}

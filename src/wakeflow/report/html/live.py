@@ -1,0 +1,163 @@
+"""What the page's own script draws: the machine, granules on their way and the wake they flew in, as plain numbers.
+
+A frame is the air's vorticity at one moment of the stored loop, as a small JPEG. A granule released at any time met the
+loop at that phase, so that all granules whose own time is at that phase, whole loops apart, are in the frame together.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..canvas import MM, bins_across
+from ..colours import fraction_colours
+from ..words import percent
+
+if TYPE_CHECKING:
+    from ...field import FlowField
+    from ...results.result import Result
+    from ...scene import Scene
+    from ..outcome import Outcome, Track
+
+__all__ = ["live_data"]
+
+Array = NDArray[np.float64]
+FRAMES = 32  # of a loop
+LONGER = 420  # dots of the longer side of a frame
+QUALITY = 72  # of the JPEG
+POINTS = 160  # of a track
+PLAYED = 1.0 / 30.0  # of real time
+STRONGEST = 97.0  # percentile of |vorticity| at which its colour is full
+
+
+def live_data(outcome: Outcome) -> dict[str, Any]:
+    """Lengths in mm, times in s, shares in percent."""
+    scene, result, channel = outcome.scene, outcome.result, outcome.scene.channel
+    window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
+    field, colours, shares = outcome.field, fraction_colours(list(scene.fraction)), scene.mass_shares()
+    loop = None if field is None else field.period
+    frames = [] if field is None else _frames(field, window)
+    return {
+        "window": [MM * end for end in window],
+        "bodies": [_flat(body.outline()) for body in scene.body.values()],
+        "bins": [_bin(scene, result, name) for name in bins_across(scene)],
+        "fractions": [
+            {
+                "name": name,
+                "colour": colours[name],
+                "feed": shares[name],
+                "tracks": _tracks(outcome.tracks.get(name, [])),
+            }
+            for name in scene.fraction
+        ],
+        "loop": loop,
+        "start": None if field is None or field.times is None else float(field.times[0]),
+        "played": PLAYED,
+        "frames": frames,
+        "wakes": _wakes(result),
+    }
+
+
+def _flat(line: Array) -> list[float]:
+    return [round(float(MM * x), 2) for x in line.ravel()]
+
+
+def _bin(scene: Scene, result: Result, name: str) -> dict[str, Any]:
+    """A bin's line, and what lands in it in words."""
+    found = None if result.landings is None else result.landings.separation
+    shares = {} if found is None else {one: percent(places[name]) + " %" for one, places in found.fractions.items()}
+    flow = None if found is None else found.throughput[name]
+    pure = {} if found is None else {one: percent(row) + " %" for one, row in (found.purity[name] or {}).items()}
+    return {
+        "name": name, "line": _flat(scene.bin[name].line(scene.channel)), "shares": shares, "purity": pure, "flow": flow
+    }  # fmt: skip
+
+
+def _tracks(tracks: Sequence[Track]) -> list[dict[str, Any]]:
+    """Tracks at even times: when each begins (s), its step (s), and its x and y in tenths of a millimetre."""
+    found = []
+    for track in tracks:
+        time = track["time"]
+        if len(time) < 2 or time[-1] <= time[0]:
+            continue
+        even = np.linspace(time[0], time[-1], POINTS)
+        where = np.stack([np.interp(even, time, track["position"][:, i]) for i in (0, 1)], axis=1)
+        points = np.rint(10 * MM * where).astype(int)
+        found.append({"from": float(time[0]), "step": float(even[1] - even[0]), "at": points.ravel().tolist()})
+    return found
+
+
+def _wakes(result: Result) -> dict[str, Any]:
+    """Shares (%) by wake, fraction and bin: the answer first, its interval beside it; then other wakes."""
+    landings = result.landings
+    if landings is None:
+        return {"answer": {}, "interval": {}, "others": {}}
+    fractions = landings.separation.fractions
+    rows = landings.bracket or {}
+    names = dict.fromkeys(wake for places in rows.values() for found in places.values() for wake in found)
+    return {
+        "answer": {name: {place: 100 * one.value for place, one in row.items()} for name, row in fractions.items()},
+        "interval": {
+            name: {place: [100 * one.low, 100 * one.high] for place, one in row.items()}
+            for name, row in fractions.items()
+        },
+        "others": {wake: _of_wake(rows, wake) for wake in names},
+    }
+
+
+def _of_wake(rows: Mapping[str, Mapping[str, Mapping[str, float]]], wake: str) -> dict[str, dict[str, float]]:
+    return {
+        name: {place: 100 * found[wake] for place, found in places.items() if wake in found}
+        for name, places in rows.items()
+    }
+
+
+def _frames(field: FlowField, window: tuple[float, float, float, float]) -> list[str]:
+    """JPEGs of the vorticity over the loop, or one of a steady field, as data URLs."""
+    from PIL import Image
+
+    from ...field.derived import vorticity
+
+    across, up = window[1] - window[0], window[3] - window[2]
+    size = [max(16, round(LONGER * length / max(across, up))) for length in (across, up)]
+    x = window[0] + (np.arange(size[0]) + 0.5) / size[0] * across
+    y = window[3] - (np.arange(size[1]) + 0.5) / size[1] * up
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    triangle = field.locate(points)
+    inside = triangle >= 0
+    weight = field.barycentric(triangle[inside], points[inside])
+    corner = field.triangles[triangle[inside]]
+    parts, turning = _moments(field), vorticity(field).reshape(-1, len(field.points))
+    turning = np.einsum("tr,rn->tn", parts, turning)
+    strongest = float(np.percentile(np.abs(turning), STRONGEST)) or 1.0
+    found = []
+    for now in turning:
+        values = np.zeros(len(points))
+        values[inside] = np.einsum("nk,nk->n", weight, now[corner]) / strongest
+        colours = _shaded(values, inside).reshape(size[1], size[0], 3)
+        stream = io.BytesIO()
+        Image.fromarray(colours).save(stream, "JPEG", quality=QUALITY, optimize=True)
+        found.append("data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii"))
+    return found
+
+
+def _moments(field: FlowField) -> Array:
+    """The weights (F, R) of a field's snapshots or parts in each frame."""
+    if field.times is None or field.period is None:
+        return np.ones((1, 1)) if field.times is None else field.weights(float(field.times[0]))[None]
+    times = field.times[0] + np.arange(FRAMES) / FRAMES * field.period
+    return np.stack([field.weights(float(time)) for time in times])
+
+
+def _shaded(values: Array, inside: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Blue (clockwise) over white to red (counter-clockwise), pale, so that granules stand out; white outside."""
+    strength = np.tanh(np.abs(values))[:, None]
+    colour = np.where((values < 0.0)[:, None], (0.30, 0.55, 0.85), (0.88, 0.42, 0.35))
+    shade = 1.0 - 0.75 * strength * (1.0 - colour)
+    shade[~inside] = 1.0
+    return np.asarray(np.rint(255 * shade), dtype=np.uint8)

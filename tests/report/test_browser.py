@@ -1,0 +1,147 @@
+"""The page in Debian's chromium: every control works, nothing is asked of the network, paper holds every bin."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wakeflow as wf
+from wakeflow.scene import Scene
+
+pytestmark = [pytest.mark.slow, pytest.mark.browser]
+
+CASES = Path(__file__).parents[2] / "cases"
+WIDTHS = {"desk": 1280, "telephone": 360}
+LEAST_CONTRAST = 4.5  # of text on its ground: WCAG 2.1, level AA
+A4 = (595, 842)  # points
+CONTRAST = """() => {
+  const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).map((x) => Number(x) / 255)
+    .map((x) => x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const ground = (node) => { for (; node; node = node.parentElement) { const c = getComputedStyle(node).backgroundColor;
+    if (!/, 0\\)$/.test(c)) return c; } return "rgb(255, 255, 255)"; };
+  return Math.min(...[...document.querySelectorAll("p, td, th, li, h1, h2, h3, a, label, button, strong, pre")]
+    .filter((node) => node.textContent.trim() && node.offsetParent).map((node) => {
+      const [a, b] = [light(getComputedStyle(node).color), light(ground(node))].sort((x, y) => y - x);
+      return (a + 0.05) / (b + 0.05); }));
+}"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = Scene.load(CASES / "vacuum.toml").replace({"feed.count": 256})
+    return wf.run(scene, tmp_path_factory.mktemp("page"))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture(params=["light", "dark"])
+def page(request: pytest.FixtureRequest, browser: Any, run: wf.Result) -> Iterator[Any]:
+    """The page, in both colours; whatever it says to the console or asks of the network fails the test."""
+    context = browser.new_context(viewport={"width": WIDTHS["desk"], "height": 900}, color_scheme=request.param)
+    opened, told = context.new_page(), []
+    opened.on("console", lambda message: told.append(message.text))
+    opened.on("pageerror", lambda error: told.append(str(error)))
+    opened.on("request", lambda asked: told.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None)
+    opened.goto((run.folder / "report.html").as_uri())
+    yield opened
+    context.close()
+    assert told == []
+
+
+def _drawn(page: Any) -> str:
+    """What the canvas shows."""
+    found: str = page.evaluate("document.getElementById('machine').toDataURL()")
+    return found
+
+
+def test_every_control_changes_what_is_shown(page: Any, run: wf.Result) -> None:
+    for name in ("show-tracks", "show-granules", "by-mass"):
+        before = _drawn(page)
+        page.locator(f"#{name}").click()
+        if name != "by-mass":  # the fractions of this scene may have the same mass
+            assert _drawn(page) != before, name
+    for name in ("zoom-in", "zoom-out", "zoom-all"):
+        page.locator("#zoom-in").click()
+        before = _drawn(page)
+        page.locator(f"#{name}").click()
+        assert _drawn(page) != before, name
+    page.locator("#show-granules").check()
+    before = _drawn(page)
+    page.locator("#phase").fill("400")
+    assert _drawn(page) != before
+    page.locator("#play").click()
+    page.wait_for_function("document.getElementById('phase').value != '400'")
+    page.locator("#play").click()
+    assert page.locator("#play").text_content() == "Play"
+    fraction = page.locator("[data-show]").first
+    name = fraction.get_attribute("data-show")
+    before = _drawn(page)
+    fraction.uncheck()
+    assert _drawn(page) != before
+    assert page.locator(f"#bars [data-fraction='{name}']").first.is_hidden()
+
+
+def test_a_bin_tells_its_shares_to_mouse_and_keyboard(page: Any, run: wf.Result) -> None:
+    told = page.locator("#told")
+    page.locator("#bin").select_option("near")
+    assert told.text_content().startswith("near: of all ")
+    page.locator("#bin").select_option("choose")
+    assert "Point at a bin" in told.text_content()
+    scene = Scene.parse(run.scene)
+    line, channel = scene.bin["far"].line(scene.channel).mean(axis=0), scene.channel
+    box = page.locator("#machine").bounding_box()
+    across, up = channel.width, channel.top - channel.bottom
+    room = 0.05 * max(across, up)
+    x = box["x"] + box["width"] * (line[0] + across / 2 + room) / (across + 2 * room)
+    y = box["y"] + box["height"] * (channel.top + room - line[1]) / (up + 2 * room)
+    page.mouse.move(x, y)
+    assert told.text_content().startswith("far: ")
+    page.locator("#machine").focus()
+    before = _drawn(page)
+    page.keyboard.press("+")
+    page.keyboard.press("ArrowLeft")
+    assert _drawn(page) != before
+
+
+def test_text_stands_out_from_its_ground(page: Any) -> None:
+    assert page.evaluate(CONTRAST) >= LEAST_CONTRAST
+
+
+@pytest.mark.parametrize("width", list(WIDTHS.values()), ids=list(WIDTHS))
+def test_the_page_is_no_wider_than_the_screen(width: int, page: Any) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_paper_holds_every_bin_and_cuts_nothing(page: Any, run: wf.Result, tmp_path: Path) -> None:
+    from pypdf import PdfReader
+
+    page.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True)
+    sheets = PdfReader(tmp_path / "page.pdf").pages
+    text = " ".join(sheet.extract_text() for sheet in sheets)
+    assert run.landings is not None
+    for place in run.landings.separation.bins:
+        assert place in text
+    assert "Zoom in" not in text
+    for sheet in sheets:
+        size = sheet.mediabox
+        assert (float(size.width), float(size.height)) == pytest.approx(A4, abs=1.0)
+    page.emulate_media(media="print")
+    page.set_viewport_size({"width": 695, "height": 1000})  # A4 less its margins, at 96 dots an inch
+    wide = page.evaluate(
+        "[...document.querySelectorAll('table')].filter((t) => t.offsetParent && t.scrollWidth > 697).map((t) => t.id)"
+    )
+    assert wide == []
