@@ -120,6 +120,7 @@ def sweep(
     force: Mapping[str, bool] | None = None,
     target_error: float | None = None,
     report: bool = False,
+    figures: bool = True,
     listener: Listener = silent,
 ) -> Sweep:
     """Compute many scenes and write one table to the folder ``out``; each stage is computed once.
@@ -127,9 +128,9 @@ def sweep(
     ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
     ``scheduler``: the address of a Dask scheduler (tcp://host:8786), a ``dask.distributed.Client``, or any other
     ``concurrent.futures.Executor``, whose workers see the same folders; by default ``workers`` processes on this
-    machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with
-    ``report`` each scene's is drawn too. The same call goes on where an interrupted or killed one ended; a scene that
-    fails is in the table with its reason, and is tried again by the next call.
+    machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with ``report`` each scene's
+    is drawn too, without ``figures`` none of the table's. The same call goes on where an interrupted or killed one
+    ended; a scene that fails is in the table with its reason, and is tried again by the next call.
 
     Raises SceneError where there is nothing to compute, another sweep writes to ``out``, the disk is too small, or no
     scheduler answers.
@@ -151,7 +152,7 @@ def sweep(
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, found, agenda)
                 do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
-            return rows.finish()
+            return rows.finish(figures=figures)
     except Timeout:
         raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None
 
@@ -240,8 +241,8 @@ class _Rows:
     def table(self) -> ResultTable:
         return ResultTable(tuple(self.entries.values()), self.targets)
 
-    def finish(self) -> Sweep:
-        """Write the tables and draw the figures."""
+    def finish(self, *, figures: bool) -> Sweep:
+        """Write the tables and draw the ``figures``."""
         from ..report.many import draw_table_figures
 
         table = self.table
@@ -250,6 +251,6 @@ class _Rows:
         table.write_wide_csv(self.folder / WIDE)
         table.write_parquet(self.folder / PARQUET)
         drawn = any((self.folder / "figures").glob("*.png"))
-        if not drawn or before != (self.folder / TABLE).read_text():
+        if figures and (not drawn or before != (self.folder / TABLE).read_text()):
             draw_table_figures(self.folder / "figures", table)
         return Sweep(self.folder, table)
