@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 import wakeflow as wf
-from support import CASES, shipped
+from support import CASES, Here, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.searching.task import Goal, Limit, SearchTask, read_search_file
-from wakeflow.sweeps.axis import axis_of_text
+from wakeflow.sweeps.axis import Axis, axis_of_text
+from wakeflow.terminal.search import show_search
 
 FILE = f"""
 [search]
@@ -68,22 +69,25 @@ def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str,
     assert "\n" not in str(caught.value)
 
 
-def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(tmp_path: Path) -> None:
+def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The second call computes nothing and finds the same."""
-    scene = shipped("rhombus", {"numerics.rung": "none"})
-    axes = (axis_of_text("feed.height=60:140:2 mm"),)
+    scene, here = shipped("rhombus", {"numerics.rung": "none"}), Here()
+    tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
+    axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))
     levels = ({"feed.count": 16}, {"feed.count": 32})
-    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=6.0, levels=levels, at_a_time=2)
-    found = wf.search(task, tmp_path, workers=1)
-    assert found.tried[0] >= 2
-    assert found.tried[1] >= 1
-    assert (
-        found.recommended.quantities["recovery.wheat"].value == found.result.landings.separation.recovery["wheat"].value
-    )
-    assert found.recommended.name in {one.name for one in found.front}
+    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=1.0, levels=levels, at_a_time=2)
+    found = wf.search(task, tmp_path, scheduler=here)
+    assert found.tried == (2, 1)
+    best = found.recommended
+    assert best.quantities["recovery.wheat"].value == found.result.landings.separation.recovery["wheat"].value
+    assert best.changes["bin.middle.from"] == f"-{best.changes['bin.inner-right.from']}"
+    assert best.name in {one.name for one in found.front}
     table = (tmp_path / "level-2" / "sweep.csv").read_bytes()
-    stamps = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/*/point.json")}
-    again = wf.search(task, tmp_path, workers=1)
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/*/point.json")} == stamps
-    assert again == found
+    calls = len(here.calls)
+    assert wf.search(task, tmp_path, scheduler=here) == found
+    assert len(here.calls) == calls
     assert (tmp_path / "level-2" / "sweep.csv").read_bytes() == table
+    show_search(found)
+    assert "recommended, the first" in capsys.readouterr().out

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import SceneError
+from ..core.process import cores
 from ..pipeline.cache import Listener, silent
 from ..results.quantities import TableQuantity
 from ..results.result import Result
 from ..results.table import Entry
-from ..sweeps.compute import Sweep, sweep
+from ..sweeps.compute import Sweep, executor_on, sweep
 from ..sweeps.variant import Variant, named
 from .history import Evaluation, Expected, Place
 from .loop import explore
@@ -78,14 +79,14 @@ def search(
     Raises SceneError where the task is none, a level lacks a quantity that is asked for, or no design can be computed.
     """
     asked = task if isinstance(task, SearchTask) else read_search_file(task)
-    compute = partial(sweep, scheduler=scheduler, workers=workers, listener=listener)
-    scenes = _Scenes(asked, Path(out), compute)
-    history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))
-    best = history.recommended()
-    if best is None:
-        raise SceneError(f"no design could be computed; the first: {next(iter(scenes.problems.values()))}")
-    for level, made in enumerate(history.found):  # the tables and figures of all designs, nothing is computed
-        compute([scenes.variant(level, place) for place in made], scenes.folder(level))
+    with executor_on(scheduler, workers or cores(), Path(out)) as executor:
+        scenes = _Scenes(asked, Path(out), partial(sweep, scheduler=executor, listener=listener))
+        history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))
+        best = history.recommended()
+        if best is None:
+            raise SceneError(f"no design could be computed; the first: {next(iter(scenes.problems.values()))}")
+        for level, made in enumerate(history.found):  # the tables and figures of all designs, nothing is computed
+            scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
     known = history.known()
     design = partial(scenes.design, history.found[-1], known)
     tried = tuple(len(made) for made in history.found)
@@ -109,8 +110,12 @@ class _Scenes:
         return self.out / f"level-{level + 1}"
 
     def changes(self, place: Place) -> dict[str, Any]:
-        """What a design changes of the scene."""
-        return {axis.key: axis.at(along) for axis, along in zip(self.task.within, place, strict=True)}
+        """What a design changes of the scene: keys that are tied by = have one value, those after a minus its negative."""
+        found = {}
+        for axis, along in zip(self.task.within, place, strict=True):
+            for key in map(str.strip, axis.key.split("=")):
+                found[key.removeprefix("-")] = _negative(axis.at(along)) if key.startswith("-") else axis.at(along)
+        return found
 
     def variant(self, level: int, place: Place) -> Variant:
         """A design at a level, as a scene of a sweep."""
@@ -142,6 +147,13 @@ class _Scenes:
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
         return Evaluation(max(LEAST, sum(seconds for _, seconds in new)), _with_fan(entry.by_name))
+
+
+def _negative(value: Any) -> Any:
+    """A number, or a quantity as in "5 mm", times -1."""
+    if isinstance(value, str):
+        return value[1:] if value.startswith("-") else f"-{value}"
+    return -value
 
 
 def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:

@@ -30,7 +30,7 @@ from .work import JobEnd, finished
 if TYPE_CHECKING:
     import distributed
 
-__all__ = ["Sweep", "SweepEstimate", "look_ahead", "sweep"]
+__all__ = ["Sweep", "SweepEstimate", "executor_on", "look_ahead", "sweep"]
 
 WRITE_EVERY = 30.0  # s between tables on disk while scenes are computed
 TABLE, WIDE, PARQUET = "sweep.csv", "scenes.csv", "sweep.parquet"
@@ -146,7 +146,7 @@ def sweep(
     try:
         with FileLock(folder / ".lock", timeout=0):
             listener("sweep", "planning")
-            with _executor(scheduler, count, folder) as executor:
+            with executor_on(scheduler, count, folder) as executor:
                 workers, threads = _hands(executor)
                 agenda = make_agenda(found, folder, request, threads=threads, report=report, workers=workers)
                 _check_disk(agenda, folder)
@@ -161,16 +161,20 @@ def _variants(scenes: Scenes) -> list[Variant]:
     return read_sweep_file(scenes) if isinstance(scenes, Path | str) else of_scenes(scenes)
 
 
-def _executor(
+def executor_on(
     scheduler: str | distributed.Client | Executor | None, count: int, folder: Path
 ) -> AbstractContextManager[Executor]:
-    """The caller's executor, left open, or processes of this sweep's own, here or on a cluster, ended with it."""
+    """The caller's executor, left open, or processes of its own, here or on a cluster, that end with the ``with``; what
+    these print goes to ``folder``/workers.
+
+    Raises SceneError where no scheduler answers.
+    """
     logs = folder / "workers"
     if scheduler is None:
         return Workers(count, logs)
     if isinstance(scheduler, Executor):
         return nullcontext(scheduler)
-    logs.mkdir(exist_ok=True)
+    logs.mkdir(parents=True, exist_ok=True)
     return Cluster.connect(scheduler, Place(Path.cwd(), logs.absolute(), cache_root()))
 
 

@@ -23,11 +23,12 @@ def show_search(found: Search) -> None:
     asked = list(dict.fromkeys([goal.quantity for goal in task.goals] + [limit.quantity for limit in task.limits]))
     goals = ", ".join(map(str, task.goals))
     table = Table(title=f"designs for {goals}", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
-    for head in [axis.key for axis in task.within] + asked:
+    keys = [axis.key.partition("=")[0].strip().removeprefix("-") for axis in task.within]  # the first of tied ones
+    for head in keys + asked:
         table.add_column(head.replace(".", "\n"), justify="right", overflow="fold")
     for design in (best, *(one for one in found.front if one.name != best.name)):
         cells = [_cell(design.quantities.get(name)) for name in asked]
-        table.add_row(*(_value(design.changes[axis.key]) for axis in task.within), *cells)
+        table.add_row(*(_value(design.changes[key]) for key in keys), *cells)
     console = Console()
     console.print(table)
     for line in [*_verdict(found, best), *measure_next(found.result), f"results: {found.folder}"]:
