@@ -70,9 +70,10 @@ def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str,
 
 
 def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The second call computes nothing and finds the same."""
+    """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
+    monkeypatch.setattr("wakeflow.report.many.draw_table_figures", lambda folder, table: None)
     scene, here = shipped("rhombus", {"numerics.rung": "none"}), Here()
     tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
     axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))
