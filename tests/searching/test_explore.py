@@ -10,10 +10,10 @@ import pytest
 from support import shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.results.quantities import TableQuantity
-from wakeflow.searching.history import Evaluation, History, Place
+from wakeflow.searching.history import DesignPoint, Evaluation, History
 from wakeflow.searching.loop import explore
 from wakeflow.searching.proposals import at_random
-from wakeflow.searching.task import Goal, Limit, SearchTask
+from wakeflow.searching.task import Goal, QuantityLimit, SearchTask
 from wakeflow.sweeps.axis import Axis
 
 BEST = np.array([0.3, 0.7])
@@ -26,7 +26,7 @@ def task(budget: float, **how: object) -> SearchTask:
     return SearchTask(shipped("vacuum"), axes, budget=budget, **given)  # type: ignore[arg-type]
 
 
-def hill(level: int, places: Sequence[Place]) -> list[Evaluation]:
+def hill(level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
     """Best at BEST; the coarse level is lower by a half, waves a little, and knows less well."""
     found = []
     for place in places:
@@ -79,17 +79,17 @@ def test_the_same_search_takes_the_same_steps() -> None:
 
 
 def test_limits_are_kept_and_designs_that_fail_are_left_alone() -> None:
-    def evaluate(level: int, places: Sequence[Place]) -> list[Evaluation]:
+    def evaluate(level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
         made = hill(level, places)
         return [Evaluation(1.0, problem="no") if p[1] > 0.9 else one for p, one in zip(places, made, strict=True)]
 
-    history = explore(task(400.0, limits=(Limit("cheap", least=0.8),)), evaluate)
+    history = explore(task(400.0, limits=(QuantityLimit("cheap", least=0.8),)), evaluate)
     best = history.recommended()
     assert best is not None
     assert 0.12 < best[0] <= 0.2  # as near to 0.3 as the limit allows
     assert best not in history.failed()
     assert history.failed()
-    impossible = explore(task(200.0, limits=(Limit("cheap", least=2.0),)), evaluate)
+    impossible = explore(task(200.0, limits=(QuantityLimit("cheap", least=2.0),)), evaluate)
     (nearest,) = impossible.front()
     assert nearest[0] < 0.15
 

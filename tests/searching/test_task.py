@@ -9,7 +9,7 @@ import pytest
 import wakeflow as wf
 from support import CASES, Here, shipped
 from wakeflow.core.errors import SceneError
-from wakeflow.searching.task import Goal, Limit, SearchTask, read_search_file
+from wakeflow.searching.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.sweeps.axis import Axis, axis_of_text
 from wakeflow.terminal.search import show_search
 
@@ -41,7 +41,7 @@ def test_a_file_says_goals_bounds_limits_levels_and_budget(tmp_path: Path) -> No
     path.write_text(FILE)
     task = read_search_file(path)
     assert task.goals == (Goal("recovery.wheat"), Goal("airflow.fan_power", -1))
-    assert task.limits == (Limit("purity.outer-left.wheat", least=0.95),)
+    assert task.limits == (QuantityLimit("purity.outer-left.wheat", least=0.95),)
     assert task.limits[0].excess(0.97) == pytest.approx(-0.02)
     assert [axis.key for axis in task.within] == ["air.speed", "body.rhombus.slope_angle"]
     assert task.levels == ({"numerics.rung": "none", "feed.count": 256}, {"numerics.rung": "draft"})

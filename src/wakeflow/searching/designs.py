@@ -17,21 +17,21 @@ from ..results.result import Result
 from ..results.table import Entry
 from ..sweeps.compute import Sweep, executor_on, sweep
 from ..sweeps.variant import Variant, named
-from .history import Evaluation, Expected, Place
+from .history import DesignPoint, Evaluation, Expected
 from .loop import explore
 from .task import SearchTask, read_search_file
 
 if TYPE_CHECKING:
     import distributed
 
-__all__ = ["Design", "Search", "search"]
+__all__ = ["FoundDesign", "Search", "search"]
 
 LEAST = 1.0  # s that a design costs, at least: planning, reading, writing
 FAN = "airflow.fan_power"
 
 
 @dataclass(frozen=True)
-class Design:
+class FoundDesign:
     """One design at the finest level: the ``changes`` of the scene that make it, its ``quantities`` by name, its folder
     in the sweep of that level, and whether it keeps all limits.
     """
@@ -51,9 +51,9 @@ class Search:
 
     task: SearchTask
     folder: Path
-    recommended: Design
-    front: tuple[Design, ...]
-    rivals: tuple[Design, ...]
+    recommended: FoundDesign
+    front: tuple[FoundDesign, ...]
+    rivals: tuple[FoundDesign, ...]
     tried: tuple[int, ...]
     seconds: tuple[float, ...]
 
@@ -102,22 +102,22 @@ class _Scenes:
     task: SearchTask
     out: Path
     compute: Any  # sweep, with where it computes
-    problems: dict[Place, str] = field(default_factory=dict)
+    problems: dict[DesignPoint, str] = field(default_factory=dict)
     counted: set[tuple[str, float]] = field(default_factory=set)
 
     def folder(self, level: int) -> Path:
         """The folder of a level's sweep."""
         return self.out / f"level-{level + 1}"
 
-    def changes(self, place: Place) -> dict[str, Any]:
-        """What a design changes of the scene: keys that are tied by = have one value, those after a minus its negative."""
+    def changes(self, place: DesignPoint) -> dict[str, Any]:
+        """What a design changes of the scene; of keys tied by = those after a minus have the value's negative."""
         found = {}
         for axis, along in zip(self.task.within, place, strict=True):
             for key in map(str.strip, axis.key.split("=")):
                 found[key.removeprefix("-")] = _negative(axis.at(along)) if key.startswith("-") else axis.at(along)
         return found
 
-    def variant(self, level: int, place: Place) -> Variant:
+    def variant(self, level: int, place: DesignPoint) -> Variant:
         """A design at a level, as a scene of a sweep."""
         changes = self.changes(place)
         try:
@@ -126,20 +126,22 @@ class _Scenes:
             return named([Variant("", changes, None, str(problem))])[0]
         return named([Variant("", changes, scene)])[0]
 
-    def evaluate(self, level: int, places: Sequence[Place]) -> list[Evaluation]:
+    def evaluate(self, level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
         """Sweep designs at a level."""
         variants = [self.variant(level, place) for place in places]
         found: Sweep = self.compute(variants, self.folder(level), figures=False)
         return [self._evaluation(place, entry, found) for place, entry in zip(places, found.table.entries, strict=True)]
 
-    def design(self, made: Mapping[Place, Evaluation], known: Mapping[Place, Expected], place: Place) -> Design:
+    def design(
+        self, made: Mapping[DesignPoint, Evaluation], known: Mapping[DesignPoint, Expected], place: DesignPoint
+    ) -> FoundDesign:
         """A design of the finest level as it is handed out."""
         last = len(self.task.levels) - 1
         name = self.variant(last, place).name
         allowed = bool((known[place].excess <= 0.0).all())
-        return Design(name, self.changes(place), made[place].quantities, self.folder(last) / name, allowed)
+        return FoundDesign(name, self.changes(place), made[place].quantities, self.folder(last) / name, allowed)
 
-    def _evaluation(self, place: Place, entry: Entry, found: Sweep) -> Evaluation:
+    def _evaluation(self, place: DesignPoint, entry: Entry, found: Sweep) -> Evaluation:
         if not entry.quantities:
             self.problems[place] = entry.reason
             return Evaluation(LEAST, problem=entry.reason)

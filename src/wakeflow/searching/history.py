@@ -14,10 +14,10 @@ from ..core.registry import did_you_mean
 from ..results.quantities import TableQuantity
 from .task import SearchTask
 
-__all__ = ["Evaluation", "Expected", "History", "Place"]
+__all__ = ["DesignPoint", "Evaluation", "Expected", "History"]
 
 Array = NDArray[np.float64]
-Place = tuple[float, ...]  # of a design: 0 to 1 along every axis
+DesignPoint = tuple[float, ...]  # of a design: 0 to 1 along every axis
 TWO_SIGMA = 2.0
 
 
@@ -48,15 +48,15 @@ class History:
     """All evaluations of a search by level and place."""
 
     task: SearchTask
-    found: list[dict[Place, Evaluation]] = field(init=False)
+    found: list[dict[DesignPoint, Evaluation]] = field(init=False)
 
     def __post_init__(self) -> None:
         self.found = [{} for _ in self.task.levels]
 
-    def add(self, level: int, made: Mapping[Place, Evaluation]) -> None:
+    def add(self, level: int, made: Mapping[DesignPoint, Evaluation]) -> None:
         """Take in what was computed. Raises SceneError where it lacks a quantity that is asked for."""
         for evaluation in made.values():
-            for name in [one.quantity for one in (*self.task.goals, *self.task.limits)]:
+            for name in self.task.asked:
                 if not evaluation.problem and name not in evaluation.quantities:
                     hint = did_you_mean(name, list(evaluation.quantities))
                     raise SceneError(f"level {level + 1} has no quantity {name!r}{hint}")
@@ -66,10 +66,10 @@ class History:
         """Core-seconds that a level has taken."""
         return sum(one.seconds for one in self.found[level].values())
 
-    def known(self) -> dict[Place, Expected]:
+    def known(self) -> dict[DesignPoint, Expected]:
         """What is expected of every design that could be computed."""
         shifts = [self._shift(level) for level in range(len(self.found))]
-        known: dict[Place, Expected] = {}
+        known: dict[DesignPoint, Expected] = {}
         for level, made in enumerate(self.found):  # finer ones last: they overwrite coarser ones
             for place, evaluation in made.items():
                 if evaluation.problem:
@@ -78,11 +78,11 @@ class History:
                     known[place] = self._expected(evaluation, *shifts[level])
         return known
 
-    def failed(self) -> list[Place]:
+    def failed(self) -> list[DesignPoint]:
         """Designs that cannot be computed at some level."""
         return list(dict.fromkeys(place for made in self.found for place, one in made.items() if one.problem))
 
-    def contenders(self, level: int) -> list[Place]:
+    def contenders(self, level: int) -> list[DesignPoint]:
         """Designs of the level before that are not computed at this one, and may be best as far as their intervals
         tell: none that keeps the limits is better even at the bad ends of its intervals. The likeliest come first.
         """
@@ -92,7 +92,7 @@ class History:
         able = [place for place in ahead if not any(_dominates(high, known[place].low) for high in sure)]
         return sorted(able, key=lambda place: self._rank(known[place], list(known.values())))
 
-    def front(self, level: int = -1) -> list[Place]:
+    def front(self, level: int = -1) -> list[DesignPoint]:
         """The designs of a level that keep the limits and that no other beats in all goals; where none keeps them, the
         one that comes nearest to that.
         """
@@ -105,7 +105,7 @@ class History:
         best = [a for a, one in kept.items() if not any(_dominates(b.losses, one.losses) for b in kept.values())]
         return sorted(best, key=lambda place: tuple(kept[place].losses))
 
-    def recommended(self, level: int = -1) -> Place | None:
+    def recommended(self, level: int = -1) -> DesignPoint | None:
         """Of the front the design that is nearest to the best of every goal, each in units of its range on the front;
         None where nothing could be computed.
         """
@@ -117,7 +117,7 @@ class History:
         off = (losses - losses.min(axis=0)) / np.where(span > 0.0, span, 1.0)
         return front[int(np.argmin(np.linalg.norm(off, axis=1)))]
 
-    def rivals(self) -> list[Place]:
+    def rivals(self) -> list[DesignPoint]:
         """Designs of the finest level that, within the intervals, may be as good as the recommended one."""
         best, known = self.recommended(), self.known()
         if best is None:

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from .history import Evaluation, History, Place
+from .history import DesignPoint, Evaluation, History
 from .proposals import Proposer, by_estimator
 from .task import SearchTask
 
 __all__ = ["Evaluator", "explore"]
 
 # (level, places) to what was found at each of them
-Evaluator = Callable[[int, Sequence[Place]], Sequence[Evaluation]]
+Evaluator = Callable[[int, Sequence[DesignPoint]], Sequence[Evaluation]]
 
 
 def explore(
@@ -32,7 +32,7 @@ def explore(
     """
     history = History(task)
 
-    def compute(level: int, places: Sequence[Place]) -> None:
+    def compute(level: int, places: Sequence[DesignPoint]) -> None:
         spent = sum(history.seconds(one) for one in range(len(task.levels)))
         tell(
             f"level {level + 1} of {len(task.levels)}: {len(places)} designs; {spent:.0f} of {task.budget:.0f} s spent"
@@ -47,7 +47,7 @@ def explore(
     return history
 
 
-def _next(history: History, propose: Proposer) -> tuple[int, Sequence[Place]] | None:
+def _next(history: History, propose: Proposer) -> tuple[int, Sequence[DesignPoint]] | None:
     """The level that is furthest behind its part of the budget and has something to compute, with designs for it; None
     where what is left of the budget would not pay for them.
     """

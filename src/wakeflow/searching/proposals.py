@@ -10,17 +10,17 @@ import warnings
 from collections.abc import Callable
 
 from ..core.errors import SceneError
-from .history import History, Place
+from .history import DesignPoint, History
 
 __all__ = ["Proposer", "at_random", "by_estimator"]
 
 # (history, how many) to places that are not in the history
-Proposer = Callable[[History, int], list[Place]]
+Proposer = Callable[[History, int], list[DesignPoint]]
 FIRST = 3  # balanced points an axis before the estimator is asked, at least those of one batch
 HOPELESS = 1e6  # excess of a design that cannot be computed
 
 
-def at_random(history: History, count: int) -> list[Place]:
+def at_random(history: History, count: int) -> list[DesignPoint]:
     """Points of a scrambled Sobol' sequence, from where the history ends."""
     from scipy.stats import qmc
 
@@ -33,7 +33,7 @@ def at_random(history: History, count: int) -> list[Place]:
         return [tuple(place) for place in sequence.random(count).tolist()]
 
 
-def by_estimator(history: History, count: int) -> list[Place]:
+def by_estimator(history: History, count: int) -> list[DesignPoint]:
     """Points where good designs are likelier than others. The same history gives the same points.
 
     Raises SceneError where optuna is not installed.
@@ -66,7 +66,7 @@ def by_estimator(history: History, count: int) -> list[Place]:
     return [tuple(trial.params[name] for name in names) for trial in trials]
 
 
-def _told(history: History) -> list[tuple[Place, list[float], list[float]]]:
+def _told(history: History) -> list[tuple[DesignPoint, list[float], list[float]]]:
     """Every design with its losses and excesses; one that cannot be computed is as bad as the worst, and hopeless."""
     known = history.known()
     if not known:

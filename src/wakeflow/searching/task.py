@@ -14,7 +14,7 @@ from ..scene import Scene
 from ..scene.changes import flat
 from ..sweeps.axis import Axis, axes_of
 
-__all__ = ["Goal", "Limit", "SearchTask", "read_search_file"]
+__all__ = ["Goal", "QuantityLimit", "SearchTask", "read_search_file"]
 
 KNOWN = ("scene", "maximise", "minimise", "where", "within", "set", "level", "budget", "seed", "at_a_time")
 AT_A_TIME = 8  # designs that are proposed and computed together, unless the file says otherwise
@@ -32,7 +32,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class Limit:
+class QuantityLimit:
     """What a quantity must not fall below (``least``) or exceed (``most``)."""
 
     quantity: str
@@ -56,10 +56,16 @@ class SearchTask:
     within: tuple[Axis, ...]
     goals: tuple[Goal, ...]
     budget: float
-    limits: tuple[Limit, ...] = ()
+    limits: tuple[QuantityLimit, ...] = ()
     levels: tuple[Mapping[str, Any], ...] = field(default_factory=lambda: ({},))
     seed: int = 0
     at_a_time: int = AT_A_TIME
+
+    @property
+    def asked(self) -> list[str]:
+        """Names of the quantities of goals and limits, each once."""
+        names = [goal.quantity for goal in self.goals] + [limit.quantity for limit in self.limits]
+        return list(dict.fromkeys(names))
 
 
 def read_search_file(path: Path | str) -> SearchTask:
@@ -110,11 +116,11 @@ def _names(table: Mapping[str, Any], key: str) -> Sequence[str]:
     return names
 
 
-def _limit(name: str, ends: Any) -> Limit:
+def _limit(name: str, ends: Any) -> QuantityLimit:
     numbers = isinstance(ends, Mapping) and ends and all(isinstance(end, int | float) for end in ends.values())
     if not numbers or not set(ends) <= {"least", "most"}:
         raise SceneError(f"search.where.'{name}': write {{ least = 0.9 }} or {{ most = ... }}, the name in quotes")
-    return Limit(name, ends.get("least"), ends.get("most"))
+    return QuantityLimit(name, ends.get("least"), ends.get("most"))
 
 
 def _seconds(table: Mapping[str, Any]) -> float:

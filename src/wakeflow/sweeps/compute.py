@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.cluster import Cluster, Place
+from ..core.cluster import Cluster, TaskPlace
 from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.store import cache_root
@@ -175,7 +175,7 @@ def executor_on(
     if isinstance(scheduler, Executor):
         return nullcontext(scheduler)
     logs.mkdir(parents=True, exist_ok=True)
-    return Cluster.connect(scheduler, Place(Path.cwd(), logs.absolute(), cache_root()))
+    return Cluster.connect(scheduler, TaskPlace(Path.cwd(), logs.absolute(), cache_root()))
 
 
 def _hands(executor: Executor) -> tuple[int, int]:

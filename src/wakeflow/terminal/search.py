@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..report.words import NO_VALUE, percent
 from ..results.measured import Measured
 from ..results.quantities import TableQuantity
-from ..searching.designs import Design, Search
+from ..searching.designs import FoundDesign, Search
 from .shares import measure_next
 
 __all__ = ["show_search"]
@@ -20,7 +20,7 @@ def show_search(found: Search) -> None:
     from rich.table import Table
 
     task, best = found.task, found.recommended
-    asked = list(dict.fromkeys([goal.quantity for goal in task.goals] + [limit.quantity for limit in task.limits]))
+    asked = task.asked
     goals = ", ".join(map(str, task.goals))
     table = Table(title=f"designs for {goals}", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
     keys = [axis.key.partition("=")[0].strip().removeprefix("-") for axis in task.within]  # the first of tied ones
@@ -35,7 +35,7 @@ def show_search(found: Search) -> None:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def _verdict(found: Search, best: Design) -> Sequence[str]:
+def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
     levels = zip(found.tried, found.seconds, strict=True)
     cost = ", ".join(f"{tried} designs in {seconds:.0f} s" for tried, seconds in levels)
     lines = [f"recommended, the first: {best.folder}", f"computed, from the coarsest level on: {cost} of one core"]
