@@ -22,6 +22,7 @@ import mpi_ranks
 import paper_compare
 import rebound
 import slope_angles
+import sweep_speed
 import target_error
 import throughput
 import time_resolved_cost
@@ -36,8 +37,8 @@ HERE = {
     study.__name__
     for study in (
         air_loading, aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved,
-        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, target_error,
-        throughput, time_resolved_cost,
+        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, sweep_speed,
+        target_error, throughput, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -204,3 +205,9 @@ def test_time_resolved_cost(tmp_path: Path) -> None:
     names = ["the program's own", "pressure: one level of cells at a time"]
     time_resolved_cost.main(tmp_path, names, told.append, time_resolved_cost.QUICK)
     assert [row[0] for row in table_rows("\n".join(told))] == names
+
+
+@pytest.mark.slow
+def test_two_workers_against_one(capsys: pytest.CaptureFixture[str]) -> None:
+    sweep_speed.main(["--tiny", "--tracks"])
+    assert "tracking bounds: one worker" in capsys.readouterr().out

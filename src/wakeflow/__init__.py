@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .results.result import Result
     from .runs import run
     from .scene import Scene
+    from .searching.designs import Search, search
     from .sweeps.comparison import compare
     from .sweeps.compute import Sweep, sweep
     from .sweeps.variant import variants
@@ -45,6 +46,7 @@ LAYERS = (
     "refining",
     "runs",
     "sweeps",
+    "searching",
     "labyrinth",
     "verify",
     "doctor",
@@ -69,6 +71,7 @@ _HOME = {
     "Result": "results.result",
     "Scene": "scene",
     "SceneError": "core.errors",
+    "Search": "searching.designs",
     "Sweep": "sweeps.compute",
     "Tracks": "tracking",
     "WakeflowError": "core.errors",
@@ -80,6 +83,7 @@ _HOME = {
     "layers": "laws.granule_layer",
     "plan": "planning.make:make_plan",
     "run": "runs",
+    "search": "searching.designs",
     "sweep": "sweeps.compute",
     "track": "tracking",
     "variants": "sweeps.variant",
@@ -87,8 +91,8 @@ _HOME = {
 
 __all__ = [
     "Body", "Collisions", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan",
-    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Sweep", "Tracks", "WakeflowError", "chain",
-    "compare", "dividers", "impact", "layer", "layers", "plan", "run", "sweep", "track", "variants",
+    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Search", "Sweep", "Tracks", "WakeflowError",
+    "chain", "compare", "dividers", "impact", "layer", "layers", "plan", "run", "search", "sweep", "track", "variants",
 ]  # fmt: skip
 
 

@@ -1,5 +1,5 @@
-"""The commands for many scenes and for what runs leave: sweep, compare, bins, sensitivity, clean; and options of
-several.
+"""The commands for many scenes and for what runs leave: sweep, search, compare, bins, sensitivity, clean; and options
+of several.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .scene.rungs import rungs
 
 __all__ = [
     "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Stage", "Target", "Threads", "bins", "clean",
-    "compare", "sensitivity", "sweep",
+    "compare", "search", "sensitivity", "sweep",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -112,6 +112,34 @@ def sweep(
     if not quiet:
         show_sweep(done)
     return SOME_FAILED if done.failed else 0
+
+
+def search(
+    file: Path,
+    *,
+    out: Annotated[Path | None, Parameter(help="Folder; default runs/ and the file's name.")] = None,
+    workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
+    scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find the best design of a scene: goals, limits and bounds in a file, coarse rungs first, within a budget.
+
+    Prints the designs that no other beats in all goals, the recommended one first, and what to measure to be surer. The
+    same command goes on where an interrupted one ended.
+
+    Parameters
+    ----------
+    file
+        A TOML file with a [search] table (docs/search.md).
+    """
+    from .searching.designs import search as find
+    from .terminal import live
+    from .terminal.search import show_search
+
+    with live(enabled=not quiet) as listener:
+        found = find(file, out or Path("runs", file.stem), scheduler=scheduler, workers=workers, listener=listener)
+    if not quiet:
+        show_search(found)
 
 
 def compare(
@@ -259,4 +287,4 @@ def clean(
     show_stages(stages)
 
 
-MANY = (sweep, compare, bins, sensitivity, clean)
+MANY = (sweep, search, compare, bins, sensitivity, clean)

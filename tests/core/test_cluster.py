@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from support import LoopbackCluster
-from wakeflow.core.cluster import Cluster, Place
+from wakeflow.core.cluster import Cluster, TaskPlace
 from wakeflow.core.errors import ProgramError, SceneError
 from wakeflow.core.process import run_program
 from wakeflow.core.store import Store
@@ -28,7 +28,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopbackCluste
 
 @pytest.fixture
 def cluster(running: LoopbackCluster, tmp_path: Path) -> Iterator[Cluster]:
-    with Cluster.connect(running.address, Place(tmp_path, tmp_path, tmp_path / "cache")) as found:
+    with Cluster.connect(running.address, TaskPlace(tmp_path, tmp_path, tmp_path / "cache")) as found:
         yield found
 
 
@@ -89,7 +89,7 @@ def test_tasks_have_processes_of_their_own_in_the_callers_place(cluster: Cluster
 
 
 def test_processes_end_with_their_executor(running: LoopbackCluster, tmp_path: Path) -> None:
-    place = Place(tmp_path, tmp_path, tmp_path)
+    place = TaskPlace(tmp_path, tmp_path, tmp_path)
     with Cluster.connect(running.address, place) as first:
         pid = first.submit(os.getpid).result()
     assert not psutil.pid_exists(pid)
@@ -115,7 +115,7 @@ def test_a_worker_that_is_killed_leaves_no_solver_and_another_goes_on(cluster: C
 
 def test_a_place_that_workers_do_not_see_is_said_so(running: LoopbackCluster, tmp_path: Path) -> None:
     with (
-        Cluster.connect(running.address, Place(tmp_path, tmp_path / "nowhere", tmp_path)) as cluster,
+        Cluster.connect(running.address, TaskPlace(tmp_path, tmp_path / "nowhere", tmp_path)) as cluster,
         pytest.raises(ProgramError, match="file system that all workers share"),
     ):
         cluster.submit(os.getpid).result()
@@ -132,4 +132,4 @@ def test_mpi_jobs_go_to_workers_with_the_cores(cluster: Cluster, running: Loopba
 def test_a_scheduler_that_is_not_there_is_said_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("wakeflow.core.cluster.PATIENCE", 0.5)
     with pytest.raises(SceneError, match=r"no Dask scheduler answers at 'tcp://127\.0\.0\.1:9'"):
-        Cluster.connect("tcp://127.0.0.1:9", Place(tmp_path, tmp_path, tmp_path))
+        Cluster.connect("tcp://127.0.0.1:9", TaskPlace(tmp_path, tmp_path, tmp_path))

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import CASES, shipped
+from support import CASES, Here, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.results.result import Request
@@ -27,19 +26,6 @@ from wakeflow.sweeps.variant import Variant, variants
 
 CHAIN = {"numerics.rung": "none", "feed.count": 64}  # flown without air: seconds, and no compiled tracker
 OVER = {"fraction.wheat.restitution": [0.3, 0.5, 1.5], "feed.height": ["80 mm", "120 mm"]}
-
-
-class Here(Executor):
-    """An executor of the caller's own that works in this process, and counts."""
-
-    def __init__(self) -> None:
-        self.calls: list[tuple[str, str]] = []
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        self.calls.append((fn.__name__, args[0].folder.name))
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 @pytest.fixture(scope="module")

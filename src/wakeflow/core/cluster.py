@@ -25,7 +25,7 @@ from .workers import Workers
 if TYPE_CHECKING:
     import distributed
 
-__all__ = ["RANKS", "Cluster", "Place"]
+__all__ = ["RANKS", "Cluster", "TaskPlace"]
 
 Result = TypeVar("Result")
 Given = ParamSpec("Given")
@@ -34,7 +34,7 @@ PATIENCE = 20.0  # s for a scheduler to answer
 
 
 @dataclass(frozen=True)
-class Place:
+class TaskPlace:
     """Where tasks work, on whichever machine: the working folder ``cwd``, the folder ``logs``, the ``cache``; all of
     them on a file system that every worker sees.
     """
@@ -53,13 +53,13 @@ class Cluster(Executor):
     """
 
     client: distributed.Client
-    place: Place
+    place: TaskPlace
     needs: Mapping[str, int] = field(default_factory=dict)
     _own: bool = False
     _sent: dict[Future[Any], distributed.Future[Any]] = field(default_factory=dict)
 
     @classmethod
-    def connect(cls, scheduler: str | distributed.Client, place: Place) -> Cluster:
+    def connect(cls, scheduler: str | distributed.Client, place: TaskPlace) -> Cluster:
         """The cluster behind a scheduler's address such as tcp://host:8786, or behind a client of the caller's own.
 
         Raises SceneError where Dask is not installed or no scheduler answers.
@@ -152,13 +152,13 @@ class _Lost(WakeflowError):
 
 
 # Processes beside this Dask worker, by where they work: those that wait for the next task, and all that live.
-_idle: dict[Place, list[Workers]] = {}
-_alive: dict[Place, list[Workers]] = {}
+_idle: dict[TaskPlace, list[Workers]] = {}
+_alive: dict[TaskPlace, list[Workers]] = {}
 _numbers = count(1)
 
 
 def _call_beside(
-    place: Place, function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]
+    place: TaskPlace, function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]
 ) -> Any:
     """On a Dask worker: call ``function`` in a process of its own that works in ``place``; such processes are kept.
 
@@ -183,7 +183,7 @@ def _call_beside(
         idle.append(own)
 
 
-def _end_beside(place: Place) -> None:
+def _end_beside(place: TaskPlace) -> None:
     """On a Dask worker: end the processes that work in ``place``, whatever they do."""
     for own in _alive.pop(place, []):
         own.end()

@@ -29,7 +29,7 @@ from ..tracking import Body, Fate, Granules, Tracks
 from .landings import load_drawn_tracks
 from .realisations import Realisations
 
-__all__ = ["Flight", "Piece", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
+__all__ = ["Flight", "FlightPiece", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
@@ -41,7 +41,7 @@ HOVERING = 1e4  # the same where no body stands: granules of almost the air spee
 Flown = tuple[dict[str, Any], list[dict[str, Array]]]  # columns of landings, and tracks for pictures
 
 
-class Piece(NamedTuple):
+class FlightPiece(NamedTuple):
     """What is flown at a time of a ``fraction``: ``replicates`` in one ``realisation`` of the airflow, after so many
     granules that are ``before`` them.
     """
@@ -75,7 +75,7 @@ class Flight:
             if not (folder / f"{name}.npz").exists():
                 self._keep(name, folder, self._fly_pieces(self.pieces(name), drawn=drawn), drawn=drawn)
 
-    def keep_piece(self, piece: Piece, folder: Path, *, drawn: bool) -> None:
+    def keep_piece(self, piece: FlightPiece, folder: Path, *, drawn: bool) -> None:
         """Fly one piece and keep it in ``folder``, for :meth:`join`."""
         ((columns, paths),) = self._fly_pieces([piece], drawn=drawn)
         if paths:
@@ -88,7 +88,7 @@ class Flight:
         for name in self.scene.fraction:
             self._keep(name, folder, (_kept_piece(kept[str(piece)]) for piece in self.pieces(name)), drawn=drawn)
 
-    def pieces(self, name: str) -> list[Piece]:
+    def pieces(self, name: str) -> list[FlightPiece]:
         """What is flown of a fraction at a time: one realisation of the airflow after the other, and whole replicates,
         so that memory grows neither with the number of fields nor with that of granules.
         """
@@ -97,11 +97,11 @@ class Flight:
         for number in range(min(airs, self.replicates)):
             own = range(number, self.replicates, airs)
             for replicates in (own[i : i + step] for i in range(0, len(own), step)):
-                found.append(Piece(name, number, replicates, done))
+                found.append(FlightPiece(name, number, replicates, done))
                 done += size * len(replicates)
         return found
 
-    def _fly_pieces(self, pieces: Sequence[Piece], *, drawn: bool) -> Iterator[Flown]:
+    def _fly_pieces(self, pieces: Sequence[FlightPiece], *, drawn: bool) -> Iterator[Flown]:
         count = self.replicates * replicate_size(self.scene.feed.count)
         chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         for number, own in groupby(pieces, lambda piece: piece.realisation):

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.cluster import Cluster, Place
+from ..core.cluster import Cluster, TaskPlace
 from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.store import cache_root
@@ -30,7 +30,7 @@ from .work import JobEnd, finished
 if TYPE_CHECKING:
     import distributed
 
-__all__ = ["Sweep", "SweepEstimate", "look_ahead", "sweep"]
+__all__ = ["Sweep", "SweepEstimate", "executor_on", "look_ahead", "sweep"]
 
 WRITE_EVERY = 30.0  # s between tables on disk while scenes are computed
 TABLE, WIDE, PARQUET = "sweep.csv", "scenes.csv", "sweep.parquet"
@@ -120,6 +120,7 @@ def sweep(
     force: Mapping[str, bool] | None = None,
     target_error: float | None = None,
     report: bool = False,
+    figures: bool = True,
     listener: Listener = silent,
 ) -> Sweep:
     """Compute many scenes and write one table to the folder ``out``; each stage is computed once.
@@ -127,9 +128,9 @@ def sweep(
     ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
     ``scheduler``: the address of a Dask scheduler (tcp://host:8786), a ``dask.distributed.Client``, or any other
     ``concurrent.futures.Executor``, whose workers see the same folders; by default ``workers`` processes on this
-    machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with
-    ``report`` each scene's is drawn too. The same call goes on where an interrupted or killed one ended; a scene that
-    fails is in the table with its reason, and is tried again by the next call.
+    machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with ``report`` each scene's
+    is drawn too, without ``figures`` none of the table's. The same call goes on where an interrupted or killed one
+    ended; a scene that fails is in the table with its reason, and is tried again by the next call.
 
     Raises SceneError where there is nothing to compute, another sweep writes to ``out``, the disk is too small, or no
     scheduler answers.
@@ -145,13 +146,13 @@ def sweep(
     try:
         with FileLock(folder / ".lock", timeout=0):
             listener("sweep", "planning")
-            with _executor(scheduler, count, folder) as executor:
+            with executor_on(scheduler, count, folder) as executor:
                 workers, threads = _hands(executor)
                 agenda = make_agenda(found, folder, request, threads=threads, report=report, workers=workers)
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, found, agenda)
                 do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
-            return rows.finish()
+            return rows.finish(figures=figures)
     except Timeout:
         raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None
 
@@ -160,17 +161,21 @@ def _variants(scenes: Scenes) -> list[Variant]:
     return read_sweep_file(scenes) if isinstance(scenes, Path | str) else of_scenes(scenes)
 
 
-def _executor(
+def executor_on(
     scheduler: str | distributed.Client | Executor | None, count: int, folder: Path
 ) -> AbstractContextManager[Executor]:
-    """The caller's executor, left open, or processes of this sweep's own, here or on a cluster, ended with it."""
+    """The caller's executor, left open, or processes of its own, here or on a cluster, that end with the ``with``; what
+    these print goes to ``folder``/workers.
+
+    Raises SceneError where no scheduler answers.
+    """
     logs = folder / "workers"
     if scheduler is None:
         return Workers(count, logs)
     if isinstance(scheduler, Executor):
         return nullcontext(scheduler)
-    logs.mkdir(exist_ok=True)
-    return Cluster.connect(scheduler, Place(Path.cwd(), logs.absolute(), cache_root()))
+    logs.mkdir(parents=True, exist_ok=True)
+    return Cluster.connect(scheduler, TaskPlace(Path.cwd(), logs.absolute(), cache_root()))
 
 
 def _hands(executor: Executor) -> tuple[int, int]:
@@ -240,8 +245,8 @@ class _Rows:
     def table(self) -> ResultTable:
         return ResultTable(tuple(self.entries.values()), self.targets)
 
-    def finish(self) -> Sweep:
-        """Write the tables and draw the figures."""
+    def finish(self, *, figures: bool) -> Sweep:
+        """Write the tables and draw the ``figures``."""
         from ..report.many import draw_table_figures
 
         table = self.table
@@ -250,6 +255,6 @@ class _Rows:
         table.write_wide_csv(self.folder / WIDE)
         table.write_parquet(self.folder / PARQUET)
         drawn = any((self.folder / "figures").glob("*.png"))
-        if not drawn or before != (self.folder / TABLE).read_text():
+        if figures and (not drawn or before != (self.folder / TABLE).read_text()):
             draw_table_figures(self.folder / "figures", table)
         return Sweep(self.folder, table)

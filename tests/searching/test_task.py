@@ -1,0 +1,94 @@
+"""A search from its file to its answer, on granules without air."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import wakeflow as wf
+from support import CASES, Here, shipped
+from wakeflow.core.errors import SceneError
+from wakeflow.searching.task import Goal, QuantityLimit, SearchTask, read_search_file
+from wakeflow.sweeps.axis import Axis, axis_of_text
+from wakeflow.terminal.search import show_search
+
+FILE = f"""
+[search]
+scene = "{CASES / "rhombus.toml"}"
+maximise = "recovery.wheat"
+minimise = ["airflow.fan_power"]
+budget = "2 hour"
+
+[search.within]
+air.speed = {{ from = "3 m/s", to = "7 m/s" }}
+body.rhombus.slope_angle = {{ from = "35 deg", to = "50 deg" }}
+
+[search.where]
+"purity.outer-left.wheat" = {{ least = 0.95 }}
+
+[[search.level]]
+numerics.rung = "none"
+feed.count = 256
+
+[[search.level]]
+numerics.rung = "draft"
+"""
+
+
+def test_a_file_says_goals_bounds_limits_levels_and_budget(tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE)
+    task = read_search_file(path)
+    assert task.goals == (Goal("recovery.wheat"), Goal("airflow.fan_power", -1))
+    assert task.limits == (QuantityLimit("purity.outer-left.wheat", least=0.95),)
+    assert task.limits[0].excess(0.97) == pytest.approx(-0.02)
+    assert [axis.key for axis in task.within] == ["air.speed", "body.rhombus.slope_angle"]
+    assert task.levels == ({"numerics.rung": "none", "feed.count": 256}, {"numerics.rung": "draft"})
+    assert task.budget == 7200.0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('budget = "2 hour"', ""), "budget is missing"),
+        (('"2 hour"', '"2 m"'), "budget = '2 m'"),
+        (('maximise = "recovery.wheat"\nminimise = ["airflow.fan_power"]', ""), "name at least one quantity"),
+        (("maximise", "maximize"), "maximize: unknown key"),
+        (("least", "last"), "write { least"),
+        (('{ from = "3 m/s", to = "7 m/s" }', "5"), "air.speed: needs from and to"),
+        (("[search]", "[sweep]"), r"holds a \[search\] table"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str, tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE.replace(*change, 1))
+    with pytest.raises(SceneError, match=said) as caught:
+        read_search_file(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
+    monkeypatch.setattr("wakeflow.report.many.draw_table_figures", lambda folder, table: None)
+    scene, here = shipped("rhombus", {"numerics.rung": "none"}), Here()
+    tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
+    axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))
+    levels = ({"feed.count": 16}, {"feed.count": 32})
+    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=1.0, levels=levels, at_a_time=2)
+    found = wf.search(task, tmp_path, scheduler=here)
+    assert found.tried == (2, 1)
+    best = found.recommended
+    assert best.quantities["recovery.wheat"].value == found.result.landings.separation.recovery["wheat"].value
+    assert best.changes["bin.middle.from"] == f"-{best.changes['bin.inner-right.from']}"
+    assert best.name in {one.name for one in found.front}
+    table = (tmp_path / "level-2" / "sweep.csv").read_bytes()
+    calls = len(here.calls)
+    assert wf.search(task, tmp_path, scheduler=here) == found
+    assert len(here.calls) == calls
+    assert (tmp_path / "level-2" / "sweep.csv").read_bytes() == table
+    show_search(found)
+    assert "recommended, the first" in capsys.readouterr().out
