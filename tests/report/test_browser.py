@@ -33,7 +33,7 @@ CONTRAST = """() => {
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = Scene.load(CASES / "vacuum.toml").replace({"feed.count": 256})
+    scene = Scene.load(CASES / "vacuum.toml").replace({"feed.count": 64})
     return wf.run(scene, tmp_path_factory.mktemp("page"))
 
 
