@@ -31,9 +31,9 @@ def test_a_run_shows_its_bodies_and_its_tracks(tmp_path: Path) -> None:
     paths = {name: [{"time": time, "position": side * fall, "velocity": side * fall}] for name, side in SIDES.items()}
     write_tracks(tmp_path, paths)
     look(scene, tmp_path, picture)
-    between = _pixels(picture, BODY)[200:750]  # the legend and the bins, whose letters have edges in all greys
+    between = _pixels(picture, BODY)[200:650, 400:800]  # of walls, legend and bins, whose edges have all greys
     left, middle, right = np.quantile(np.argwhere(between)[:, 1], [0.05, 0.5, 0.95])
-    assert middle == pytest.approx(600, abs=5)  # the prism stands on the axis, in the middle of 1200 pixels
+    assert middle == pytest.approx(200, abs=5)  # the prism stands on the axis, in the middle of 1200 pixels
     assert 45 < right - left < 90  # 50 mm are 89 pixels
     for name, colour in fraction_colours(list(SIDES)).items():
         drawn = np.argwhere(_pixels(picture, colour)[200:])[:, 1]
