@@ -17,7 +17,7 @@ import wakeflow as wf
 from wakeflow.field import FlowField
 from wakeflow.laws.material import materials
 from wakeflow.report.canvas import bins_across
-from wakeflow.report.html.asked import machine_rows, material_rows, proofs_of, resolved, source_of
+from wakeflow.report.html.asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from wakeflow.report.html.live import FRAMES, POINTS, _frames
 from wakeflow.results.provenance import commit_of
 from wakeflow.scene import Scene
@@ -149,7 +149,7 @@ def _middle(frame: str) -> tuple[int, int, int]:
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_scene_on_the_page_computes_the_same(name: str, cases: Path) -> None:
     scene = Scene.load(cases / f"{name}.toml")
-    whole = tomllib.loads(resolved(scene))
+    whole = tomllib.loads(scene_in_full(scene))
     assert whole["feed"]["seed"] == scene.feed.seed  # defaults too
     again, asked = (flat(one.model_dump(mode="json")) for one in (Scene.parse(whole), scene))
     assert again.keys() == asked.keys()

@@ -19,7 +19,7 @@ from ...scene.changes import flat
 from ...scene.messages import unit_of
 from ..sketch import UNITS
 
-__all__ = ["MaterialRow", "Proof", "machine_rows", "material_rows", "proofs_of", "resolved", "source_of"]
+__all__ = ["MaterialRow", "Proof", "machine_rows", "material_rows", "proofs_of", "scene_in_full", "source_of"]
 
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
 QUANTITIES = {  # of a material: name, unit
@@ -116,7 +116,7 @@ def source_of(key: str, why: str) -> str:
     return why if margin is None else f"{why}: {margin.source}"
 
 
-def resolved(scene: Scene) -> str:
+def scene_in_full(scene: Scene) -> str:
     """The scene as TOML in SI units with every default that was used; loading it gives a scene that computes the
     same.
     """

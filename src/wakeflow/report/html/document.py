@@ -30,9 +30,9 @@ from ..words import (
     percent,
     source_seconds,
 )
-from .asked import machine_rows, material_rows, proofs_of, resolved, source_of
+from .asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from .live import live_data
-from .rows import airflow_rows, end_rows, funnel_rows, number, points, seconds
+from .rows import airflow_rows, end_rows, funnel_rows, number, percentage_points, seconds
 
 if TYPE_CHECKING:
     from ...results.result import Result
@@ -114,7 +114,9 @@ def _template() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(percent=percent, points=points, number=number, seconds=seconds, between=_between)
+    environment.filters.update(
+        percent=percent, points=percentage_points, number=number, seconds=seconds, between=_between
+    )
     environment.globals.update(change_of=change_of)
     return environment.get_template("page.html.j2")
 
@@ -146,7 +148,7 @@ def _asked(result: Result, scene: Scene) -> dict[str, Any]:
         "proofs": proofs_of(result.plan.rung),
         "rung_about": rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
         "origin": _origin(result),
-        "scene": resolved(scene),
+        "scene": scene_in_full(scene),
         "colours": fraction_colours(list(scene.fraction)),
     }
 

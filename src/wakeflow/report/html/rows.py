@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ...results.funnel_summary import FunnelSummary
     from ...results.result import MeshSummary
 
-__all__ = ["airflow_rows", "end_rows", "funnel_rows", "number", "points", "seconds"]
+__all__ = ["airflow_rows", "end_rows", "funnel_rows", "number", "percentage_points", "seconds"]
 
 Lines = tuple[tuple[str, str, str], ...]
 AIRFLOW: Lines = (  # attribute, name, unit
@@ -158,7 +158,7 @@ def number(value: float | None) -> str:
     return f"{value:.4g}"
 
 
-def points(value: float | None) -> str:
+def percentage_points(value: float | None) -> str:
     """A share as percentage points, two digits; a dash for None."""
     return NO_VALUE if value is None else f"{100 * value:.2g}"
 
