@@ -328,7 +328,7 @@ def flown_by_chance(flight: Flight, folder: Path, *, drawn: bool) -> None:
 
 @pytest.mark.openfoam
 def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The steady wake's granules fly while the time-resolved airflow is solved; on one core they fly after it."""
+    """The coarser mesh's airflow is solved beside the answer's; on one core after it."""
     scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard"})
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
@@ -348,7 +348,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
         case = next((tmp_path / f"cache-{cores}" / "airflow").glob("*/case/loop.json")).parent
         measured = json.loads((case / "airflow.json").read_text()) | {"seconds": None}
         found[cores] = (done.table["separation"], measured)
-        order[cores] = told.index("draft steady wakedone") < told.index("airflowdone")
+        order[cores] = told.index("grid x 1.5 airflowdone") < told.index("airflowdone")
         assert not done.seconds["draft steady wake"].cached
     assert order == {1: False, 2: True}
     assert found[1] == found[2]

@@ -51,7 +51,9 @@ PACKAGES = {  # distribution: what it is for
     "jinja2": "report.html",
     "filelock": "the cache",
     "matplotlib": "pictures",
+    "pillow": "moving pictures of the report",
     "pint": "units in scenes",
+    "threadpoolctl": "one thread of BLAS for each of the run's own",
 }
 PROGRAMS = {
     "gmshToFoam": "mesh conversion",

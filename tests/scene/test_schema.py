@@ -16,7 +16,8 @@ from wakeflow.core.errors import SceneError
 from wakeflow.scene import Scene
 from wakeflow.scene.schema import scene_schema
 
-SCENES = sorted(path for path in CASES.rglob("*.toml") if not path.name.startswith("sweep-"))  # of many scenes
+OF_MANY = ("sweep-*.toml", "search/*.toml")  # tables beside a scene's own
+SCENES = sorted(path for path in CASES.rglob("*.toml") if not any(path.match(name) for name in OF_MANY))
 
 
 @cache

@@ -25,7 +25,7 @@ def _case(replicate: np.ndarray) -> BenchmarkCase:
 
 def test_granules_that_reach_no_bin_are_elsewhere() -> None:
     x = np.array([-0.3, -0.2, -0.1, 0.0, 0.19, 0.2, np.nan])
-    assert shares._bins(_case(np.zeros(7, dtype=int)), x).tolist() == [2, 0, 0, 1, 1, 2, 2]
+    assert shares.bins_of(_case(np.zeros(7, dtype=int)), x).tolist() == [2, 0, 0, 1, 1, 2, 2]
 
 
 def test_a_paired_difference_knows_what_a_difference_of_shares_does_not() -> None:
