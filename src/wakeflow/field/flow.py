@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
+from ..core.lazy import cached_property
 from . import checks
 from .divergence import Divergence, divergence_of
 from .mirror import mirrored, reflected

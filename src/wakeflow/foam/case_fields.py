@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from ..core.lazy import cached_property
 from ..laws.turbulence_models import FROM_EPSILON, FROM_OMEGA, Dissipation, TurbulenceModel, turbulence_models
 from .case import read_parameters
 from .polymesh import FoamMesh, read_polymesh

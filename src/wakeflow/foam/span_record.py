@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from ..core.files import atomic_write
+from ..core.lazy import cached_property
 from .case_fields import CaseFields, Snapshot
 
 __all__ = ["COLUMNS", "K_AT", "LAYERS", "OMEGA_AT", "PACKED", "SpanRecord", "des_dissipation", "pack"]

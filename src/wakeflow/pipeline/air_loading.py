@@ -12,11 +12,12 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.boxes import ForceDensity
+from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.plan import Plan
 from ..scene import Scene

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from ..core.lazy import cached_property
 from .airflow_kinds import airflow_kinds
 from .realisations import Realisations
 from .residence import residence_table

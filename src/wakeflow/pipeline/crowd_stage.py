@@ -5,10 +5,11 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.crowd import CrowdPlan
 from ..planning.plan import Plan

@@ -7,11 +7,12 @@ The airflow and its field belong to the kind of airflow that the plan chose (``a
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import SceneError
+from ..core.lazy import cached_property
 from ..core.store import Store, cache_root, content_key
 from ..funnel import compute as compute_funnel
 from ..planning.make import Planner

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.files import atomic_write
+from ..core.lazy import cached_property
 from ..core.resources import case_template
 from ..core.store import content_key, digest_files
 from ..planning.airflow import SHEDDING_ABOVE

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.span import CONVECTIVE_PERIOD
 from .airflow_kinds import airflow_kinds

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.plan import COMPARED, REPLICATES, Plan
 from ..scene import Scene

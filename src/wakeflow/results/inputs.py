@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.lazy import cached_property
 from ..injection.sobol import normal_points
 from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
 from .measured import Share

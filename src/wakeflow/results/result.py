@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
 from ..core.errors import SceneError
 from ..core.files import write_json
 from ..core.graded import GRADES
+from ..core.lazy import cached_property
 from ..core.record import Partial, column, from_json, to_json
 from ..pipeline.stages import StageTime
 from .airflow_summary import Airflow

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from ..core.lazy import cached_property
 from ..core.registry import Registry
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
+from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
 from ..scene.messages import unit_of
 from .quantities import TableQuantity

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import wakeflow
 
 from ..core.errors import SceneError
+from ..core.lazy import cached_property
 from ..core.record import to_json
 from ..core.store import content_key, digest_files
 from ..pipeline.airflow_kinds import CaseAir

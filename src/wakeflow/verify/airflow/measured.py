@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.lazy import cached_property
 from ...core.registry import Registry
 from ...foam.cost import core_seconds
 from ...pipeline.pipeline import Pipeline

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.files import write_json
+from ...core.lazy import cached_property
 from ...core.store import Store, content_key
 from ...field import FlowField
 from ...field.varied import varied

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import distance_to
+from ...core.lazy import cached_property
 from ...core.sources import code_key
 from ...core.store import content_key
 from ...field import FlowField

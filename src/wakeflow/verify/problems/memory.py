@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.lazy import cached_property
 from ...laws.drag import drag_laws, terminal_velocity
 from ...laws.forces.history_force import MEMORIES, history_time, memories_of
 from ...tracking import Body, Granules, track
