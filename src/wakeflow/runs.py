@@ -174,7 +174,7 @@ def _pipeline(
     workers: int | None,
     listener: Listener,
     crew: int,
-    planned: Callable[[Plan], object] = lambda _: None,
+    planned: Callable[[Plan], object] = _unheard,
 ) -> tuple[Pipeline, FunnelSummary | None]:
     """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
     the plan before.
