@@ -352,3 +352,15 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
         assert not done.seconds["draft steady wake"].cached
     assert order == {1: False, 2: True}
     assert found[1] == found[2]
+
+
+def test_every_blas_has_one_thread_in_a_run() -> None:
+    """One that is first loaded within it as well: its waiting threads made a mapping of fields eighty times as long."""
+    code = """
+import wakeflow.runs as runs
+with runs._one_thread_of_blas():
+    import scipy.linalg, scipy.interpolate, threadpoolctl
+    found = [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
+assert found and set(found) == {1}, found
+"""
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60).stderr == ""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -163,6 +164,8 @@ def _run_once(
 def _one_thread_of_blas() -> AbstractContextManager[object]:
     """Threads of the run's own share the cores; those of BLAS would wait for each other, and sum in their own order."""
     from threadpoolctl import threadpool_limits
+
+    import_module("scipy.linalg")  # brings a BLAS of its own, and only what is loaded can be limited
 
     limits: AbstractContextManager[object] = threadpool_limits(1, user_api="blas")
     return limits
