@@ -53,15 +53,21 @@ def langevin(z: float) -> tuple[float, float, float, float, float]:
     """
     z = max(z, 1e-300)
     x = 0.5 * z
-    t = math.tanh(x)
-    mean = -math.expm1(-z) / z
+    if x < 0.25:  # one exponential makes all, since a slab draws at every other step; no cancellation either way
+        lost = -math.expm1(-z)
+        decay = 1.0 - lost
+    else:
+        decay = math.exp(-z)
+        lost = 1.0 - decay
+    t = lost / (2.0 - lost)
+    mean = lost / z
     if x < 1.0:  # x - tanh x without cancellation: Lambert's continued fraction of tanh
         y = x * x
         d = 3.0 + y / (5.0 + y / (7.0 + y / (9.0 + y / (11.0 + y / (13.0 + y / (15.0 + y / (17.0 + y / 19.0)))))))
         own = math.sqrt(x / (d + y))
     else:
         own = math.sqrt((1.0 - t / x) / x)
-    return math.exp(-z), math.sqrt(-math.expm1(-2.0 * z)), mean, mean * math.sqrt(t), own
+    return decay, math.sqrt(lost * (2.0 - lost)), mean, mean * math.sqrt(t), own
 
 
 def brownian_diffusivity(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from ..kernel import layout as at
 from ..kernel.air import bracket, shares
+from ..kernel.dispersion import renew_in
 from ..kernel.events import harmonic
 from ..kernel.forces import drag_rate, forces_in_gradient, spin_in_curl
 from ..kernel.jit import compiled, inlined
@@ -16,13 +17,13 @@ from ..kernel.locate import INSIDE, reproject, walk
 from ..kernel.walls import inside
 from . import layout as of
 
-__all__ = ["GONE", "aim", "mesh_at", "refresh"]
+__all__ = ["GONE", "aim", "refresh", "stir"]
 
 GONE = -1  # what ``aim`` returns for a granule that has left the mesh
 
 
 @compiled
-def mesh_at(swing, t):
+def _mesh_at(swing, t):
     """Displacement and velocity of a mesh that swings; zeros at rest."""
     if swing[at.SWING_OMEGA] == 0.0:
         return 0.0, 0.0, 0.0, 0.0
@@ -34,7 +35,7 @@ def mesh_at(swing, t):
 def refresh(air, nodes, clock, room, timed):
     """Bring the mesh, and the weights of what stands about it in time, to the middle of the step."""
     middle = 0.5 * (clock[of.NOW] + clock[of.UNTIL])
-    clock[of.OUT_X], clock[of.OUT_Y], _, _ = mesh_at(air.swing, middle)
+    clock[of.OUT_X], clock[of.OUT_Y], _, _ = _mesh_at(air.swing, middle)
     if not timed:
         return
     state, ints, weights = room.air_state, room.air_ints, nodes.weights
@@ -56,12 +57,12 @@ def refresh(air, nodes, clock, room, timed):
 
 @compiled
 def _bring(air, nodes, c):
-    """Bring node c to the middle of the step: what granules read there, which the lifetime of eddies is not of."""
+    """Bring node c to the middle of the step."""
     v, now, rates, s = air.values, nodes.now, nodes.rates, nodes.weights
     a, b = nodes.when[of.BEFORE], nodes.when[of.AFTER]
     nodes.looked[c] = nodes.when[of.THIS_STEP]
     smooth = air.smooth[at.KNOT_RATE] != 0.0
-    for m in range(min(now.shape[1], at.NODE_LIFE)):
+    for m in range(now.shape[1]):
         if smooth:
             now[c, m] = s[0] * v[c, a, m] + s[1] * v[c, a + 1, m] + s[2] * v[c, a + 2, m] + s[3] * v[c, a + 3, m]
         else:
@@ -166,6 +167,29 @@ def _place(state, ints, air, walls, clock, half):
         whole = q0 + q1 + q2
         q0, q1, q2 = q0 / whole, q1 / whole, q2 / whole
     return tri, q0, q1, q2
+
+
+@inlined
+def stir(state, ints, grain, table, air, nodes, rules, clock):
+    """Begin an interval of noise, which is the tracker's, in the air of this step; it ends with a step of the clock."""
+    g, tri = air.geometry, max(ints[at.TRI], 0)
+    c0, c1, c2 = _corners(air, nodes, tri)
+    now = nodes.now
+    wind = max(abs(now[c0, at.NODE_U]), abs(now[c0, at.NODE_V]))
+    seen = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if grain[at.DISPERSION] != 0.0:
+        q0, q1, q2 = _shares(g, tri, state[at.X] - clock[of.OUT_X], state[at.Y] - clock[of.OUT_Y])
+        q0, q1, q2 = min(1.0, max(0.0, q0)), min(1.0, max(0.0, q1)), min(1.0, max(0.0, q2))
+        r0, r1, r2 = now[c0, at.NODE_RMS], now[c1, at.NODE_RMS], now[c2, at.NODE_RMS]
+        seen = (
+            _mix(now, c0, c1, c2, q0, q1, q2, at.NODE_U),
+            _mix(now, c0, c1, c2, q0, q1, q2, at.NODE_V),
+            _mix(now, c0, c1, c2, q0, q1, q2, at.NODE_LIFE),
+            q0 * r0 + q1 * r1 + q2 * r2,
+            r0 * g[tri, at.B0X] + r1 * g[tri, at.B1X] + r2 * g[tri, at.B2X],
+            r0 * g[tri, at.B0Y] + r1 * g[tri, at.B1Y] + r2 * g[tri, at.B2Y],
+        )
+    renew_in(state, ints, grain, table, rules, wind, seen, clock[of.UNTIL] - state[at.T], clock[of.STEP])
 
 
 @inlined

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 from ..kernel import layout as at
-from ..kernel.air import bracket
 from ..kernel.clearance import clearance
 from ..kernel.crossings import first_line, first_wall
 from ..kernel.dense_output import along
-from ..kernel.dispersion import renew
 from ..kernel.events import wall_displacement
 from ..kernel.jit import compiled, inlined
 from ..kernel.locate import barycentric
 from . import layout as of
-from .air import GONE, aim, mesh_at
+from .air import GONE, aim, stir
 from .strikes import STILL, hit_wall, press
 
 __all__ = ["begin_leg", "end_leg", "fly_on"]
@@ -76,22 +74,6 @@ def _glide(path, own, h):
         own[of.Z] + a * own[of.VZ],
         e * own[of.VZ],
     )
-
-
-@inlined
-def _renew(state, ints, affine, air, grain, table, rules, clock):
-    """Begin an interval of noise, which is the tracker's, seen from the mesh; it ends with a step of the clock."""
-    dx, dy, wx, wy = mesh_at(air.swing, state[at.T])
-    bracket(state, ints, affine, air)
-    state[at.X] -= dx
-    state[at.Y] -= dy
-    state[at.VX] -= wx
-    state[at.VY] -= wy
-    renew(state, ints, affine, air, grain, table, rules, clock[of.UNTIL] - state[at.T], clock[of.STEP])
-    state[at.X] += dx
-    state[at.Y] += dy
-    state[at.VX] += wx
-    state[at.VY] += wy
 
 
 @compiled
@@ -184,7 +166,7 @@ def _by_walls(state, ints, own, tally, grain, walls, rules, clock, path, hold, e
 @inlined
 def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, clock, room):
     """Fly from the granule's time to the end of the step."""
-    path, affine, hold = room.path, room.affine, room.hold
+    path, hold = room.path, room.hold
     begin_leg(state, own, tally, clock)
     own[of.TOUCHED] = of.LOOSE
     pieces = 0
@@ -194,7 +176,7 @@ def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, cloc
         last = pieces >= MOST_PIECES
         if grain[at.NOISE] != 0.0 and not last:
             if not state[at.T] < state[at.T_NOISE] - SAME * clock[of.STEP]:
-                _renew(state, ints, affine, air, grain, table, rules, clock)
+                stir(state, ints, grain, table, air, nodes, rules, clock)
             if state[at.T_NOISE] < clock[of.UNTIL] - SAME * clock[of.STEP]:
                 h = min(h, state[at.T_NOISE] - state[at.T])
         ints[at.STEPS] += 1

@@ -18,7 +18,7 @@ from .forces import drag_rate
 from .jit import compiled, inlined
 from .locate import barycentric
 
-__all__ = ["drawn", "mirror", "renew"]
+__all__ = ["drawn", "mirror", "renew", "renew_in"]
 
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
@@ -70,14 +70,14 @@ def _on_beat(span, rest, beat):
 
 
 @compiled
-def _eddies(state, ints, affine, air, grain, table, rules, least, rest, beat):
+def _eddies(state, ints, grain, table, rules, seen, least, rest, beat):
     """Renew the fluctuation for an interval, and return its length; ``least`` is the shortest worth drawing.
 
     The fluctuation over the deviation s = sqrt(2 k / 3) obeys  dw = (-w / T_i + grad s / (1 + St)) dt + sqrt(2 / T_i)
     dW, T_i along and across the slip: what keeps tracers well mixed (Thomson 1987, J. Fluid Mech. 180, 529; for
     granules with inertia Bocksell & Loth 2006, Int. J. Multiphase Flow 32, 1234).
     """
-    ux, uy, life, rms, sx, sy = _stirred_air(state, ints, affine, air)
+    ux, uy, life, rms, sx, sy = seen
     # a tracer moves with the fluctuation that it has just seen: that is no slip
     ex, ey = ux + rms * state[at.MEAN_X] - state[at.VX], uy + rms * state[at.MEAN_Y] - state[at.VY]
     slip = math.sqrt(ex * ex + ey * ey)
@@ -104,20 +104,30 @@ def _eddies(state, ints, affine, air, grain, table, rules, least, rest, beat):
 
 
 @compiled
-def renew(state, ints, affine, air, grain, table, rules, rest, beat):
-    """Begin an interval of noise at the granule's clock: draw what it sees until the next. For those that share a clock
-    it ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0: none) later.
+def renew(state, ints, affine, air, grain, table, rules):
+    """Begin an interval of noise at the granule's clock: draw what it sees until the next."""
+    corner = air.corners[max(ints[at.TRI], 0), 0]  # of the air, at one corner: only a scale
+    wind = max(abs(nodal(air, ints, 0.0, corner, at.NODE_U)), abs(nodal(air, ints, 0.0, corner, at.NODE_V)))
+    seen = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if grain[at.DISPERSION] != 0.0:
+        seen = _stirred_air(state, ints, affine, air)
+    renew_in(state, ints, grain, table, rules, wind, seen, 0.0, 0.0)
+
+
+@compiled
+def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
+    """The same in air that was read already: its speed about (``wind``, m/s), and what ``_stirred_air`` tells of it.
+    For those that share a clock the interval ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0:
+    none) later.
     """
-    speed = math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2)
-    for m in range(2):  # of the air, at one corner: only a scale
-        speed = max(speed, abs(nodal(air, ints, 0.0, air.corners[max(ints[at.TRI], 0), 0], m)))
+    speed = max(math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), wind)
     span = (rules.until - state[at.BORN]) / LEAST_INTERVALS
     if speed > 0.0:
         span = min(span, PASSAGE * rules.length / speed)
     if grain[at.DISPERSION] != 0.0:
         if ints[at.DRAWS] == 0:  # the process is stationary at birth
             state[at.SEEN_X], state[at.SEEN_Y] = drawn(ints, rules)
-        span = _eddies(state, ints, affine, air, grain, table, rules, 0.05 * span, rest, beat)
+        span = _eddies(state, ints, grain, table, rules, seen, 0.05 * span, rest, beat)
     else:
         span = _on_beat(span, rest, beat)
     if grain[at.DIFFUSIVITY] != 0.0:

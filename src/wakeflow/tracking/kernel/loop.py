@@ -64,7 +64,7 @@ def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
     if timed and state[at.T] >= state[at.T_END]:
         bracket(state, ints, affine, air)
     if grain[at.NOISE] != 0.0 and state[at.T] >= state[at.T_NOISE]:
-        renew(state, ints, affine, air, grain, table, rules, 0.0, 0.0)
+        renew(state, ints, affine, air, grain, table, rules)
     return edge
 
 
