@@ -19,6 +19,7 @@ import kernel_speed
 import labyrinth_chain
 import locked_band
 import mpi_ranks
+import neighbours
 import paper_compare
 import rebound
 import slope_angles
@@ -37,8 +38,8 @@ HERE = {
     study.__name__
     for study in (
         air_loading, aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved,
-        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, slope_angles, sweep_speed,
-        target_error, throughput, time_resolved_cost,
+        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, neighbours, paper_compare, rebound, slope_angles,
+        sweep_speed, target_error, throughput, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -53,6 +54,17 @@ def table_rows(text: str) -> list[list[str]]:
     rules = [i for i, line in enumerate(lines) if set(line) <= set("| -:")]
     kept = [line for i, line in enumerate(lines) if i not in rules and i + 1 not in rules]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in kept]
+
+
+@pytest.mark.openfoam
+def test_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))  # put back what the study sets
+    neighbours.main(["--quick"])
+    text = capsys.readouterr().out
+    rows = table_rows(text)
+    assert [row[1] for row in rows] == ["rest", "4"]
+    assert int(rows[1][3]) < int(rows[1][2])
+    assert "from their neighbours" in text
 
 
 def test_target_error(capsys: pytest.CaptureFixture[str]) -> None:

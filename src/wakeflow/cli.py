@@ -51,6 +51,7 @@ def run(
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
+    near: Path | None = None,
     workers: Threads = None,
     quiet: Quiet = False,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
@@ -67,6 +68,8 @@ def run(
         A scene file (TOML); make one with: wakeflow new
     until
         Stop after this stage.
+    near
+        Folder of a run whose airflow this one's is solved on from, instead of from rest.
     as_json
         Print result.json instead of tables; on stderr how far the run is, as JSON lines.
     """
@@ -81,7 +84,8 @@ def run(
     with live(enabled=not quiet, as_json=as_json) as listener:
         result = runs.run(
             asked, out or Path("runs", run_folder(scene.stem, asked, changes, options)), until=until, rung=rung,
-            force=switches, target_error=target_error, workers=workers, listener=listener, planned=listener.planned,
+            force=switches, target_error=target_error, near=near, workers=workers, listener=listener,
+            planned=listener.planned,
         )  # fmt: skip
     if as_json:
         print(json.dumps(result.table, indent=2))

@@ -68,6 +68,7 @@ def sweep(
     target_error: Target = None,
     workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
     scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
+    neighbours: bool = False,
     report: bool = False,
     dry_run: bool = False,
     quiet: Quiet = False,
@@ -86,6 +87,8 @@ def sweep(
         How many scenes latin-hypercube and sobol draw.
     seed
         Of what is drawn.
+    neighbours
+        Solve each steady airflow on from the nearest that is there, instead of from rest.
     report
         Draw the report of every scene too.
     dry_run
@@ -101,13 +104,13 @@ def sweep(
     found, name = asked_for(scene, settings, design, count, seed)
     folder, switches = out or Path("runs", name), switches_of(force)
     if dry_run:
-        seen = look_ahead(found, folder, rung=rung, force=switches, target_error=target_error)
+        seen = look_ahead(found, folder, rung=rung, force=switches, target_error=target_error, neighbours=neighbours)
         show_estimate(seen, workers or cores())
         return 0
     with live(enabled=not quiet) as listener:
         done = compute(
             found, folder, scheduler=scheduler, workers=workers, rung=rung, force=switches, target_error=target_error,
-            report=report, listener=listener,
+            neighbours=neighbours, report=report, listener=listener,
         )  # fmt: skip
     if not quiet:
         show_sweep(done)

@@ -90,6 +90,7 @@ def run(
     rung: str | None = None,
     force: Mapping[str, bool] | None = None,
     target_error: float | None = None,
+    near: Path | str | None = None,
     workers: int | None = None,
     listener: Listener = silent,
     planned: Callable[[Plan], object] = _unheard,
@@ -102,7 +103,9 @@ def run(
     file's name); finished stages come from the cache.
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
-    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. With a ``target_error`` the
+    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. The steady airflow is solved
+    on from that of the run in the folder ``near``, whatever its mesh, speed or size, else from rest; the answer hangs
+    on it within what it may move once it counts as steady, and is kept apart. With a ``target_error`` the
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
     (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
     time, ``planned(plan)`` before of what will be done; ``redraw`` draws a finished report anew; without ``report``
@@ -112,7 +115,7 @@ def run(
     """
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
-    request = Request(until, rung, dict(force or {}), target_error)
+    request = Request(until, rung, dict(force or {}), target_error, None if near is None else str(near))
     once = partial(
         _run_once,
         folder=folder,
@@ -153,7 +156,7 @@ def _run_once(
         with FileLock(folder / ".lock", timeout=0), _one_thread_of_blas():
             pipeline, poured = _pipeline(scene, request, workers, listener, crew, planned)
             result = _Run(scene, pipeline, poured, folder, request, redraw, report, refinement).result()
-            if workers is None and crew == 1:  # with all cores, as the expected times are meant
+            if workers is None and crew == 1 and request.near is None:  # all cores, from rest: as the plan expects it
                 spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)
             return result
@@ -185,7 +188,11 @@ def _pipeline(
     planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
     plan = planner.plan(rung)
     planned(plan)
-    pipeline = Pipeline(plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner, crew=crew)
+    beside = None if request.near is None else _neighbour(Path(request.near), (), in_turn(listener))
+    pipeline = Pipeline(
+        plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner, crew=crew, neighbour=beside,
+        seconds={} if beside is None else beside.seconds,
+    )  # fmt: skip
     poured = funnel_of(pipeline.funnel)
     if poured is not None and request.until != "funnel":
         fed = _fed(scene, poured)
@@ -193,6 +200,21 @@ def _pipeline(
         plan = planner.plan(rung)
         pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
     return pipeline, poured
+
+
+def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pipeline:
+    """The stages of the run in ``folder``, which may have ended with its airflow; ``before``: those that start from it.
+
+    Raises SceneError where there is none, or where it starts from one of those itself.
+    """
+    here = folder.resolve()
+    if here in before:
+        raise SceneError(f"--near {folder}: that airflow starts from itself; name a run that was started from rest")
+    tables, request = asked_in(folder, whole=False)
+    further = None if request.near is None else _neighbour(Path(request.near), (*before, here), listener)
+    scene = Scene.parse(tables).fed()
+    plan = Planner(scene, request.force, request.target_error).plan(request.rung)
+    return Pipeline(plan.airflow.flown(scene), plan, listener, label="neighbour ", neighbour=further)
 
 
 def help_along(scene: Scene, request: Request, *, workers: int, crew: int) -> None:
@@ -212,6 +234,8 @@ def _check(scene: Scene, folder: Path, request: Request, workers: int | None) ->
         raise SceneError("until = 'funnel': the scene has no [funnel] table")
     if workers is not None and workers < 1:
         raise SceneError(f"workers = {workers}: at least 1")
+    if request.near is not None and Path(request.near).resolve() == folder.resolve():
+        raise SceneError(f"--near {request.near}: is the run's own folder; name another run")
     if folder.exists() and not folder.is_dir():
         raise SceneError(f"--out {folder}: is a file; name a folder")
 

@@ -502,6 +502,7 @@ def test_no_tracks_are_an_empty_file(tmp_path: Path) -> None:
         (Measured(1.0, 0.99998, 1.0), "100.000 -0.002"),
         (Share(0.982, 0.951, 0.991), "98.2 -3.1 +0.9"),
         (Share(0.0, 0.0, 0.004), "0.0 +0.4"),
+        (Measured(0.756, 0.637, 0.875), "76 ± 12"),
         (Measured(0.25, 0.25, 0.25), "25.0 ± 0.0"),
         (Measured(0.5, None, None), "50.0"),
         (Measured(None, None, None), "–"),

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -38,7 +38,7 @@ class AirflowKind(ABC):
     """The airflow of one scene under one plan.
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the scene's steady airflow, which is
-    solved where it is not yet.
+    solved where it is not yet, and ``neighbour`` that of another scene to start it from, None for a start from rest.
     """
 
     scene: Scene
@@ -46,6 +46,7 @@ class AirflowKind(ABC):
     cache: StageCache
     grid: int
     steady: Callable[[], CaseAir]
+    neighbour: Callable[[], CaseAir | None] = field(default=lambda: None, kw_only=True)
     at_once: ClassVar[bool] = False  # known without meshing, solving or reading files
 
     @abstractmethod

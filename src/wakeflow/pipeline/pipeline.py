@@ -43,7 +43,8 @@ class Pipeline:
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
     same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
-    by default it is one with the plan's own options. ``crew``: how many processes compute the scene side by side.
+    by default it is one with the plan's own options. ``crew``: how many processes compute the scene side by side. From
+    the steady airflow of a ``neighbour`` that of this scene is solved on, on whatever mesh that one stands.
     """
 
     scene: Scene
@@ -57,6 +58,7 @@ class Pipeline:
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
     crew: int = 1
+    neighbour: Pipeline | None = None
     _grids: dict[int, Pipeline] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -88,7 +90,14 @@ class Pipeline:
     def kind(self) -> AirflowKind:
         """What computes the airflow."""
         made: type[AirflowKind] = airflow_kinds[self.plan.airflow.kind]
-        return made(self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case)
+        return made(self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case, neighbour=self._beside)
+
+    def _beside(self) -> CaseAir | None:
+        """The steady airflow of the neighbour, on the grid that is most like this one."""
+        if self.neighbour is None:
+            return None
+        steady = self.neighbour.draft
+        return steady.on_grid(min(self.grid, len(steady.plan.airflow.scales) - 1))._in_case
 
     @property
     def _in_case(self) -> CaseAir:

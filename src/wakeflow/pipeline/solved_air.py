@@ -100,6 +100,11 @@ class SolvedAir(CaseAir):
 class SteadyAir(SolvedAir):
     """One steady solution: the flow itself where the wake does not shed."""
 
+    def start(self) -> Path | None:
+        """The steady airflow of a neighbour, where the scene has one."""
+        near = self.neighbour()
+        return None if near is None else near.case
+
     @property
     def model_is_unknown(self) -> bool:
         return (self.scene.reynolds or 0.0) >= SHEDDING_ABOVE

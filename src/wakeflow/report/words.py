@@ -37,13 +37,15 @@ TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a co
 MOST_DIGITS = 4  # after the point of a percentage, however narrow its interval
 ALIKE = 0.4  # of half of an interval: arms that differ by no more are shown as one
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
+ROUGH_POINTS = 100.0 * ROUGH
 
 
 def percent(number: Measured | Share | None) -> str:
     """``"62.1 ± 0.8"`` from a measured number in 0..1: percent and half its 95 % interval, or its two arms where they
     differ, ``"98.2 -3.1 +0.9"``; a dash for none.
 
-    The number of decimals follows the shorter arm, so that it never shows as zero unless it is.
+    The number of decimals follows the shorter arm, so that it never shows as zero unless it is: two figures from ten
+    points on.
     """
     if number is None or number.value is None:
         return NO_VALUE
@@ -53,7 +55,8 @@ def percent(number: Measured | Share | None) -> str:
     half, shorter = 0.5 * (below + above), min(below, above)
     alike = max(below, above) - shorter <= ALIKE * half
     least = half if alike or shorter <= 0.0 else shorter
-    digits = 1 if least <= 0 else min(MOST_DIGITS, max(1, -math.floor(math.log10(least))))
+    decimal = 0 if least >= ROUGH_POINTS else 1
+    digits = 1 if least <= 0 else min(MOST_DIGITS, max(decimal, -math.floor(math.log10(least))))
     value = f"{100 * number.value:.{digits}f}"
     arms = [f"-{below:.{digits}f}"] * (below > 0.0) + [f"+{above:.{digits}f}"] * (above > 0.0)
     return f"{value} ± {half:.{digits}f}" if alike else " ".join([value, *arms])

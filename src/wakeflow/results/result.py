@@ -47,6 +47,9 @@ class Request:
     rung: str | None = column("", "instead of the scene's own; null for that")
     force: dict[str, bool] = column("", "terms switched by hand")
     target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
+    near: str | None = column(
+        "", "folder of the run whose airflow this one's starts from; null: from rest", default=None
+    )
 
 
 @dataclass(frozen=True)
@@ -173,15 +176,18 @@ def _unfinished(folder: Path | str) -> SceneError:
     return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}")
 
 
-def asked_in(folder: Path | str) -> tuple[dict[str, Any], Request]:
-    """The scene and the request of the finished run in ``folder``, which may be one of an older version.
+def asked_in(folder: Path | str, *, whole: bool = True) -> tuple[dict[str, Any], Request]:
+    """The scene and the request of the finished run in ``folder``, which may be one of an older version, and where it
+    need not be ``whole`` one that ended before the shares.
 
     Raises SceneError where there is none.
     """
     table = _read(folder)
     try:
-        scene, options, _ = table["scene"], table["options"], table["separation"]
-        return scene, Request(None, options["rung"], options["force"], options.get("target_error"))
+        scene, options = table["scene"], table["options"]
+        if whole:
+            table["separation"]
+        return scene, Request(None, options["rung"], options["force"], options.get("target_error"), options.get("near"))
     except (KeyError, TypeError):
         raise _unfinished(folder) from None
 

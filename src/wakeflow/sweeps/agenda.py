@@ -1,5 +1,7 @@
 """The agenda of a sweep: which stages its scenes share, what waits for what, what it will cost.
 
+Where neighbours help an airflow waits for the one that it starts from (``neighbours``), and goes on from rest where
+that one fails.
 Scenes that fly in one airflow wait for it, and it is solved once. Of scenes whose flights are the same (they differ in
 mass shares, targets or the feed's rate) one flies and the others wait for it. Both are told from plans alone, before
 anything is computed. Where two stages turn out equal beyond that, the lock of the cache makes one wait for the other.
@@ -8,7 +10,7 @@ anything is computed. Where two stages turn out equal beyond that, the lock of t
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import wakeflow
@@ -26,6 +28,7 @@ from ..planning.plan import Plan
 from ..results.result import Request
 from ..runs import versions
 from ..scene import Scene
+from .neighbours import starts
 from .variant import Variant
 from .work import Job, finished
 
@@ -82,7 +85,7 @@ class _Planned:
     scene: Scene
     plan: Plan
     request: Request
-    stamp: str
+    stamp: str = ""
 
     @cached_property
     def airflow(self) -> str | None:
@@ -125,32 +128,65 @@ def make_agenda(
     threads: int = 1,
     report: bool = False,
     workers: int = 1,
+    neighbours: bool = False,
 ) -> Agenda:
     """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing.
 
-    Where there are fewer scenes than ``workers`` several of these fly the granules of one.
+    Where there are fewer scenes than ``workers`` several of these fly the granules of one. With ``neighbours`` an
+    airflow starts from the nearest one that is there by then.
     """
     planned: list[_Planned] = []
     problems: dict[str, str] = {}
-    code, found = digest_files([Path(wakeflow.__file__).parent]), versions()
     for variant in variants:
-        scene = variant.scene
-        if scene is None:
+        if variant.scene is None:
             problems[variant.name] = variant.problem
             continue
-        order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
-        stamp = content_key(scene.tables(), order, to_json(request), code, found)
         try:
-            plan = make_plan(scene, rung=request.rung, force=request.force, target_error=request.target_error)
+            plan = make_plan(variant.scene, rung=request.rung, force=request.force, target_error=request.target_error)
         except SceneError as problem:
             problems[variant.name] = str(problem)
             continue
-        planned.append(_Planned(variant, scene, plan, request, stamp))
+        planned.append(_Planned(variant, variant.scene, plan, request))
+    planned = _stamped(_started(planned, out) if neighbours else planned)
     stamps = {one.variant.name: one.stamp for one in planned}
     open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
     jobs = _Jobs(out, threads, report, workers // max(1, len(open_ones)))
     airflows = list(_airflow_steps(open_ones, jobs))
     return Agenda((*airflows, *_flight_steps(open_ones, jobs)), stamps, problems)
+
+
+def _stamped(planned: Iterable[_Planned]) -> list[_Planned]:
+    """The scenes, each with the stamp of all that it is made for."""
+    code, found = digest_files([Path(wakeflow.__file__).parent]), versions()
+
+    def stamp(one: _Planned) -> str:
+        order = [list(keyed) for keyed in (one.scene.body, one.scene.fraction, one.scene.bin)]
+        return content_key(one.scene.tables(), order, to_json(one.request), code, found)
+
+    return [replace(one, stamp=stamp(one)) for one in planned]
+
+
+def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:
+    """The scenes, each asked for near the one whose airflow its own starts from."""
+    first = _by_airflow(planned)
+    keys = list(first)
+    places = starts([one.variant.inputs for one in first.values()])
+    near = {key: str(out / _folder(keys[place])) for key, place in zip(keys, places, strict=True) if place is not None}
+    return [replace(one, request=replace(one.request, near=near.get(one.airflow or ""))) for one in planned]
+
+
+def _by_airflow(planned: Iterable[_Planned]) -> dict[str, _Planned]:
+    """The first scene of each airflow that costs something, by what tells that airflow from others."""
+    first: dict[str, _Planned] = {}
+    for one in planned:
+        if one.airflow is not None:
+            first.setdefault(one.airflow, one)
+    return first
+
+
+def _folder(airflow: str) -> str:
+    """Where the own result of an airflow stands, in the sweep's folder."""
+    return f"{AIRFLOWS}/{airflow[:12]}"
 
 
 @dataclass(frozen=True)
@@ -171,15 +207,13 @@ class _Jobs:
 
 def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
     """One step for each airflow, the longest first, so that none is left alone at the end."""
-    first: dict[str, _Planned] = {}
-    for one in planned:
-        if one.airflow is not None:
-            first.setdefault(one.airflow, one)
+    first = _by_airflow(planned)
+    folders = {str(jobs.out / _folder(key)): _folder(key) for key in first}
     steps = []
     for key, one in first.items():
-        cost, folder = airflow_cost(one.scene, one.plan.airflow), f"{AIRFLOWS}/{key[:12]}"
-        job = jobs.of(one, folder, report=False)
-        steps.append(Step(folder, job, True, None, cost.seconds, cost.disk, one.ranks))
+        cost, folder = airflow_cost(one.scene, one.plan.airflow), _folder(key)
+        job, needs = jobs.of(one, folder, report=False), folders.get(one.request.near or "")
+        steps.append(Step(folder, job, True, needs, cost.seconds, cost.disk, one.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 
@@ -187,7 +221,7 @@ def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
     leaders: dict[tuple[str | None, str], str] = {}
     for one in planned:
         same, name = (one.airflow, one.flight), one.variant.name
-        before = None if one.airflow is None else f"{AIRFLOWS}/{one.airflow[:12]}"
+        before = None if one.airflow is None else _folder(one.airflow)
         air = airflow_cost(one.scene, one.plan.airflow)
         needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
         leaders.setdefault(same, name)

@@ -100,10 +100,11 @@ def look_ahead(
     rung: str | None = None,
     force: Mapping[str, bool] | None = None,
     target_error: float | None = None,
+    neighbours: bool = False,
 ) -> SweepEstimate:
     """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
     found = _variants(scenes)
-    agenda = make_agenda(found, Path(out), Request(None, rung, dict(force or {}), target_error))
+    agenda = make_agenda(found, Path(out), Request(None, rung, dict(force or {}), target_error), neighbours=neighbours)
     airflows = sum(step.airflow for step in agenda.steps)
     flights = len(agenda.steps) - airflows
     before = len(found) - flights - len(agenda.problems)
@@ -119,6 +120,7 @@ def sweep(
     rung: str | None = None,
     force: Mapping[str, bool] | None = None,
     target_error: float | None = None,
+    neighbours: bool = False,
     report: bool = False,
     figures: bool = True,
     listener: Listener = silent,
@@ -128,7 +130,8 @@ def sweep(
     ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
     ``scheduler``: the address of a Dask scheduler (tcp://host:8786), a ``dask.distributed.Client``, or any other
     ``concurrent.futures.Executor``, whose workers see the same folders; by default ``workers`` processes on this
-    machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with ``report`` each scene's
+    machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with ``neighbours`` a steady
+    airflow starts from the nearest one that is solved by then, the same in every run; with ``report`` each scene's
     is drawn too, without ``figures`` none of the table's. The same call goes on where an interrupted or killed one
     ended; a scene that fails is in the table with its reason, and is tried again by the next call.
 
@@ -148,7 +151,9 @@ def sweep(
             listener("sweep", "planning")
             with executor_on(scheduler, count, folder) as executor:
                 workers, threads = _hands(executor)
-                agenda = make_agenda(found, folder, request, threads=threads, report=report, workers=workers)
+                agenda = make_agenda(
+                    found, folder, request, threads=threads, report=report, workers=workers, neighbours=neighbours
+                )
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, found, agenda)
                 do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)

@@ -66,16 +66,16 @@ class _Board:
             self.waiting.setdefault(step.needs, []).append(step)
 
     def end(self, executor: Executor, future: Future[JobEnd]) -> list[tuple[Step, JobEnd]]:
-        """The step that has ended, and those that fail with the airflow that they need; hands out those it frees."""
+        """The step that has ended, and those that fail with the airflow that they fly in; hands out those it frees."""
         step = self.running.pop(future)
         outcome = _outcome(future)
         self.found[step.name] = outcome
         freed = self.waiting.pop(step.name, [])
-        if not (step.airflow and outcome.problem):
-            for other in freed:
+        stuck = [other for other in freed if step.airflow and outcome.problem and not other.airflow]
+        for other in freed:
+            if other not in stuck:
                 self.begin(executor, other)
-            return [(step, outcome)]
-        lost = [(other, JobEnd(f"its airflow failed: {outcome.problem}")) for other in self._after(freed)]
+        lost = [(other, JobEnd(f"its airflow failed: {outcome.problem}")) for other in self._after(stuck)]
         self.found |= {other.name: why for other, why in lost}
         return [(step, outcome), *lost]
 

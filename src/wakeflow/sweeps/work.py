@@ -9,14 +9,14 @@ import json
 import traceback
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
 from ..core.store import cache_root
-from ..results.result import Request, Result
+from ..results.result import FILE, Request, Result
 from ..runs import help_along, run
 from ..scene import Scene
 
@@ -42,6 +42,12 @@ class Job:
     threads: int = 1
     report: bool = False
     crew: int = 1
+
+    @property
+    def asked(self) -> Request:
+        """The request as it can be met: from rest where the airflow to start from has failed."""
+        near = self.request.near
+        return replace(self.request, near=near if near is not None and (Path(near) / FILE).exists() else None)
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ def help_fly(job: Job) -> JobEnd:
     """Fly part of a scene's granules beside the process that computes it to its end."""
     if finished(job.folder, job.stamp) is None:
         _compile()
-        help_along(Scene.parse(job.tables), job.request, workers=job.threads, crew=job.crew)
+        help_along(Scene.parse(job.tables), job.asked, workers=job.threads, crew=job.crew)
     return JobEnd()
 
 
@@ -99,14 +105,14 @@ def _alone(folder: Path) -> AbstractContextManager[object]:
 
 
 def _tried(job: Job, until: str | None) -> JobEnd:
-    asked = job.request
+    asked = job.asked
     try:
         (job.folder / STAMP).unlink(missing_ok=True)
         if job.tracked and until is None:
             _compile()
         run(
             Scene.parse(job.tables), job.folder, until=until, rung=asked.rung, force=asked.force,
-            target_error=asked.target_error, workers=job.threads, report=job.report, refine=False,
+            target_error=asked.target_error, near=asked.near, workers=job.threads, report=job.report, refine=False,
             crew=job.crew,
         )  # fmt: skip
     except ProgramError as problem:

@@ -1,0 +1,105 @@
+"""Airflows of a sweep that start from each other: which from which, what that saves, and that the answer stays."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.core.errors import SceneError
+from wakeflow.results.result import Request
+from wakeflow.sweeps import run_agenda
+from wakeflow.sweeps.agenda import make_agenda
+from wakeflow.sweeps.neighbours import starts
+from wakeflow.sweeps.work import Job, JobEnd
+
+COARSE = {
+    "numerics.mesh_scale": 3.0,
+    "feed.count": 256,
+    "feed.rate": "0.5 kg/hour",
+}  # no granule meets or loads the air
+
+
+def test_the_most_central_starts_from_rest_and_the_others_from_the_nearest() -> None:
+    speeds = [{"air.speed": float(speed)} for speed in (3, 4, 5, 6, 7)]
+    assert starts(speeds) == [2, 2, None, 2, 2]  # 4 is as near to 3 as to 5, which is there first
+    assert starts([{"air.speed": float(speed)} for speed in range(11)])[:3] == [5, 0, 0]
+    two = [{"air.speed": 1.0, "body.shape": shape} for shape in ("prism", "rhombus", "rhombus")]
+    two.append({"air.speed": 1.1, "body.shape": "prism"})
+    assert starts(two) == [1, None, 1, 1]  # speeds span 1.0 to 1.1: as far apart as two shapes
+    assert starts([]) == []
+    assert starts([{}]) == [None]
+    assert starts([{"a": 1.0}, {"a": 1.0}]) == [None, 0]
+
+
+def test_an_airflow_waits_for_the_one_that_it_starts_from(tmp_path: Path) -> None:
+    found = wf.variants(shipped("rhombus", COARSE), ["air.speed=4,5,6", "fraction.chaff.restitution=0.2,0.3"])
+    cold, warm = (
+        make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=near) for near in (False, True)
+    )
+    airflows = [step for step in warm.steps if step.airflow]
+    roots = [step for step in airflows if step.needs is None]
+    assert len(airflows) == 3
+    assert len(roots) == 1
+    assert {step.needs for step in airflows} == {None, roots[0].name}
+    for step in warm.steps:  # flights ask for the air that was solved so
+        if not step.airflow:
+            speed = step.job.tables["air"]["speed"]
+            assert (step.job.request.near is None) == (speed == roots[0].job.tables["air"]["speed"])
+    assert cold.stamps != warm.stamps
+    again = make_agenda(found[::-1], tmp_path, Request(None, "draft", {}, None), neighbours=True)
+    assert again.stamps == warm.stamps
+
+
+def test_where_a_neighbour_fails_the_others_start_from_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = wf.variants(shipped("rhombus", COARSE), ["air.speed=4,5"])
+    asked: dict[float, str | None] = {}
+
+    def solve(job: Job) -> JobEnd:
+        speed = float(job.tables["air"]["speed"])
+        asked[speed] = job.asked.near
+        return JobEnd("no luck" if job.request.near is None else "")
+
+    monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)
+    monkeypatch.setattr(run_agenda, "fly_scene", lambda job: JobEnd())
+    from concurrent.futures import ThreadPoolExecutor
+
+    agenda = make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=True)
+    ends: dict[str, JobEnd] = {}
+    with ThreadPoolExecutor(1) as pool:
+        run_agenda.do_agenda(agenda, pool, lambda _: None, lambda step, end: ends.update({step.name: end}))
+    assert asked == {4.0: None, 5.0: None}
+    assert sorted(bool(end.problem) for name, end in ends.items() if not name.startswith("airflows")) == [False, True]
+
+
+@pytest.mark.openfoam
+def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path) -> None:
+    """Another speed, another mesh: fewer iterations, the same drag and shares within what they are said to be."""
+    base = shipped("rhombus", COARSE)
+    first = wf.run(base, tmp_path / "first", rung="draft", report=False)
+    other = base.replace({"air.speed": 5.5, "numerics.mesh_scale": 2.85})
+    rest = wf.run(other, tmp_path / "rest", rung="draft", report=False)
+    near = wf.run(other, tmp_path / "near", rung="draft", near=tmp_path / "first", report=False)
+    steps = [run.table["airflow"]["steps"] for run in (first, rest, near)]
+    assert steps[2] < 0.9 * steps[1]
+    drag = [run.table["airflow"]["cd"]["value"] for run in (rest, near)]
+    assert drag[1] == pytest.approx(drag[0], rel=2e-3)
+    for name, row in rest.separation["fractions"].items():
+        for place, share in row.items():
+            assert near.separation["fractions"][name][place]["value"] == pytest.approx(share["value"], abs=0.02)
+    assert near.key != rest.key
+    options: dict[str, Any] = json.loads((tmp_path / "near" / "result.json").read_text())["options"]
+    assert options["near"] == str(tmp_path / "first")
+    wf.report_again(tmp_path / "near")  # finds the airflow that was started so
+
+
+def test_a_start_that_cannot_be_is_one_line(tmp_path: Path) -> None:
+    scene = shipped("rhombus", COARSE)
+    with pytest.raises(SceneError, match="own folder"):
+        wf.run(scene, tmp_path, near=tmp_path)
+    with pytest.raises(SceneError, match="holds no finished run"):
+        wf.run(scene, tmp_path / "run", near=tmp_path / "nothing")
