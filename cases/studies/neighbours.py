@@ -57,7 +57,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="two speeds, a coarse mesh, few granules")
     asked = parser.parse_args(arguments)
     speeds = [4.0, 5.0] if asked.quick else [float(word) for word in asked.speeds.split(",")]
-    few = {"feed.count": 64, "numerics.mesh_scale": 4.0} if asked.quick else {"feed.count": 4096}
+    few = {"feed.count": 64, "numerics.mesh_scale": 4.0} if asked.quick else {"feed.count": 1024}
     alone = {"feed.rate": "0.5 kg/hour", **few}  # granules neither meet nor load the air
     scenes = wf.variants(wf.Scene.load(CASES / "rhombus.toml").replace(alone), {"air.speed": speeds})
     with tempfile.TemporaryDirectory() as place:
