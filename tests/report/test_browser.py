@@ -102,7 +102,10 @@ def test_a_bin_tells_its_shares_to_mouse_and_keyboard(page: Any, run: wf.Result)
     assert "Point at a bin" in told.text_content()
     scene = Scene.parse(run.scene)
     line, channel = scene.bin["far"].line(scene.channel).mean(axis=0), scene.channel
+    page.locator("#machine").scroll_into_view_if_needed()
     box = page.locator("#machine").bounding_box()
+    canvas = page.evaluate("[...['width', 'height'].map((side) => document.getElementById('machine')[side])]")
+    assert box["width"] / box["height"] == pytest.approx(canvas[0] / canvas[1], rel=0.02)  # circles are round
     across, up = channel.width, channel.top - channel.bottom
     room = 0.05 * max(across, up)
     x = box["x"] + box["width"] * (line[0] + across / 2 + room) / (across + 2 * room)

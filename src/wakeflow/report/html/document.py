@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import struct
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
@@ -42,6 +43,7 @@ __all__ = ["render", "write_html"]
 
 SKETCH = "sketch"  # the figure that stands beside the machine's measures
 MOST_MOVED = 3  # shares that are told of a number
+LONG = 1.75  # width over height of a picture that takes the page's whole width
 SIDE = 900  # dots of the longer side of the script's canvas
 HOW = {
     "measured": "from this run",
@@ -86,7 +88,11 @@ def render(
         result=result,
         title=title,
         made=result.provenance,
-        pictures=[(name, pictures[name], text) for name, text in shown.items() if name in pictures and name != SKETCH],
+        pictures=[
+            (_is_long(pictures[name]), pictures[name], text)
+            for name, text in shown.items()
+            if name in pictures and name != SKETCH
+        ],
         sketch=pictures.get(SKETCH),
         live=live,
         live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
@@ -286,6 +292,12 @@ def _inputs(result: Result) -> dict[str, Any]:
         ends = (number(value) for value in (one.value, one.low, one.high))
         rows.append((most[0][0] if most else 0.0, (key, *ends, one.unit, source_of(key, one.why), told)))
     return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
+
+
+def _is_long(picture: str) -> bool:
+    """Whether a base64 PNG is so much wider than high that half a page is too narrow for it."""
+    width, height = struct.unpack(">II", base64.b64decode(picture[:48])[16:24])
+    return bool(width > LONG * height)
 
 
 def _pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
