@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ...results.result import Result
     from ..outcome import Outcome
 
-__all__ = ["render", "write_html"]
+__all__ = ["inlined", "is_long", "page_template", "render", "write_html"]
 
 SKETCH = "sketch"  # the figure that stands beside the machine's measures
 MOST_MOVED = 3  # shares that are told of a number
@@ -59,7 +59,7 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
     path = folder / "report.html"
     asked = found(folder / "figures")
     texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
-    pictures = _pictures(folder / "figures", texts)
+    pictures = inlined(folder / "figures", texts)
     with atomic_write(path) as stream:
         stream.write(render(outcome.result, pictures, folder.resolve().name, texts, outcome.scene, live_data(outcome)))
     return path
@@ -82,14 +82,14 @@ def render(
     scene = Scene.parse(result.scene) if scene is None else scene
     shown = captions() if texts is None else texts
     here = Path(__file__).parent
-    text: str = _template().render(
+    text: str = page_template("page.html.j2").render(
         style=(here / "style.css").read_text(encoding="utf-8"),
         script=(here / "live.js").read_text(encoding="utf-8"),
         result=result,
         title=title,
         made=result.provenance,
         pictures=[
-            (_is_long(pictures[name]), pictures[name], text)
+            (is_long(pictures[name]), pictures[name], text)
             for name, text in shown.items()
             if name in pictures and name != SKETCH
         ],
@@ -110,7 +110,8 @@ def render(
     return text
 
 
-def _template() -> Any:
+def page_template(name: str) -> Any:
+    """A template of this package, with the words of the house as its filters."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -124,7 +125,7 @@ def _template() -> Any:
         percent=percent, points=percentage_points, number=number, seconds=seconds, between=_between
     )
     environment.globals.update(change_of=change_of)
-    return environment.get_template("page.html.j2")
+    return environment.get_template(name)
 
 
 def _between(row: Measured) -> str:
@@ -294,12 +295,13 @@ def _inputs(result: Result) -> dict[str, Any]:
     return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
 
 
-def _is_long(picture: str) -> bool:
+def is_long(picture: str) -> bool:
     """Whether a base64 PNG is so much wider than high that half a page is too narrow for it."""
     width, height = struct.unpack(">II", base64.b64decode(picture[:48])[16:24])
     return bool(width > LONG * height)
 
 
-def _pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
+def inlined(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """The PNG files of ``names`` in a folder as base64, those that there are."""
     files = {name: folder / f"{name}.png" for name in names}
     return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
