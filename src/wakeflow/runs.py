@@ -62,7 +62,7 @@ from .results.result import (
     refinement_in,
 )
 from .results.separation import separate
-from .results.solved_case import cells_of, history_of
+from .results.solved_case import cells_of, forces_of
 from .results.source import Flights
 from .results.sources import MODEL, UNLOADED
 from .results.total import totalled
@@ -384,7 +384,7 @@ def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings]
     flow = None if scene.air is None else pipeline.field[1]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
     air = result.airflow
-    cells, history = (None, None) if air is None else (cells_of(pipeline), history_of(pipeline, air))
+    cells, history = (None, None) if air is None else (cells_of(pipeline), forces_of(pipeline, air))
     outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, cells, history)
     write_report(result.folder, outcome, _field_files(pipeline), pdf=pdf)
     pipeline.listener("report", "done")

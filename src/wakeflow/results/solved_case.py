@@ -17,7 +17,7 @@ from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.pipeline import Pipeline
 from .airflow_summary import Airflow
 
-__all__ = ["ForceHistory", "PlaneCells", "cells_of", "history_of"]
+__all__ = ["ForceHistory", "PlaneCells", "cells_of", "forces_of"]
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def cells_of(pipeline: Pipeline) -> PlaneCells | None:
     return PlaneCells(plane.points, plane.cells)
 
 
-def history_of(pipeline: Pipeline, airflow: Airflow) -> ForceHistory | None:
+def forces_of(pipeline: Pipeline, airflow: Airflow) -> ForceHistory | None:
     """The recorded forces of the airflow as it was solved, ``airflow`` what is known of it; None without any."""
     case = _case(pipeline)
     rows = np.zeros((0, 3)) if case is None else read_table(case, "forceCoefficients", (CD, CL))

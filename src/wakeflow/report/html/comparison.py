@@ -15,7 +15,8 @@ from ..figures import captions
 from ..many import main_quantities
 from ..words import NO_VALUE, difference_text, percent
 from .asked import input_text
-from .document import inlined, is_long, page_template
+from .document import page_template
+from .inlined import inlined_pictures, is_long
 from .rows import number
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, Any]]:
 def _pairs(names: Sequence[str], runs: Sequence[Result]) -> list[_Pair]:
     """The standard pictures that more than one run has; a run without a report has none."""
     texts = captions()
-    folders = {name: inlined(run.folder / "figures", texts) for name, run in zip(names, runs, strict=True)}
+    folders = {name: inlined_pictures(run.folder / "figures", texts) for name, run in zip(names, runs, strict=True)}
     pairs = []
     for which, caption in texts.items():
         found = [(name, pictures[which]) for name, pictures in folders.items() if which in pictures]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import json
-import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +30,7 @@ from ..words import (
     source_seconds,
 )
 from .asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
+from .inlined import inlined_pictures, is_long
 from .live import live_data
 from .rows import airflow_rows, end_rows, funnel_rows, number, percentage_points, seconds
 
@@ -39,11 +38,10 @@ if TYPE_CHECKING:
     from ...results.result import Result
     from ..outcome import Outcome
 
-__all__ = ["inlined", "is_long", "page_template", "render", "write_html"]
+__all__ = ["page_template", "render", "write_html"]
 
 SKETCH = "sketch"  # the figure that stands beside the machine's measures
 MOST_MOVED = 3  # shares that are told of a number
-LONG = 1.75  # width over height of a picture that takes the page's whole width
 SIDE = 900  # dots of the longer side of the script's canvas
 HOW = {
     "measured": "from this run",
@@ -59,7 +57,7 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
     path = folder / "report.html"
     asked = found(folder / "figures")
     texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
-    pictures = inlined(folder / "figures", texts)
+    pictures = inlined_pictures(folder / "figures", texts)
     with atomic_write(path) as stream:
         stream.write(render(outcome.result, pictures, folder.resolve().name, texts, outcome.scene, live_data(outcome)))
     return path
@@ -293,15 +291,3 @@ def _inputs(result: Result) -> dict[str, Any]:
         ends = (number(value) for value in (one.value, one.low, one.high))
         rows.append((most[0][0] if most else 0.0, (key, *ends, one.unit, source_of(key, one.why), told)))
     return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
-
-
-def is_long(picture: str) -> bool:
-    """Whether a base64 PNG is so much wider than high that half a page is too narrow for it."""
-    width, height = struct.unpack(">II", base64.b64decode(picture[:48])[16:24])
-    return bool(width > LONG * height)
-
-
-def inlined(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """The PNG files of ``names`` in a folder as base64, those that there are."""
-    files = {name: folder / f"{name}.png" for name in names}
-    return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
