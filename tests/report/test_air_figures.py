@@ -71,7 +71,7 @@ def test_forces_tell_what_was_dropped_and_kept(drawn: list[Any]) -> None:
     draw_forces(Path("unused"), ForceHistory(time, drag, lift, True, 1.0, (2.0, 3.0)))
     (figure, data) = drawn[0]
     told = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert told == ["dropped: start-up", "kept as the loop flown in", "mean of what is averaged"]
+    assert told == ["dropped: start-up", "kept as a loop", "mean of what is averaged"]
     means = [axes.lines[1].get_ydata()[0] for axes in figure.axes]
     assert means == pytest.approx([0.0, 2.0], abs=1e-9)
     assert figure.axes[1].get_ylim()[1] < 9.0  # what was dropped does not squeeze the rest

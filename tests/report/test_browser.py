@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -80,6 +81,14 @@ def page(request: pytest.FixtureRequest, browser: Any, run: wf.Result) -> Iterat
 @pytest.fixture(params=["light", "dark"])
 def compared(request: pytest.FixtureRequest, browser: Any, comparison: Path) -> Iterator[Any]:
     with _opened(comparison, browser, request.param) as opened:
+        yield opened
+
+
+@pytest.fixture(params=itertools.product(("report", "comparison"), ("light", "dark")), ids="-".join)
+def either(request: pytest.FixtureRequest, browser: Any, run: wf.Result, comparison: Path) -> Iterator[Any]:
+    which, colours = request.param
+    path = run.folder / "report.html" if which == "report" else comparison
+    with _opened(path, browser, colours) as opened:
         yield opened
 
 
@@ -166,17 +175,14 @@ def test_runs_are_compared_by_fraction_run_picture_and_certainty(compared: Any) 
     assert last.evaluate("(figure) => figure.style.opacity") == "0.25"
 
 
-@pytest.mark.parametrize("which", ["page", "compared"])
-def test_text_stands_out_from_its_ground(which: str, request: pytest.FixtureRequest) -> None:
-    assert request.getfixturevalue(which).evaluate(CONTRAST) >= LEAST_CONTRAST
+def test_text_stands_out_from_its_ground(either: Any) -> None:
+    assert either.evaluate(CONTRAST) >= LEAST_CONTRAST
 
 
 @pytest.mark.parametrize("width", list(WIDTHS.values()), ids=list(WIDTHS))
-@pytest.mark.parametrize("which", ["page", "compared"])
-def test_the_page_is_no_wider_than_the_screen(width: int, which: str, request: pytest.FixtureRequest) -> None:
-    shown = request.getfixturevalue(which)
-    shown.set_viewport_size({"width": width, "height": 800})
-    assert shown.evaluate("document.documentElement.scrollWidth") <= width
+def test_a_page_is_no_wider_than_the_screen(width: int, either: Any) -> None:
+    either.set_viewport_size({"width": width, "height": 800})
+    assert either.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def test_paper_holds_every_bin_and_cuts_nothing(page: Any, run: wf.Result, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def _mark(axes: Axes, history: ForceHistory) -> None:
     if history.start_up is not None:
         axes.axvspan(history.time[0], history.start_up, color=DROPPED, zorder=0, label="dropped: start-up")
     if history.loop is not None:
-        axes.axvspan(*history.loop, color=KEPT, alpha=0.5, linewidth=0, zorder=1, label="kept as the loop flown in")
+        axes.axvspan(*history.loop, color=KEPT, alpha=0.5, linewidth=0, zorder=1, label="kept as a loop")
 
 
 def _limits(axes: Axes, values: NDArray[np.float64]) -> None:
