@@ -147,7 +147,9 @@ def doctor(*, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int
 
 
 @app.command
-def report(run_folder: Path) -> None:
+def report(
+    run_folder: Path, *, pdf: Annotated[bool, Parameter(negative="", help="Write every figure as PDF too.")] = False
+) -> None:
     """Draw figures, tables and report.html of a finished run again.
 
     Parameters
@@ -157,7 +159,7 @@ def report(run_folder: Path) -> None:
     """
     from . import runs
 
-    print(runs.report_again(run_folder))
+    print(runs.report_again(run_folder, pdf=pdf))
 
 
 @app.command

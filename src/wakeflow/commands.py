@@ -149,7 +149,7 @@ def compare(
     run_folders: Annotated[list[Path], Parameter(negative="")],
     /,
     *,
-    out: Annotated[Path | None, Parameter(help="Write the tables and figures there.")] = None,
+    out: Annotated[Path | None, Parameter(help="Write compare.html, the tables and figures there.")] = None,
 ) -> None:
     """Set finished runs side by side: what differs in their scenes, their answers, and by how much these differ.
 
@@ -165,7 +165,7 @@ def compare(
     show_comparison(found)
     if out is not None:
         found.write(out)
-        print(f"tables and figures: {out}")
+        print(f"{out / 'compare.html'}, its tables and figures beside it")
 
 
 def bins(

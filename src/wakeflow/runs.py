@@ -62,6 +62,7 @@ from .results.result import (
     refinement_in,
 )
 from .results.separation import separate
+from .results.solved_case import cells_of, forces_of
 from .results.source import Flights
 from .results.sources import MODEL, UNLOADED
 from .results.total import totalled
@@ -146,6 +147,7 @@ def _run_once(
     report: bool,
     crew: int = 1,
     refinement: Refinement | None = None,
+    pdf: bool = False,
 ) -> Result:
     """Run a scene as it stands; ``refinement``: how its settings came about."""
     from filelock import FileLock, Timeout
@@ -155,7 +157,7 @@ def _run_once(
     try:
         with FileLock(folder / ".lock", timeout=0), _one_thread_of_blas():
             pipeline, poured = _pipeline(scene, request, workers, listener, crew, planned)
-            result = _Run(scene, pipeline, poured, folder, request, redraw, report, refinement).result()
+            result = _Run(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
             if workers is None and crew == 1 and request.near is None:  # all cores, from rest: as the plan expects it
                 spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)
@@ -262,6 +264,7 @@ class _Run:
     redraw: bool
     report: bool
     refinement: Refinement | None = None
+    pdf: bool = False
 
     def result(self) -> Result:
         """Make the stages that are asked for, then the report where it is not the one that stands there."""
@@ -382,7 +385,7 @@ class _Run:
             _save_granules(folder / "granules.npz", scene, landings)
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
-                _report(self.pipeline, tracked, landings, result)
+                _report(self.pipeline, tracked, landings, result, pdf=self.pdf)
             return replace(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
@@ -396,7 +399,7 @@ def _with_totals(scene: Scene, flights: Flights) -> tuple[Separation, tuple[Budg
     return totalled(found, budget, inputs, scene), budget, inputs
 
 
-def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings], result: Result) -> None:
+def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings], result: Result, *, pdf: bool) -> None:
     from .report import Outcome, write_report
 
     pipeline.listener("report", "drawing")
@@ -404,8 +407,10 @@ def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings]
     landings = {name: _landed(landing) for name, landing in answer.items()}
     flow = None if scene.air is None else pipeline.field[1]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
-    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown)
-    write_report(result.folder, outcome, _field_files(pipeline))
+    air = result.airflow
+    cells, history = (None, None) if air is None else (cells_of(pipeline), forces_of(pipeline, air))
+    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, cells, history)
+    write_report(result.folder, outcome, _field_files(pipeline), pdf=pdf)
     pipeline.listener("report", "done")
 
 
@@ -432,8 +437,9 @@ def _landed(landing: Landings) -> Landed:
     return Landed(landing.position[:, 0], landing.position[:, 1], landing.mass_shares, landing.bin)
 
 
-def report_again(folder: Path | str) -> Path:
-    """Draw the report of a finished run anew, from its result.json and the cache. Returns the path of report.html.
+def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
+    """Draw the report of a finished run anew, from its result.json and the cache, with ``pdf`` every figure as PDF too.
+    Returns the path of report.html.
 
     Raises SceneError where the folder holds no finished run.
     """
@@ -441,7 +447,7 @@ def report_again(folder: Path | str) -> Path:
     _run_once(
         Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, planned=_unheard,
         redraw=True, report=True,
-        refinement=refinement_in(folder),
+        refinement=refinement_in(folder), pdf=pdf,
     )  # fmt: skip
     return Path(folder) / "report.html"
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -47,18 +49,47 @@ def browser() -> Iterator[Any]:
         started.close()
 
 
-@pytest.fixture(params=["light", "dark"])
-def page(request: pytest.FixtureRequest, browser: Any, run: wf.Result) -> Iterator[Any]:
-    """The page, in both colours; whatever it says to the console or asks of the network fails the test."""
-    context = browser.new_context(viewport={"width": WIDTHS["desk"], "height": 900}, color_scheme=request.param)
+@pytest.fixture(scope="module")
+def comparison(run: wf.Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of the run beside one whose soft granules rebound, made by the command's own call."""
+    folder = tmp_path_factory.mktemp("compared")
+    other = wf.run(Scene.parse(run.scene).replace({"fraction.soft.restitution": 0.6}), folder / "bouncy")
+    wf.compare([run, other]).write(folder / "out")
+    return folder / "out" / "compare.html"
+
+
+@contextmanager
+def _opened(path: Path, browser: Any, colours: str) -> Iterator[Any]:
+    """A page; whatever it says to the console or asks of the network fails the test."""
+    context = browser.new_context(viewport={"width": WIDTHS["desk"], "height": 900}, color_scheme=colours)
     opened, told = context.new_page(), []
     opened.on("console", lambda message: told.append(message.text))
     opened.on("pageerror", lambda error: told.append(str(error)))
     opened.on("request", lambda asked: told.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None)
-    opened.goto((run.folder / "report.html").as_uri())
+    opened.goto(path.as_uri())
     yield opened
     context.close()
     assert told == []
+
+
+@pytest.fixture(params=["light", "dark"])
+def page(request: pytest.FixtureRequest, browser: Any, run: wf.Result) -> Iterator[Any]:
+    with _opened(run.folder / "report.html", browser, request.param) as opened:
+        yield opened
+
+
+@pytest.fixture(params=["light", "dark"])
+def compared(request: pytest.FixtureRequest, browser: Any, comparison: Path) -> Iterator[Any]:
+    with _opened(comparison, browser, request.param) as opened:
+        yield opened
+
+
+@pytest.fixture(params=itertools.product(("report", "comparison"), ("light", "dark")), ids="-".join)
+def either(request: pytest.FixtureRequest, browser: Any, run: wf.Result, comparison: Path) -> Iterator[Any]:
+    which, colours = request.param
+    path = run.folder / "report.html" if which == "report" else comparison
+    with _opened(path, browser, colours) as opened:
+        yield opened
 
 
 def _drawn(page: Any) -> str:
@@ -102,7 +133,10 @@ def test_a_bin_tells_its_shares_to_mouse_and_keyboard(page: Any, run: wf.Result)
     assert "Point at a bin" in told.text_content()
     scene = Scene.parse(run.scene)
     line, channel = scene.bin["far"].line(scene.channel).mean(axis=0), scene.channel
+    page.locator("#machine").scroll_into_view_if_needed()
     box = page.locator("#machine").bounding_box()
+    canvas = page.evaluate("[...['width', 'height'].map((side) => document.getElementById('machine')[side])]")
+    assert box["width"] / box["height"] == pytest.approx(canvas[0] / canvas[1], rel=0.02)  # circles are round
     across, up = channel.width, channel.top - channel.bottom
     room = 0.05 * max(across, up)
     x = box["x"] + box["width"] * (line[0] + across / 2 + room) / (across + 2 * room)
@@ -116,14 +150,39 @@ def test_a_bin_tells_its_shares_to_mouse_and_keyboard(page: Any, run: wf.Result)
     assert _drawn(page) != before
 
 
-def test_text_stands_out_from_its_ground(page: Any) -> None:
-    assert page.evaluate(CONTRAST) >= LEAST_CONTRAST
+def test_runs_are_compared_by_fraction_run_picture_and_certainty(compared: Any) -> None:
+    bars = compared.locator("#bars [data-fraction='soft'][data-run='1']")
+    assert bars.first.is_visible()
+    compared.locator("[data-show='soft']").uncheck()
+    assert bars.first.is_hidden()
+    compared.locator("[data-show='soft']").check()
+    compared.locator("[data-show-run='1']").uncheck()
+    assert bars.first.is_hidden()
+    assert compared.locator("#bars [data-run='0']").first.is_visible()
+    rows = compared.locator("#all tbody tr:visible")
+    every = rows.count()
+    compared.locator("#only-sure").check()
+    assert 0 < rows.count() < every
+    compared.locator("#picture").select_option("landing")
+    assert compared.locator("[data-picture]:visible").count() == 1
+    first, last = compared.locator("[data-picture='landing'] figure").all()
+    assert (
+        first.bounding_box()["y"] != last.bounding_box()["y"] or first.bounding_box()["x"] != last.bounding_box()["x"]
+    )
+    compared.locator("#lay-over").check()
+    assert first.locator("img").bounding_box() == last.locator("img").bounding_box()
+    compared.locator("#see-through").fill("25")
+    assert last.evaluate("(figure) => figure.style.opacity") == "0.25"
+
+
+def test_text_stands_out_from_its_ground(either: Any) -> None:
+    assert either.evaluate(CONTRAST) >= LEAST_CONTRAST
 
 
 @pytest.mark.parametrize("width", list(WIDTHS.values()), ids=list(WIDTHS))
-def test_the_page_is_no_wider_than_the_screen(width: int, page: Any) -> None:
-    page.set_viewport_size({"width": width, "height": 800})
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+def test_a_page_is_no_wider_than_the_screen(width: int, either: Any) -> None:
+    either.set_viewport_size({"width": width, "height": 800})
+    assert either.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def test_paper_holds_every_bin_and_cuts_nothing(page: Any, run: wf.Result, tmp_path: Path) -> None:

@@ -195,11 +195,10 @@ def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
     page = write_report(tmp_path, _outcome(scene))
     names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     always = {"figures/tracks.csv", "figures/landing.csv", "tracks.vtp", "separation.csv", "budget.csv", "report.html"}
-    pictures = ["sketch", "tracks", "landing", *(["pressure", "vorticity"] if scene.air else [])]
+    pictures = ["sketch", "tracks", "landing", *(["pressure", "vorticity", "residence"] if scene.air else [])]
     drawn = {f"figures/{name}{suffix}" for name in pictures for suffix in (".png", ".svg")}
-    assert names == always | drawn | (
-        {"field.vtu", "figures/pressure.npz", "figures/vorticity.npz"} if scene.air else set()
-    )
+    data = {f"figures/{name}" for name in ("pressure.npz", "vorticity.npz", "residence.csv")}
+    assert names == always | drawn | ({"field.vtu", *data} if scene.air else set())
     assert page == tmp_path / "report.html"
     for name in names:
         if name.endswith(".png"):
@@ -720,7 +719,9 @@ def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
     text = write_report(tmp_path, _outcome(rhombus)).read_text()
     page = _Page(text)
     inlined = [source for source in page.sources if source]
-    for source, name in zip(inlined, ("sketch", "pressure", "vorticity", "tracks", "landing"), strict=True):
+    for source, name in zip(
+        inlined, ("sketch", "pressure", "vorticity", "tracks", "residence", "landing"), strict=True
+    ):
         prefix, data = source.split(",")
         assert prefix == "data:image/png;base64"
         assert base64.b64decode(data) == (tmp_path / "figures" / f"{name}.png").read_bytes()

@@ -10,6 +10,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.report.words import percent
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,14 @@ def test_the_command_prints_and_writes(
     lines = (tmp_path / "differences.csv").read_text().splitlines()
     assert any(line.startswith("bouncy,as-it-is,recovery.wheat,") and ",yes,1" in line for line in lines)
     assert (tmp_path / "figures" / "trade-off.png").exists()
+    page = (tmp_path / "compare.html").read_text()
+    assert "<td>bin.middle.from</td>" in page
+    assert "<td>-13 mm</td>" in page
+    wheat = (run.landings.separation.recovery["wheat"] for run in runs)
+    assert all(f"<td>{percent(one)} %</td>" in page for one in wheat)
+    assert '<td class="clear">' in page
+    assert "src=" not in page  # neither run has a report, and so no pictures
+    assert "http" not in page
 
 
 def test_what_cannot_be_compared(runs: list[wf.Result], tmp_path: Path) -> None:

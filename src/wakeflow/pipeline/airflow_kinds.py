@@ -91,7 +91,7 @@ class AirflowKind(ABC):
         """
         return None
 
-    @property
+    @cached_property
     def table(self) -> dict[str, Any]:
         """The ``airflow`` table of result.json."""
         return {"rung": self.plan.rung, **self.make_table()}

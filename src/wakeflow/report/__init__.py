@@ -22,21 +22,23 @@ LASTING = ("tracks.vtp", "separation.csv", "budget.csv", "report.html")  # every
 AT_TIMES = ("field.vtu", "field.pvd", "impact.csv")  # with air, and where a body is met
 
 
-def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None) -> Path:
+def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None, *, pdf: bool = False) -> Path:
     """Write figures/ (those of [picture.NAME] too), field and tracks for ParaView, separation.csv, budget.csv and
     report.html into ``folder``. The field's files are linked from ``field_files``, where they stand already, else
-    written.
+    written. ``pdf``: every figure as PDF as well.
 
     Every file is whole or absent; what an earlier run left and this one does not write is removed. Returns the path
     of report.html.
     """
     from . import csv, html, pictures, vtk
+    from .canvas import pdf_too
     from .figures import draw_figures
 
     folder = Path(folder)
     clear_report(folder)
-    draw_figures(folder / "figures", outcome)
-    pictures.draw_all(folder / "figures", outcome)
+    with pdf_too(pdf):
+        draw_figures(folder / "figures", outcome)
+        pictures.draw_all(folder / "figures", outcome)
     if field_files is not None:
         vtk.link_field(field_files, folder)
     elif outcome.field is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import distance_to
 from ..field.derived import stream_function
 from .canvas import MM, PlotGrid, Window, first_outline, inside_window, triangulation
 
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
     from ..results.airflow_summary import Airflow
     from ..scene import Scene
 
-__all__ = ["SUCTION_LEVEL", "as_flown", "pressure_coefficient", "trace_streamlines", "window_round_body"]
+__all__ = [
+    "SUCTION_LEVEL", "TOUCHING", "as_flown", "pressure_coefficient", "suction_nodes", "trace_streamlines",
+    "window_round_body",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -26,6 +30,7 @@ SUCTION_LEVEL = -0.5  # Cp that bounds the suction zone
 UPSTREAM, DOWNSTREAM, ASIDE = 2.2, 5.0, 3.0  # the window from the body's middle, in body widths
 LINES = 26  # streamlines across the window, with as much air between any two
 SLOW = (0.5, 0.25, 0.12, 0.06, 0.03)  # of that: further ones on either side of a body's own, for the eddies behind it
+TOUCHING = 1e-6  # of the first body's width: how far off its outline a node of the mesh still lies on it
 INK_OF_LINES = "#333333"
 
 
@@ -104,6 +109,27 @@ def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Arr
     return (np.asarray(mean.pressure) - _inlet_pressure(mean, scene, airflow)) / (
         0.5 * mean.density * scene.air.speed**2
     )
+
+
+def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]:
+    """Nodes (N,) of the suction zone: ``cp`` (N,) below its border, downstream of the first body's widest place, and
+    joined to the body by such nodes (as ``foam.suction`` measures it).
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    assert scene.air is not None
+    outline = first_outline(scene)
+    along = 1.0 if scene.air.direction == "down" else -1.0
+    ends = outline[np.isin(outline[:, 0], (outline[:, 0].min(), outline[:, 0].max()))]
+    widest = float((along * ends[:, 1]).min())
+    low = (cp < SUCTION_LEVEL) & (along * mean.points[:, 1] <= widest + 1e-6 * scene.width)
+    pairs = np.concatenate([mean.triangles[:, [0, 1]], mean.triangles[:, [1, 2]], mean.triangles[:, [2, 0]]])
+    pairs = pairs[low[pairs].all(axis=1)]
+    count = len(mean.points)
+    _, label = connected_components(coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count)), directed=False)
+    body = low & (distance_to(mean.points, outline) < TOUCHING * scene.width)
+    return np.asarray(low & np.isin(label, label[body]))
 
 
 def _inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:

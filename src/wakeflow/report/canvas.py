@@ -7,7 +7,9 @@ as the scene has them.
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,6 +41,7 @@ __all__ = [
     "frame",
     "inside_window",
     "new_figure",
+    "pdf_too",
     "save",
     "solids",
     "streams",
@@ -52,9 +55,11 @@ Window = tuple[float, float, float, float]  # left, right, low, high (m)
 BODY, INK, STREAM = "#8a8a8a", "#1a1a1a", "#0b7285"
 MM = 1000.0
 DPI = 160
-SUFFIXES = (".png", ".svg", ".csv", ".npz")  # of a figure and its data
+SUFFIXES = (".png", ".svg", ".pdf", ".csv", ".npz")  # of a figure and its data
 LETTER = 0.6  # mean width of a letter over the font size
 TALLEST, WIDEST = 6.6, 5.6  # inches of a map
+TICK_SIZE, LABEL_SIZE = 8.0, 9.0  # points
+_pdf_too: ContextVar[bool] = ContextVar("pdf_too", default=False)
 TICKS = 9  # along x, where the map is as wide as it is high
 
 
@@ -211,19 +216,43 @@ class PlotGrid:
         return {"x (m)": x[inside], "y (m)": y[inside], **{name: np.asarray(v[inside]) for name, v in columns}}
 
 
+@contextmanager
+def pdf_too(wanted: bool = True) -> Iterator[None]:
+    """Have every figure that is saved within it written as PDF as well, where that is ``wanted``."""
+    token = _pdf_too.set(wanted)
+    try:
+        yield
+    finally:
+        _pdf_too.reset(token)
+
+
 def save(figure: Figure, path: Path | str, data: Mapping[str, ArrayLike] | None = None) -> None:
     """Write a figure to ``path`` (.png) and as SVG beside it, cut to what is drawn, and the ``data`` that it shows: CSV
-    where they are columns of one table, else NPZ. Names of data carry their units. Every file is whole or absent.
+    where they are columns of one table, else NPZ. Names of data carry their units. Every file is whole or absent. As
+    PDF too within :func:`pdf_too`.
     """
     from matplotlib import rc_context
 
     path = Path(path)
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": path.stem}):  # text stays text; alike whenever drawn
-        for suffix, metadata in ((".png", None), (".svg", {"Date": None})):
+    _unify(figure)
+    undated: dict[str, dict[str, Any] | None] = {".png": None, ".svg": {"Date": None}}
+    if _pdf_too.get():
+        undated[".pdf"] = {"CreationDate": None}
+    # text stays text; a figure is alike whenever it is drawn
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": path.stem, "pdf.fonttype": 42}):
+        for suffix, metadata in undated.items():
             with atomic_write(path.with_suffix(suffix), "wb") as stream:
                 figure.savefig(stream, format=suffix[1:], bbox_inches="tight", pad_inches=0.08, metadata=metadata)
     if data is not None:
         _save_data(path, {name: np.asarray(values) for name, values in data.items()})
+
+
+def _unify(figure: Figure) -> None:
+    """One size of letters for the axes of every picture, the colour bars' too."""
+    for axes in figure.axes:
+        axes.tick_params(labelsize=TICK_SIZE)
+        for label in (axes.xaxis.label, axes.yaxis.label):
+            label.set_fontsize(LABEL_SIZE)
 
 
 def _save_data(path: Path, data: Mapping[str, NDArray[Any]]) -> None:

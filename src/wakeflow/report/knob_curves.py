@@ -38,10 +38,8 @@ def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> Non
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7.5, frameon=False)
     save(figure, path)
-    with atomic_write(path.with_suffix(".svg"), "wb") as stream:
-        figure.savefig(stream, format="svg")
 
 
 def write_knobs(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..results.airflow_summary import Airflow
     from ..results.result import Result
+    from ..results.solved_case import ForceHistory, PlaneCells
     from ..scene import Scene
 
 __all__ = ["Landed", "Outcome", "Track"]
@@ -38,7 +39,7 @@ class Outcome:
 
     ``field``: the air that the tracker read, None in a vacuum; ``tracks``: a sample of every fraction's;
     ``landings``: all of every fraction's; ``result``: the answer; ``shown``: the tracks of each [picture.NAME] by
-    fraction.
+    fraction; ``cells`` and ``history``: mesh and recorded forces of a solved airflow, None of another.
     """
 
     scene: Scene
@@ -47,6 +48,8 @@ class Outcome:
     landings: Mapping[str, Landed]
     result: Result
     shown: Mapping[str, Mapping[str, Sequence[Track]]]
+    cells: PlaneCells | None = None
+    history: ForceHistory | None = None
 
     @property
     def airflow(self) -> Airflow | None:

@@ -11,6 +11,7 @@ from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, Budget
 from ..results.measured import Measured, Share
 
 if TYPE_CHECKING:
+    from ..results.difference import Difference
     from ..results.result import Result
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "budget_columns",
     "change_of",
     "condensed",
+    "difference_text",
     "error_text",
     "expected",
     "percent",
@@ -67,6 +69,16 @@ def change_of(before: Measured | Share | None, after: Measured | Share | None) -
     if before is None or after is None or before.value is None or after.value is None:
         return NO_VALUE
     return f"{100.0 * (after.value - before.value):+.1f}"
+
+
+def difference_text(one: Difference) -> str:
+    """``"+3.1 points [+1.2, +5]"``: a difference and its 95 % interval; of shares, purities and recoveries percentage
+    points, of others in their unit.
+    """
+    share = one.unit == "1" and not one.quantity.startswith("airflow.")
+    scale, unit = (100.0, "points") if share else (1.0, "" if one.unit == "1" else one.unit)
+    ends = "" if one.low is None or one.high is None else f" [{scale * one.low:+.3g}, {scale * one.high:+.3g}]"
+    return f"{scale * one.value:+.3g} {unit}".rstrip() + ends
 
 
 def expected(result: Result, place: str) -> list[tuple[str, Measured]]:

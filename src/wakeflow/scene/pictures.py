@@ -27,7 +27,8 @@ __all__ = [
 
 # modules of report.figures: no picture takes a name
 STANDARD_FIGURES = (
-    "sketch", "pressure", "surface", "vorticity", "tracks", "discharge", "landing", "partition", "wakes", "inputs",
+    "sketch", "pressure", "surface", "vorticity", "tracks", "residence", "discharge", "landing", "partition", "wakes",
+    "inputs", "cost", "forces", "mesh",
 )  # fmt: skip
 DRAWN = 48  # tracks of each fraction that are drawn one by one
 Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]

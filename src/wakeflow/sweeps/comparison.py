@@ -3,65 +3,44 @@
 from __future__ import annotations
 
 import csv
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..results.quantities import TableQuantity, quantities_of
+from ..results.difference import Difference, differences_of
+from ..results.quantities import quantities_of
 from ..results.result import Result
 from ..results.table import DONE, Entry, ResultTable
 from ..scene import Scene
 from ..scene.changes import differing
 
-__all__ = ["Difference", "RunComparison", "compare"]
+__all__ = ["RunComparison", "compare"]
 
 HEADS = ("scene", "against", "quantity", "difference", "low", "high", "clear", "unit")
 
 
 @dataclass(frozen=True)
-class Difference:
-    """A quantity of one run less that of the first: ``value`` and its 95 % interval, None where one of them has none.
-
-    What is unknown of the scene is the same in both runs and moves both alike: the interval of a share holds what
-    computing adds, and takes that as independent (squares of the arms add up: Zou & Donner 2008, Stat. Med. 27, 1693).
-    Runs that feed the same granules agree better than that, so that it errs on the wide side.
-    """
-
-    scene: str
-    against: str
-    quantity: str
-    unit: str
-    value: float
-    low: float | None
-    high: float | None
-
-    @property
-    def clear(self) -> bool:
-        """Whether the interval leaves zero out."""
-        return self.low is not None and self.high is not None and (self.low > 0.0 or self.high < 0.0)
-
-
-@dataclass(frozen=True)
 class RunComparison:
-    """Runs in one ``table``, whose inputs are the keys in which their scenes differ."""
+    """``runs`` in one ``table``, whose inputs are the keys in which their scenes differ."""
 
     table: ResultTable
+    runs: tuple[Result, ...] = field(repr=False)
 
     @property
     def differences(self) -> tuple[Difference, ...]:
         """Of every later run from the first, quantity by quantity."""
-        return tuple(_differences(self.table.entries))
+        return tuple(differences_of(self.table.entries))
 
     def frame(self, *, wide: bool = False) -> Any:
         """As :meth:`wakeflow.Sweep.frame`."""
         return self.table.frame(wide=wide)
 
     def write(self, folder: Path) -> None:
-        """Write compare.csv, differences.csv and figures."""
+        """Write compare.html, compare.csv, differences.csv and figures."""
+        from ..report.html.comparison import write_comparison
         from ..report.many import draw_table_figures
 
         self.table.write_csv(folder / "compare.csv")
@@ -73,6 +52,7 @@ class RunComparison:
                 clear = "yes" if one.clear else "no"
                 writer.writerow([one.scene, one.against, one.quantity, f"{one.value:.10g}", *ends, clear, one.unit])
         draw_table_figures(folder / "figures", self.table)
+        write_comparison(folder / "compare.html", self.table, self.differences, self.runs)
 
 
 def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
@@ -94,7 +74,7 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
         entries.append(Entry(name, inputs, DONE, "", quantities_of(run)))
         for fraction in run.scene["fraction"]:
             targets.setdefault(fraction, run.targets(fraction))
-    return RunComparison(ResultTable(tuple(entries), targets))
+    return RunComparison(ResultTable(tuple(entries), targets), tuple(found))
 
 
 def _options(runs: Sequence[Result]) -> dict[str, list[Any]]:
@@ -117,24 +97,3 @@ def _names(folders: Sequence[Path]) -> list[str]:
         if len(set(names)) == len(names):
             return names
     return [str(folder) for folder in folders]
-
-
-def _differences(entries: Sequence[Entry]) -> Iterator[Difference]:
-    first = entries[0]
-    for entry in entries[1:]:
-        for one in entry.quantities:
-            base = first.by_name.get(one.name)
-            if base is None:
-                continue
-            yield Difference(entry.name, first.name, one.name, one.unit, one.value - base.value, *_ends(base, one))
-
-
-def _ends(base: TableQuantity, one: TableQuantity) -> tuple[float | None, float | None]:
-    if base.low is None or base.high is None or one.low is None or one.high is None:
-        return None, None
-    value = one.value - base.value
-    if one.numerical is not None and base.numerical is not None:
-        half = math.hypot(one.numerical, base.numerical)
-        return value - half, value + half
-    low = value - math.hypot(one.value - one.low, base.high - base.value)
-    return low, value + math.hypot(one.high - one.value, base.value - base.low)

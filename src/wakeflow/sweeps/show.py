@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from ..core.cleaning import KeptStage
 from ..core.quantities import duration
 from ..report.many import main_quantities
-from ..report.words import NO_VALUE, percent
+from ..report.words import NO_VALUE, difference_text, percent
+from ..results.difference import Difference
 from ..results.dividers import Dividers, cut
 from ..results.measured import Measured
 from ..results.quantities import TableQuantity
 from ..results.table import DONE, ResultTable
-from .comparison import Difference, RunComparison
+from .comparison import RunComparison
 from .compute import Sweep, SweepEstimate
 
 __all__ = ["show_comparison", "show_dividers", "show_estimate", "show_stages", "show_sweep", "show_table"]
@@ -100,11 +101,7 @@ def show_comparison(found: RunComparison) -> None:
 
 
 def _difference(one: Difference) -> str:
-    share = one.unit == "1" and not one.quantity.startswith("airflow.")
-    scale, unit = (100.0, "points") if share else (1.0, "" if one.unit == "1" else one.unit)
-    text = f"{scale * one.value:+.3g} {unit}".rstrip()
-    if one.low is not None and one.high is not None:
-        text += f" \\[{scale * one.low:+.3g}, {scale * one.high:+.3g}]"
+    text = difference_text(one).replace("[", "\\[")
     return f"[bold]{text}[/]" if one.clear else text
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_partition"]
 
+EMPTY = 0.3  # decades without granules: across them a curve is dotted and has no band
 AXES = {"size": (MM, "diameter (mm)"), "terminal velocity": (1.0, "terminal velocity (m/s)")}
 
 
@@ -34,10 +35,13 @@ def draw_partition(path: Path, scene: Scene, curves: Sequence[PartitionCurve]) -
         scale, label = AXES[kind]
         for curve in (one for one in curves if one.by == kind):
             at, colour = scale * np.array(curve.at), colours[curve.product]
-            axes.fill_between(
-                at, 100 * np.array(curve.low), 100 * np.array(curve.high), color=colour, alpha=0.2, linewidth=0
-            )
-            axes.plot(at, 100 * np.array(curve.share), "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale))
+            share, low, high = (100 * np.array(ends) for ends in (curve.share, curve.low, curve.high))
+            for part in np.split(np.arange(len(at)), np.flatnonzero(np.diff(np.log10(at)) > EMPTY) + 1):
+                axes.fill_between(at[part], low[part], high[part], color=colour, alpha=0.2, linewidth=0)
+                axes.plot(at[part], share[part], "o-", ms=3, lw=1.2, color=colour)
+            axes.errorbar(at, share, [share - low, high - share], fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
+            axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
+            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale))
             if curve.cut is not None and curve.cut.value is not None:
                 axes.plot([scale * curve.cut.value] * 2, [0.0, 50.0], ":", color=colour, linewidth=1.0)
         for level in (25.0, 50.0, 75.0):
@@ -91,7 +95,7 @@ figures.add(
     "partition",
     Figure(
         "Partition curves: of granules alike in size or terminal velocity, the share in each product; bands: 95 %, of "
-        "the finite number of granules alone.",
+        "the finite number of granules alone; dotted where nothing is fed.",
         lambda path, outcome: draw_partition(path, outcome.scene, _curves(outcome)),
         lambda outcome: bool(_curves(outcome)),
     ),

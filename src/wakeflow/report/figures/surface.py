@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...laws.momentum import momentum_pressure
-from ..air import as_flown, pressure_coefficient
+from ..air import TOUCHING, as_flown, pressure_coefficient
 from ..canvas import INK, MM, first_outline, new_figure, save
 from ..colours import COLOURS
 from .figure import Figure, figures
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["draw_surface", "pressure_along"]
 
 Array = NDArray[np.float64]
-NEAR = 1e-6  # of the body's width: how far off its outline a node of the mesh still lies on it
 
 
 def pressure_along(field: FlowField, outline: Array, cp: Array) -> tuple[Array, Array]:
@@ -35,7 +34,7 @@ def pressure_along(field: FlowField, outline: Array, cp: Array) -> tuple[Array, 
     part = np.clip(np.einsum("nkc,kc->nk", points[:, None] - start, step) / size**2, 0.0, 1.0)
     gap = np.linalg.norm(points[:, None] - start - part[..., None] * step, axis=2)
     edge = np.argmin(gap, axis=1)
-    on = gap[np.arange(len(points)), edge] < NEAR * width
+    on = gap[np.arange(len(points)), edge] < TOUCHING * width
     before = np.concatenate([[0.0], np.cumsum(size)[:-1]])
     arc = (before[edge] + part[np.arange(len(points)), edge] * size[edge])[on]
     order = np.argsort(arc)

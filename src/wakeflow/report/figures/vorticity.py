@@ -29,6 +29,8 @@ LEVELS = 24  # even: none is zero, and air that does not turn is white
 
 def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow) -> None:
     """Draw the vorticity times D / U round the first body: of a field in time at its first moment and in the mean."""
+    from matplotlib.ticker import MaxNLocator
+
     assert scene.air is not None
     window = window_round_body(scene, airflow)
     now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
@@ -49,7 +51,7 @@ def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow)
         axes.set_title(name, fontsize=9, loc="left")
     bar = figure.colorbar(filled, ax=list(panels), shrink=0.7)
     bar.set_label(r"vorticity, $\omega D / U$ (counter-clockwise positive)", fontsize=8)
-    bar.ax.tick_params(labelsize=8)
+    bar.set_ticks([tick for tick in MaxNLocator(8, symmetric=True).tick_values(-most, most) if abs(tick) <= most])
     nodes = {"x (m)": field.points[:, 0], "y (m)": field.points[:, 1]}
     save(figure, path, {**nodes, "triangles": field.triangles, **{f"{k}, times D / U": v for k, v in scaled.items()}})
 

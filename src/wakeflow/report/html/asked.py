@@ -19,7 +19,9 @@ from ...scene.changes import flat
 from ...scene.messages import unit_of
 from ..sketch import UNITS
 
-__all__ = ["MaterialRow", "Proof", "machine_rows", "material_rows", "proofs_of", "scene_in_full", "source_of"]
+__all__ = [
+    "MaterialRow", "Proof", "input_text", "machine_rows", "material_rows", "proofs_of", "scene_in_full", "source_of",
+]  # fmt: skip
 
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
 QUANTITIES = {  # of a material: name, unit
@@ -59,6 +61,12 @@ def machine_rows(scene: Scene) -> list[tuple[str, str]]:
     tables = {key: table for key, table in scene.tables().items() if key not in ELSEWHERE}
     with speaking(UNITS):
         return [(key, _said(key, value)) for key, value in flat(tables).items()]
+
+
+def input_text(key: str, value: Any) -> str:
+    """A value of a key of the scene with its unit, as machines are told of."""
+    with speaking(UNITS):
+        return _said(key, value)
 
 
 def _said(key: str, value: Any) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +30,7 @@ from ..words import (
     source_seconds,
 )
 from .asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
+from .inlined import inlined_pictures, is_long
 from .live import live_data
 from .rows import airflow_rows, end_rows, funnel_rows, number, percentage_points, seconds
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ...results.result import Result
     from ..outcome import Outcome
 
-__all__ = ["render", "write_html"]
+__all__ = ["page_template", "render", "write_html"]
 
 SKETCH = "sketch"  # the figure that stands beside the machine's measures
 MOST_MOVED = 3  # shares that are told of a number
@@ -57,7 +57,7 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
     path = folder / "report.html"
     asked = found(folder / "figures")
     texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
-    pictures = _pictures(folder / "figures", texts)
+    pictures = inlined_pictures(folder / "figures", texts)
     with atomic_write(path) as stream:
         stream.write(render(outcome.result, pictures, folder.resolve().name, texts, outcome.scene, live_data(outcome)))
     return path
@@ -80,13 +80,17 @@ def render(
     scene = Scene.parse(result.scene) if scene is None else scene
     shown = captions() if texts is None else texts
     here = Path(__file__).parent
-    text: str = _template().render(
+    text: str = page_template("page.html.j2").render(
         style=(here / "style.css").read_text(encoding="utf-8"),
         script=(here / "live.js").read_text(encoding="utf-8"),
         result=result,
         title=title,
         made=result.provenance,
-        pictures=[(name, pictures[name], text) for name, text in shown.items() if name in pictures and name != SKETCH],
+        pictures=[
+            (is_long(pictures[name]), pictures[name], text)
+            for name, text in shown.items()
+            if name in pictures and name != SKETCH
+        ],
         sketch=pictures.get(SKETCH),
         live=live,
         live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
@@ -104,7 +108,8 @@ def render(
     return text
 
 
-def _template() -> Any:
+def page_template(name: str) -> Any:
+    """A template of this package, with the words of the house as its filters."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -118,7 +123,7 @@ def _template() -> Any:
         percent=percent, points=percentage_points, number=number, seconds=seconds, between=_between
     )
     environment.globals.update(change_of=change_of)
-    return environment.get_template("page.html.j2")
+    return environment.get_template(name)
 
 
 def _between(row: Measured) -> str:
@@ -286,8 +291,3 @@ def _inputs(result: Result) -> dict[str, Any]:
         ends = (number(value) for value in (one.value, one.low, one.high))
         rows.append((most[0][0] if most else 0.0, (key, *ends, one.unit, source_of(key, one.why), told)))
     return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
-
-
-def _pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    files = {name: folder / f"{name}.png" for name in names}
-    return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}

@@ -159,7 +159,7 @@
   pick("zoom-out").addEventListener("click", () => zoom(1 / 1.5));
   pick("zoom-all").addEventListener("click", () => zoom(1e-9));
   pick("bin").addEventListener("change", (event) => tell(event.target.selectedIndex - 1));
-  canvas.addEventListener("mousemove", (event) => {
+  canvas.addEventListener("pointermove", (event) => {
     if (event.buttons === 1) {
       const s = scale() * canvas.getBoundingClientRect().width / canvas.width;
       view.x -= event.movementX / s; view.y += event.movementY / s; draw();
