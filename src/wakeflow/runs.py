@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -355,10 +355,12 @@ class _Run:
             (folder / "granules.npz").unlink(missing_ok=True)
         if tracked is not None:
             landings = tracked.landings if answer is None else answer
-            _save_granules(folder / "granules.npz", scene, landings)
+            granules = _some_granules(scene, landings)
+            with atomic_write(folder / "granules.npz", "wb") as stream:
+                np.savez(stream, names=np.array(list(landings)), **granules)
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
-                _report(self.pipeline, tracked, landings, result)
+                _report(self.pipeline, tracked, landings, granules, result)
             return replace(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
@@ -372,7 +374,13 @@ def _with_totals(scene: Scene, flights: Flights) -> tuple[Separation, tuple[Budg
     return totalled(found, budget, inputs, scene), budget, inputs
 
 
-def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings], result: Result) -> None:
+def _report(
+    pipeline: Pipeline,
+    tracked: Tracked,
+    answer: Mapping[str, Landings],
+    granules: Mapping[str, Any],
+    result: Result,
+) -> None:
     from .report import Outcome, write_report
 
     pipeline.listener("report", "drawing")
@@ -380,24 +388,26 @@ def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings]
     landings = {name: _landed(landing) for name, landing in answer.items()}
     flow = None if scene.air is None else pipeline.field[1]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
-    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown)
-    write_report(result.folder, outcome, _field_files(pipeline))
+    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, granules)
+    write_report(result.folder, outcome, _field_files(pipeline, result.airflow))
     pipeline.listener("report", "done")
 
 
-def _field_files(pipeline: Pipeline) -> Path | None:
+def _field_files(pipeline: Pipeline, airflow: Airflow | None) -> Path | None:
     """The folder in the cache with the field's files for ParaView, which all runs in this airflow share; None without
     air.
     """
     from .report.vtk import write_field
 
-    if pipeline.scene.air is None:
+    scene = pipeline.scene
+    if scene.air is None:
         return None
     upstream, flow = pipeline.field
-    key = content_key("vtk", upstream, code_key("wakeflow.report.vtk"), versions()["pyvista"])
+    asked = scene.numerics.snapshots, scene.symmetric
+    key = content_key("vtk", upstream, *asked, code_key("wakeflow.report.vtk.air"), versions()["pyvista"])
 
     def work(part: Path) -> None:
-        write_field(part, flow)
+        write_field(part, flow, scene, airflow)
 
     return pipeline.cache.make("vtk", key, work)
 
@@ -455,8 +465,8 @@ def _truncation(pipeline: Pipeline) -> FieldTruncation | None:
     return None if lost is None else from_json(FieldTruncation, lost, "truncation")
 
 
-def _save_granules(path: Path, scene: Scene, landings: Mapping[str, Landings]) -> None:
-    """A fixed subsample of at most numerics.keep granules a fraction; shares use all of them."""
+def _some_granules(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Any]:
+    """A fixed subsample of at most numerics.keep granules a fraction, as columns; shares use all of them."""
     rows: dict[str, list[np.ndarray]] = {}
     mass = scene.mass_shares()
     for index, (name, landing) in enumerate(landings.items()):
@@ -472,6 +482,4 @@ def _save_granules(path: Path, scene: Scene, landings: Mapping[str, Landings]) -
         }
         for field, values in columns.items():
             rows.setdefault(field, []).append(values)
-    with atomic_write(path, "wb") as stream:
-        columns = {name: np.concatenate(parts) for name, parts in rows.items()}
-        np.savez(stream, names=np.array(list(landings)), **columns)
+    return {name: np.concatenate(parts) for name, parts in rows.items()}
