@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,6 +19,7 @@ from .core.files import atomic_write
 from .core.graded import gravest_first
 from .core.process import cores
 from .core.record import from_json, to_json
+from .core.registry import did_you_mean
 from .core.sources import code_key
 from .core.store import content_key, digest_files
 from .laws.momentum import momentum_pressure
@@ -68,11 +69,13 @@ from .results.total import totalled
 from .scene import Scene
 
 if TYPE_CHECKING:
+    from .field import FlowField
+    from .pipeline.film_stage import Film
     from .pipeline.landings import Landings, Tracked
     from .planning.plan import Plan
     from .report import Landed
 
-__all__ = ["help_along", "report_again", "run", "versions"]
+__all__ = ["film_of", "help_along", "report_again", "run", "versions"]
 
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
@@ -430,6 +433,30 @@ def report_again(folder: Path | str) -> Path:
         refinement=refinement_in(folder),
     )  # fmt: skip
     return Path(folder) / "report.html"
+
+
+def film_of(
+    folder: Path | str,
+    span: float | None = None,
+    fractions: Sequence[str] = (),
+    listener: Listener = silent,
+) -> tuple[Scene, FlowField | None, Film]:
+    """The scene of a finished run as it was flown, its air, and its granules over ``span`` (s), flown for a film; of
+    all ``fractions``, or of those alone.
+
+    What the run's own cache still holds is not computed again. Raises SceneError where the folder holds no such run,
+    and for a fraction that it has not.
+    """
+    tables, asked = asked_in(folder)
+    for name in fractions:
+        if name not in tables["fraction"]:
+            known = list(tables["fraction"])
+            raise SceneError(f"no fraction {name!r}{did_you_mean(name, known)}; the run has {', '.join(known)}")
+    with _one_thread_of_blas():
+        pipeline, _ = _pipeline(Scene.parse(tables), asked, None, listener, 1)
+        air = None if pipeline.scene.air is None else pipeline.field[1]
+        film = pipeline.film(span)
+    return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})
 
 
 def versions() -> dict[str, str]:

@@ -118,10 +118,10 @@ class FilmStage:
         stream, tracks = flight.record(POINTS)
         begin = float(stream.granules.time.min()) + self.start_up
         fed = self.start_up + span + self.start_up
-        real = {name: self._rate(name, depth) for name in self.scene.fraction}
-        drawn = np.bincount(stream.fraction, minlength=len(real)) / fed
+        drawn = np.bincount(stream.fraction, minlength=len(self.scene.fraction)) / fed
         one_in = {
-            name: max(1.0, rate / own) if own else 1.0 for (name, rate), own in zip(real.items(), drawn, strict=True)
+            name: _whole(self._rate(name, depth) / rate) if crowd.tracers[name] and rate else 1.0
+            for name, rate in zip(self.scene.fraction, drawn.tolist(), strict=True)
         }
 
         def parts() -> Iterator[tuple[str, Tracks, Granules]]:
@@ -129,7 +129,7 @@ class FilmStage:
                 own = np.flatnonzero(stream.fraction == number)
                 yield name, tracks.some(own), stream.granules[own]
 
-        return Film(begin, span, depth, {n: _whole(v) for n, v in one_in.items()}, True, {}), parts()
+        return Film(begin, span, depth, one_in, True, {}), parts()
 
     # -- granules that fly alone ---------------------------------------------------------------------------------------
 

@@ -26,6 +26,7 @@ LASTING = (
     "budget.csv",
     "report.html",
 )  # every finished report has them
+FILMS = ("film.gif", "film.mp4")  # by wakeflow animate
 AT_TIMES = ("impact.csv",)  # where a body is met
 
 
@@ -41,7 +42,7 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
     from .figures import draw_figures
 
     folder = Path(folder)
-    clear_report(folder)
+    clear_report(folder, film=False)
     draw_figures(folder / "figures", outcome)
     pictures.draw_all(folder / "figures", outcome)
     if field_files is not None:
@@ -78,8 +79,10 @@ def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
     return all(file.exists() for file in files) and set(pictures_of(folder)) == set(names)
 
 
-def clear_report(folder: Path) -> None:
-    """Remove what an earlier report left here, so that nothing of another scene stands beside the new one."""
+def clear_report(folder: Path, *, film: bool = True) -> None:
+    """Remove what an earlier report left here, so that nothing of another scene stands beside the new one; without
+    ``film`` the one that was made of the same answer stays.
+    """
     from . import pictures, vtk
     from .figures import clear_figures
 
@@ -87,4 +90,6 @@ def clear_report(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
         shutil.rmtree((folder / name).with_suffix(""), ignore_errors=True)
     clear_figures(folder / "figures")
+    for name in FILMS if film else ():
+        (folder / "figures" / name).unlink(missing_ok=True)
     pictures.clear_pictures(folder / "figures")

@@ -29,6 +29,7 @@ __all__ = [
     "BODY",
     "INK",
     "MM",
+    "STREAM",
     "PlotGrid",
     "Window",
     "air_arrow",

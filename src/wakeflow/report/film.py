@@ -11,19 +11,23 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from .canvas import BODY, INK, MM, Window, air_arrow, canvas, draw_bins, frame, streams
-from .colours import fraction_colours
+from ..core.quantities import metres
+from .canvas import BODY, INK, MM, STREAM, Window, air_arrow, canvas, draw_bins, frame, streams
+from .colours import COLOURS, fraction_colours
 from .pictures.paths import Path2D, body_displacement
-from .turning import Turning
+from .turning import Turning, tone
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
     from PIL import Image
 
     from ..field import FlowField
@@ -36,11 +40,13 @@ Array = NDArray[np.float64]
 FORMATS = {"gif": 15.0, "mp4": 30.0}  # frames a second
 TWICE = 2  # as large, before it is brought down
 LEVELS = 6  # shades of either turning: even ones take few bytes
-COLOURS = 96  # of a GIF
+TINTS, GREYS = 4, 16  # of each colour towards white, and of grey, in a GIF
 VISIBLE = 0.004  # of the picture's longer side: radius of the smallest granule drawn
 ROOM = 0.92  # of the bytes allowed, that a smaller GIF aims at
 LEAST = 200  # dots of the longer side, below which nothing is seen
 EVEN = 2  # dots, of a frame of an MP4
+SPARE = 1.0  # inches, that names beside the channel may need; what they do not is cut off
+CLOCK = 11.0  # points
 
 
 def write_film(
@@ -68,12 +74,24 @@ def write_film(
 
 
 def _gif(frames: Iterator[Image.Image], rate: float, _: Path) -> bytes:
-    """All frames in the colours of the first, for ever."""
-    first = next(frames).quantize(COLOURS)
-    rest = (one.quantize(palette=first, dither=0) for one in frames)
+    """All frames in the same few colours, for ever."""
+    from PIL import Image
+
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(_colours())
+    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
     stream = io.BytesIO()
     first.save(stream, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
     return stream.getvalue()
+
+
+def _colours() -> list[int]:
+    """Red, green, blue of all that a film shows: greys, the air's shades, and each colour with its way to white."""
+    solid = np.array([[int(one[i : i + 2], 16) for i in (1, 3, 5)] for one in (*COLOURS, STREAM, BODY)])
+    tints = [255 - part * (255 - solid) for part in np.linspace(1.0, 0.0, TINTS, endpoint=False)]
+    greys = np.repeat(np.linspace(0, 255, GREYS)[:, None], 3, axis=1)
+    air = tone(np.linspace(-1.0, 1.0, 2 * LEVELS + 1))
+    return [int(part) for part in np.rint(np.concatenate([greys, air, *tints])).ravel()]
 
 
 def _mp4(frames: Iterator[Image.Image], rate: float, path: Path) -> bytes:
@@ -112,14 +130,14 @@ class _Set:
         self.film, self.scene = film, scene
         channel = scene.channel
         self.window: Window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
-        self.front, self.scale, self.corner, self.font = _furniture(film, scene, self.window, size, seconds)
+        self.still = _furniture(film, scene, self.window, size, seconds)
         across = (self.window[1] - self.window[0], self.window[3] - self.window[2])
-        self.inner = tuple(round(MM * self.scale * length) for length in across)
-        self.turning = None if field is None else Turning(field, self.window, self.inner)
+        inner = tuple(round(self.still.scale * length) for length in across)
+        self.turning = None if field is None else Turning(field, self.window, inner)
         self.strongest = 1.0 if self.turning is None else self.turning.strongest()
         colours, least = fraction_colours(list(scene.fraction)), VISIBLE * TWICE * size
         self.actors = [
-            _Actor(Path2D.of(one), colours[name], max(least, 0.5 * MM * self.scale * float(one["diameter"])))
+            _Actor(Path2D.of(one), colours[name], max(least, 0.5 * self.still.scale * float(one["diameter"])))
             for name, part in film.paths.items()
             for one in part
         ]
@@ -131,7 +149,7 @@ class _Set:
     def _frame(self, time: float) -> Image.Image:
         from PIL import Image, ImageDraw
 
-        picture = Image.new("RGB", self.front.size, "white")
+        picture = Image.new("RGB", self.still.front.size, "white")
         if self.turning is not None:
             shades = self.turning.shaded(time, self.strongest, LEVELS)
             picture.paste(Image.fromarray(shades), self._dots(self.window[0], self.window[3]))
@@ -145,27 +163,71 @@ class _Set:
                 x, y = self._dots(*actor.path.at(np.array([time]))[0][0])
                 r = actor.radius
                 pen.ellipse((x - r, y - r, x + r, y + r), fill=actor.colour, outline="white")
-        picture.paste(self.front, (0, 0), self.front)
-        text = f"{1e3 * (time - self.film.begin):.0f} ms"
-        ImageDraw.Draw(picture).text((8 * TWICE, 4 * TWICE), text, fill=INK, font=self.font)
+        picture.paste(self.still.front, (0, 0), self.still.front)
+        pen.text(self.still.clock, f"{1e3 * (time - self.film.begin):.0f} ms", fill=INK, font=self.still.font)
         return picture.reduce(TWICE)
 
     def _dots(self, x: float, y: float) -> tuple[int, int]:
         """A place (m) in dots from the upper left."""
-        return round(self.corner[0] + MM * self.scale * x), round(self.corner[1] - MM * self.scale * y)
+        left, top = self.still.origin
+        return round(left + self.still.scale * x), round(top - self.still.scale * y)
 
 
-def _furniture(
-    film: Film, scene: Scene, window: Window, size: int, seconds: float
-) -> tuple[Image.Image, float, tuple[float, float], Any]:
-    """What stands still, clear where the air and the granules go; dots per mm; the dots of the origin; a font."""
-    from matplotlib import get_data_path
-    from matplotlib.lines import Line2D
+class _Furniture(NamedTuple):
+    """What stands still: a picture that is clear where the air and the granules go; dots per m; the dots of the origin
+    and of the clock's upper left; the clock's font.
+    """
+
+    front: Image.Image
+    scale: float
+    origin: tuple[float, float]
+    clock: tuple[float, float]
+    font: Any
+
+
+def _furniture(film: Film, scene: Scene, window: Window, size: int, seconds: float) -> _Furniture:
+    """``size``: dots of the longer side."""
     from PIL import Image, ImageFont
 
+    figure, axes, told = _still(film, scene, window, seconds)
+    figure.set_size_inches(*(length + SPARE for length in figure.get_size_inches()))
+    figure.canvas.draw()
+    figure.set_layout_engine("none")
+    box = figure.get_tightbbox()
+    figure.set_dpi(TWICE * size / max(box.width, box.height))
+    figure.canvas.draw()
+    high = figure.canvas.get_width_height()[1]
+    drawn = Image.frombytes(
+        "RGBA",
+        figure.canvas.get_width_height(),
+        bytes(figure.canvas.buffer_rgba()),  # type: ignore[attr-defined]
+    )
+    left, top = round(box.x0 * figure.dpi), high - round(box.y1 * figure.dpi)
+    across, up = (EVEN * TWICE * int(length * figure.dpi / (EVEN * TWICE)) for length in (box.width, box.height))
+    (x, y), (right, _) = axes.transData.transform([(0.0, 0.0), (MM, 0.0)])
+    letters = round(CLOCK * figure.dpi / 72)
+    font = ImageFont.truetype(_font_file(), letters)
+    lines = told.get_window_extent()
+    return _Furniture(
+        drawn.crop((left, top, left + across, top + up)), float(right - x), (float(x) - left, high - float(y) - top),
+        (float(lines.x0) - left, high - float(lines.y1) - top - 1.6 * letters), font,
+    )  # fmt: skip
+
+
+def _font_file() -> str:
+    """Matplotlib's own letters, as those of the furniture."""
+    from matplotlib import get_data_path
+
+    return str(Path(get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"))
+
+
+def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Figure, Axes, Text]:
+    """Walls, bins, the air's direction, who is who, and how the film was made, the last as a text of its own."""
+    from matplotlib.lines import Line2D
+
     figure, axes, scale = canvas(window)
-    axes.patch.set_alpha(0.0)
-    figure.patch.set_alpha(0.0)
+    for patch in (figure.patch, axes.patch):
+        patch.set_alpha(0.0)
     for wall in window[:2]:
         axes.plot([MM * wall] * 2, [MM * end for end in window[2:]], color=INK, linewidth=1.3)
     frame(axes, window, draw_bins(axes, scene, scale))
@@ -177,17 +239,13 @@ def _furniture(
         for name in film.paths
     ]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9)
-    told = [f"slowed {seconds / film.span:.3g} times", f"a slice {1e3 * film.depth:.2g} mm deep"]
-    told += ["granules meet" if film.met else "each granule flies alone"]
-    axes.text(1.06, 0.02, "\n".join(told), transform=axes.transAxes, fontsize=8, va="bottom")
-    figure.set_dpi(TWICE * size / max(figure.get_size_inches()))
-    figure.canvas.draw()
-    whole = tuple(EVEN * TWICE * (length // (EVEN * TWICE)) for length in figure.canvas.get_width_height())
-    shape = figure.canvas.get_width_height()
-    drawn = Image.frombytes("RGBA", shape, bytes(figure.canvas.buffer_rgba()))  # type: ignore[attr-defined]
-    (x, y), (right, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
-    font = ImageFont.truetype(str(Path(get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")), round(0.022 * TWICE * size))
-    return drawn.crop((0, 0, *whole)), float(right - x), (float(x), float(shape[1] - y)), font
+    told = [
+        f"slowed {seconds / film.span:.3g} times",
+        f"a slice of {metres(film.depth, 2)}",
+        "granules meet" if film.met else "each flies alone",
+    ]
+    text = axes.text(1.06, 0.02, "\n".join(told), transform=axes.transAxes, fontsize=8, va="bottom")
+    return figure, axes, text
 
 
 def _named(name: str, one_in: float) -> str:

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from .canvas import Window
 
-__all__ = ["Turning"]
+__all__ = ["Turning", "tone"]
 
 Array = NDArray[np.float64]
 STRONGEST = 97.0  # percentile of |vorticity| at which its colour is full
 CLOCKWISE, COUNTER = (0.30, 0.55, 0.85), (0.88, 0.42, 0.35)  # blue, red
-PALE = 0.75  # of the full colour, so that granules stand out
+PALE = 0.75  # of the full colour
 
 
 class Turning:
@@ -50,9 +50,13 @@ class Turning:
         """
         values = np.zeros(len(self.inside))
         values[self.inside] = np.einsum("nk,nk->n", self.weight, self._nodal(time)[self.corner]) / strongest
-        strength = np.tanh(np.abs(values))
+        signed = np.tanh(values)
         if levels is not None:
-            strength = np.round(strength * levels) / levels
-        colour = np.where((values < 0.0)[:, None], CLOCKWISE, COUNTER)
-        shade = 1.0 - PALE * strength[:, None] * (1.0 - colour)
-        return np.asarray(np.rint(255 * shade), dtype=np.uint8).reshape(self.size[1], self.size[0], 3)
+            signed = np.round(signed * levels) / levels
+        return np.rint(tone(signed)).astype(np.uint8).reshape(self.size[1], self.size[0], 3)
+
+
+def tone(signed: Array) -> Array:
+    """Colours (n, 3), 0 to 255, of vorticity (n,) between -1 and 1: pale, so that granules stand out."""
+    colour = np.where((signed < 0.0)[:, None], CLOCKWISE, COUNTER)
+    return 255.0 * (1.0 - PALE * np.abs(signed)[:, None] * (1.0 - colour))
