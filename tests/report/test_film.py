@@ -40,7 +40,7 @@ def _film(scene: Scene, begin: float = 3.0) -> Film:
 
 def _made(path: Path, scene: Scene, field: FlowField | None = None, **more: Any) -> list[NDArray[np.uint8]]:
     """The frames of a film (k, up, across, 3)."""
-    asked = {"seconds": 1.0, "size": SIZE, "most": PLENTY, **more}
+    asked = {"seconds": 1.2, "size": SIZE, "most": PLENTY, **more}
     with Image.open(write_film(path, _film(scene), scene, field, **asked)) as film:
         return [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
 

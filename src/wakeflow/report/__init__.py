@@ -18,22 +18,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Landed", "Outcome", "clear_report", "draw_discharge", "is_whole", "pictures_of", "write_report"]
 
-LASTING = (
-    "tracks.vtp",
-    "machine.vtm",
-    "landings.vtp",
-    "separation.csv",
-    "budget.csv",
-    "report.html",
-)  # every finished report has them
-FILMS = ("film.gif", "film.mp4")  # by wakeflow animate
+# every finished report has them
+LASTING = ("tracks.vtp", "machine.vtm", "landings.vtp", "separation.csv", "budget.csv", "report.html")
 AT_TIMES = ("impact.csv",)  # where a body is met
 
 
 def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None) -> Path:
     """Write figures/ (those of [picture.NAME] too), the files for ParaView, separation.csv, budget.csv and report.html
-    into ``folder``. The field's files are linked from ``field_files``, where they stand already, else
-    written.
+    into ``folder``. The field's files are linked from ``field_files``, where they stand already, else written.
 
     Every file is whole or absent; what an earlier run left and this one does not write is removed. Returns the path
     of report.html.
@@ -85,11 +77,13 @@ def clear_report(folder: Path, *, film: bool = True) -> None:
     """
     from . import pictures, vtk
     from .figures import clear_figures
+    from .film import FORMATS
 
     for name in (*LASTING, *AT_TIMES, *vtk.FILES):
         (folder / name).unlink(missing_ok=True)
-        shutil.rmtree((folder / name).with_suffix(""), ignore_errors=True)
+    for name in vtk.FOLDERS:
+        shutil.rmtree(folder / name, ignore_errors=True)
     clear_figures(folder / "figures")
-    for name in FILMS if film else ():
-        (folder / "figures" / name).unlink(missing_ok=True)
+    for suffix in FORMATS if film else ():
+        (folder / "figures" / f"film.{suffix}").unlink(missing_ok=True)
     pictures.clear_pictures(folder / "figures")

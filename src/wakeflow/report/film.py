@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMATS", "write_film"]
 
 Array = NDArray[np.float64]
-FORMATS = {"gif": 15.0, "mp4": 30.0}  # frames a second
+FORMATS = {"gif": 12.5, "mp4": 30.0}  # frames a second; a GIF counts hundredths of a second
 TWICE = 2  # as large, before it is brought down
 LEVELS = 6  # shades of either turning: even ones take few bytes
 TINTS, GREYS = 4, 16  # of each colour towards white, and of grey, in a GIF

@@ -8,7 +8,10 @@ from .air import link_field, write_field
 from .machine import write_machine
 from .tracks import write_landings, write_moving, write_tracks
 
-__all__ = ["FILES", "link_field", "write_field", "write_landings", "write_machine", "write_moving", "write_tracks"]
+__all__ = [
+    "FILES", "FOLDERS", "link_field", "write_field", "write_landings", "write_machine", "write_moving", "write_tracks",
+]  # fmt: skip
 
-# what the functions here leave in a run's folder: files, each with a folder of the same name where it is an index
+# what the functions here leave in a run's folder: files, and what the indices among them name
 FILES = ("field.vtu", "field.pvd", "mean.vtu", "machine.vtm", "tracks.vtp", "granules.pvd", "landings.vtp")
+FOLDERS = ("field", "granules", "machine")
