@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["LOOKING", "animate", "materials", "plan", "view"]
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # variables that name a screen
+PLAIN = re.compile(r"[0-9.]+(e-?[0-9]+)?")  # a number alone
 Picture = Annotated[Path | None, Parameter(help="Where to draw it: PNG, SVG or PDF.")]
 
 
@@ -186,11 +188,11 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
 
 
 def _seconds(span: str) -> float:
-    """The option --span in s."""
+    """The option --span in s, a plain number or one with its unit."""
     from .core.quantities import quantity
 
     try:
-        found = quantity(span, "s", "0.2 s")
+        found = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
     except ValueError as problem:
         raise SceneError(f"--span {span!r}: {problem}") from None
     if not found > 0.0:

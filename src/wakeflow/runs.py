@@ -451,7 +451,7 @@ def film_of(
     for name in fractions:
         if name not in tables["fraction"]:
             known = list(tables["fraction"])
-            raise SceneError(f"no fraction {name!r}{did_you_mean(name, known)}; the run has {', '.join(known)}")
+            raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
     with _one_thread_of_blas():
         pipeline, _ = _pipeline(Scene.parse(tables), asked, None, listener, 1)
         air = None if pipeline.scene.air is None else pipeline.field[1]

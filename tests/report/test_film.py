@@ -143,7 +143,7 @@ def test_what_cannot_be_filmed_says_why(tmp_path: Path, capsys: pytest.CaptureFi
     folder = tmp_path / "run"
     wf.run(shipped("vacuum", {"feed.count": 32}), folder, report=False)
     for options, told in (
-        (["--fraction", "sfot"], "no fraction 'sfot' - did you mean 'soft'?"),
+        (["--fraction", "sfot"], "unknown fraction 'sfot'; did you mean 'soft'? (known: soft, hard)"),
         (["--span", "5 mm"], "needs a number in s or a string such as '0.2 s'"),
         (["--out", "film.avi"], "name it *.gif"),
         (["--most", "much"], "is no size"),

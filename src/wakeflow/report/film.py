@@ -132,8 +132,9 @@ class _Set:
         self.window: Window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
         self.still = _furniture(film, scene, self.window, size, seconds)
         across = (self.window[1] - self.window[0], self.window[3] - self.window[2])
-        inner = tuple(round(self.still.scale * length) for length in across)
-        self.turning = None if field is None else Turning(field, self.window, inner)
+        self.inner = (round(self.still.scale * across[0]), round(self.still.scale * across[1]))
+        shown = tuple(length // TWICE for length in self.inner)  # shades need no smooth edges
+        self.turning = None if field is None else Turning(field, self.window, shown)
         self.strongest = 1.0 if self.turning is None else self.turning.strongest()
         colours, least = fraction_colours(list(scene.fraction)), VISIBLE * TWICE * size
         self.actors = [
@@ -151,8 +152,9 @@ class _Set:
 
         picture = Image.new("RGB", self.still.front.size, "white")
         if self.turning is not None:
-            shades = self.turning.shaded(time, self.strongest, LEVELS)
-            picture.paste(Image.fromarray(shades), self._dots(self.window[0], self.window[3]))
+            shades = Image.fromarray(self.turning.shaded(time, self.strongest, LEVELS))
+            place = self._dots(self.window[0], self.window[3])
+            picture.paste(shades.resize(self.inner, Image.Resampling.NEAREST), place)
         pen = ImageDraw.Draw(picture)
         shift = body_displacement(self.scene, np.array([time]))[0]
         for body in self.scene.body.values():
