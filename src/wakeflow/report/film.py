@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..core.quantities import metres
 from .canvas import BODY, INK, MM, STREAM, Window, air_arrow, canvas, draw_bins, frame, streams
 from .colours import COLOURS, fraction_colours
 from .pictures.paths import Path2D, body_displacement
@@ -45,7 +44,7 @@ VISIBLE = 0.004  # of the picture's longer side: radius of the smallest granule 
 ROOM = 0.92  # of the bytes allowed, that a smaller GIF aims at
 LEAST = 200  # dots of the longer side, below which nothing is seen
 EVEN = 2  # dots, of a frame of an MP4
-SPARE = 1.0  # inches, that names beside the channel may need; what they do not is cut off
+SPARE = 1.0  # inches; what nothing is drawn on is cut off
 CLOCK = 11.0  # points
 
 
@@ -192,9 +191,7 @@ def _furniture(film: Film, scene: Scene, window: Window, size: int, seconds: flo
     from PIL import Image, ImageFont
 
     figure, axes, told = _still(film, scene, window, seconds)
-    figure.set_size_inches(*(length + SPARE for length in figure.get_size_inches()))
-    figure.canvas.draw()
-    figure.set_layout_engine("none")
+    _widen(figure, axes)
     box = figure.get_tightbbox()
     figure.set_dpi(TWICE * size / max(box.width, box.height))
     figure.canvas.draw()
@@ -214,6 +211,17 @@ def _furniture(film: Film, scene: Scene, window: Window, size: int, seconds: flo
         drawn.crop((left, top, left + across, top + up)), float(right - x), (float(x) - left, high - float(y) - top),
         (float(lines.x0) - left, high - float(lines.y1) - top - 1.6 * letters), font,
     )  # fmt: skip
+
+
+def _widen(figure: Figure, axes: Axes) -> None:
+    """Lay the figure out, then put SPARE round it: names beside a channel may need more than they were given."""
+    figure.canvas.draw()
+    figure.set_layout_engine("none")
+    inches, place = figure.get_size_inches(), axes.get_position()
+    wider = inches + 2.0 * SPARE
+    low, size = (place.min * inches + SPARE) / wider, place.size * inches / wider
+    figure.set_size_inches(*wider)
+    axes.set_position((*low, *size))
 
 
 def _font_file() -> str:
@@ -243,7 +251,7 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9)
     told = [
         f"slowed {seconds / film.span:.3g} times",
-        f"a slice of {metres(film.depth, 2)}",
+        f"a slice of {MM * film.depth:.2g} mm",
         "granules meet" if film.met else "each flies alone",
     ]
     text = axes.text(1.06, 0.02, "\n".join(told), transform=axes.transAxes, fontsize=8, va="bottom")
@@ -251,4 +259,4 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
 
 
 def _named(name: str, one_in: float) -> str:
-    return name if one_in <= 1.0 else f"{name}, one in {one_in:.2g}"
+    return name if one_in <= 1.0 else f"{name}, one in {one_in:.0f}"
