@@ -45,7 +45,7 @@ ROOM = 0.92  # of the bytes allowed, that a smaller GIF aims at
 LEAST = 200  # dots of the longer side, below which nothing is seen
 EVEN = 2  # dots, of a frame of an MP4
 SPARE = 1.0  # inches; what nothing is drawn on is cut off
-CLOCK = 11.0  # points
+CLOCK, EDGE = 11.0, 0.05  # points; inches
 
 
 def write_film(
@@ -192,7 +192,7 @@ def _furniture(film: Film, scene: Scene, window: Window, size: int, seconds: flo
 
     figure, axes, told = _still(film, scene, window, seconds)
     _widen(figure, axes)
-    box = figure.get_tightbbox()
+    box = figure.get_tightbbox().padded(EDGE)
     figure.set_dpi(TWICE * size / max(box.width, box.height))
     figure.canvas.draw()
     high = figure.canvas.get_width_height()[1]
