@@ -217,11 +217,11 @@ def _widen(figure: Figure, axes: Axes) -> None:
     """Lay the figure out, then put SPARE round it: names beside a channel may need more than they were given."""
     figure.canvas.draw()
     figure.set_layout_engine("none")
-    inches, place = figure.get_size_inches(), axes.get_position()
+    inches, place = np.array(figure.get_size_inches()), axes.get_position()
     wider = inches + 2.0 * SPARE
-    low, size = (place.min * inches + SPARE) / wider, place.size * inches / wider
+    low, high = ((np.array(corner) * inches + SPARE) / wider for corner in (place.min, place.max))
     figure.set_size_inches(*wider)
-    axes.set_position((*low, *size))
+    axes.set_position((*low, *(high - low)))
 
 
 def _font_file() -> str:
