@@ -68,7 +68,7 @@ def main(arguments: list[str] | None = None) -> None:
         for speed, one, other in zip(speeds, rest, near, strict=True):
             before, after = solved(one, asked.rung), solved(other, asked.rung)
             total = [total[0] + before["seconds"], total[1] + after["seconds"]]
-            source = other.table["options"]["near"]
+            source = other.table["options"].get("near")
             begun = "rest" if source is None else f"{wf.Result.load(source).scene['air']['speed']:g}"
             change, half = moved(one, other)
             print(

@@ -1,24 +1,27 @@
-"""The commands that look at something and compute nothing: plan, view, materials; and how a picture is opened."""
+"""The commands that look at something: plan, view, animate, materials; and how a picture is opened."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
-from .commands import Fidelity, Forced, Settings, Stage, Target
+from .commands import Fidelity, Forced, Quiet, Settings, Stage, Target
 from .core.errors import SceneError
 from .scene.overrides import changes_of, switches_of
 
 if TYPE_CHECKING:
     from .scene import Scene
 
-__all__ = ["LOOKING", "materials", "plan", "view"]
+__all__ = ["LOOKING", "animate", "materials", "plan", "view"]
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # variables that name a screen
+PLAIN = re.compile(r"[0-9.]+(e-?[0-9]+)?")  # a number alone
 Picture = Annotated[Path | None, Parameter(help="Where to draw it: PNG, SVG or PDF.")]
 
 
@@ -107,6 +110,57 @@ def view(what: Path, *, picture: Picture = None, settings: Settings = []) -> Non
     look(scene, run, path)
 
 
+def animate(
+    run_folder: Path,
+    *,
+    out: Annotated[Path | None, Parameter(help="The film; default figures/film.gif in the run's folder.")] = None,
+    format_: Annotated[Literal["gif", "mp4"], Parameter(name="--format")] = "gif",
+    fractions: Annotated[list[str], Parameter(name="--fraction", negative="")] = [],  # noqa: B006
+    seconds: Annotated[float, Parameter(validator=Number(gt=0, lte=120))] = 8.0,
+    span: Annotated[str | None, Parameter(help="Of the machine's time: '0.2 s'; default one long flight.")] = None,
+    size: Annotated[int, Parameter(validator=Number(gte=200, lte=4000))] = 640,
+    most: Annotated[str, Parameter(help="Bytes that a film may have; one that has more is drawn smaller.")] = "5MB",
+    quiet: Quiet = False,
+) -> None:
+    """Make a film of a finished run: its granules through the moving wake past the vibrating body, as they come.
+
+    Where granules meet each other, a thin slab is flown for it at the true feed rate, once. A film in the run's folder
+    stands on the page of the report too.
+
+    Parameters
+    ----------
+    run_folder
+        A folder that ``wakeflow run`` wrote.
+    format_
+        gif, or mp4: smaller and smoother, with the extra wakeflow[mp4].
+    fractions
+        Show this one alone; repeatable.
+    seconds
+        That the film plays.
+    size
+        Dots of its longer side.
+    """
+    from .core.cleaning import bytes_of
+    from .report.film import write_film
+    from .report.html.film import show_film
+    from .runs import film_of
+    from .terminal import live
+
+    path = out or run_folder / "figures" / f"film.{format_}"
+    if path.suffix != f".{format_}":
+        raise SceneError(f"--out {path}: name it *.{format_}, or ask for another --format")
+    lasting, bytes_ = None if span is None else _seconds(span), bytes_of(most)
+    with live(enabled=not quiet) as listener:
+        scene, air, film = film_of(run_folder, lasting, fractions, listener)
+        listener("film", "drawing")
+        write_film(path, film, scene, air, seconds=seconds, size=size, most=bytes_)
+        listener("film", "done")
+    if out is None:
+        show_film(run_folder, path)
+    if not quiet:
+        print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
+
+
 def materials(name: str | None = None, *, file: Path | None = None) -> None:
     """List the materials of granules; of one NAME every value with its range, source and how far to trust it.
 
@@ -133,6 +187,19 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
         raise SceneError(f"unknown material {name!r}{did_you_mean(name, list(known))} (known: {', '.join(known)})")
 
 
+def _seconds(span: str) -> float:
+    """The option --span in s, a plain number or one with its unit."""
+    from .core.quantities import quantity
+
+    try:
+        found = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
+    except ValueError as problem:
+        raise SceneError(f"--span {span!r}: {problem}") from None
+    if not found > 0.0:
+        raise SceneError(f"--span {span!r}: must be positive")
+    return found
+
+
 def _draw(path: Path, asked: Scene, scene: Path) -> None:
     """Draw what a scene file asks for, in the units that it writes."""
     from .report.sketch import write_sketch
@@ -149,4 +216,4 @@ def _open(path: Path) -> None:
         print(f"no screen to open it on: {path}")
 
 
-LOOKING = (plan, view, materials)
+LOOKING = (plan, view, animate, materials)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from .core.files import atomic_write
 from .core.graded import gravest_first
 from .core.process import cores
 from .core.record import from_json, to_json
+from .core.registry import did_you_mean
 from .core.sources import code_key
 from .core.store import content_key, digest_files
 from .laws.momentum import momentum_pressure
@@ -69,11 +70,13 @@ from .results.total import totalled
 from .scene import Scene
 
 if TYPE_CHECKING:
+    from .field import FlowField
+    from .pipeline.film_stage import Film
     from .pipeline.landings import Landings, Tracked
     from .planning.plan import Plan
     from .report import Landed
 
-__all__ = ["help_along", "report_again", "run", "versions"]
+__all__ = ["film_of", "help_along", "report_again", "run", "versions"]
 
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
@@ -382,10 +385,12 @@ class _Run:
             (folder / "granules.npz").unlink(missing_ok=True)
         if tracked is not None:
             landings = tracked.landings if answer is None else answer
-            _save_granules(folder / "granules.npz", scene, landings)
+            granules = _some_granules(scene, landings)
+            with atomic_write(folder / "granules.npz", "wb") as stream:
+                np.savez(stream, names=np.array(list(landings)), **granules)
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
-                _report(self.pipeline, tracked, landings, result, pdf=self.pdf)
+                _report(self.pipeline, tracked, landings, granules, result, pdf=self.pdf)
             return replace(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
@@ -399,7 +404,15 @@ def _with_totals(scene: Scene, flights: Flights) -> tuple[Separation, tuple[Budg
     return totalled(found, budget, inputs, scene), budget, inputs
 
 
-def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings], result: Result, *, pdf: bool) -> None:
+def _report(
+    pipeline: Pipeline,
+    tracked: Tracked,
+    answer: Mapping[str, Landings],
+    granules: Mapping[str, Any],
+    result: Result,
+    *,
+    pdf: bool,
+) -> None:
     from .report import Outcome, write_report
 
     pipeline.listener("report", "drawing")
@@ -409,24 +422,26 @@ def _report(pipeline: Pipeline, tracked: Tracked, answer: Mapping[str, Landings]
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
     air = result.airflow
     cells, history = (None, None) if air is None else (cells_of(pipeline), forces_of(pipeline, air))
-    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, cells, history)
-    write_report(result.folder, outcome, _field_files(pipeline), pdf=pdf)
+    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, granules, cells, history)
+    write_report(result.folder, outcome, _field_files(pipeline, air), pdf=pdf)
     pipeline.listener("report", "done")
 
 
-def _field_files(pipeline: Pipeline) -> Path | None:
+def _field_files(pipeline: Pipeline, airflow: Airflow | None) -> Path | None:
     """The folder in the cache with the field's files for ParaView, which all runs in this airflow share; None without
     air.
     """
     from .report.vtk import write_field
 
-    if pipeline.scene.air is None:
+    scene = pipeline.scene
+    if scene.air is None:
         return None
     upstream, flow = pipeline.field
-    key = content_key("vtk", upstream, code_key("wakeflow.report.vtk"), versions()["pyvista"])
+    asked = scene.numerics.snapshots, scene.symmetric
+    key = content_key("vtk", upstream, *asked, code_key("wakeflow.report.vtk.air"), versions()["pyvista"])
 
     def work(part: Path) -> None:
-        write_field(part, flow)
+        write_field(part, flow, scene, airflow)
 
     return pipeline.cache.make("vtk", key, work)
 
@@ -450,6 +465,30 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
         refinement=refinement_in(folder), pdf=pdf,
     )  # fmt: skip
     return Path(folder) / "report.html"
+
+
+def film_of(
+    folder: Path | str,
+    span: float | None = None,
+    fractions: Sequence[str] = (),
+    listener: Listener = silent,
+) -> tuple[Scene, FlowField | None, Film]:
+    """The scene of a finished run as it was flown, its air, and its granules over ``span`` (s), flown for a film; of
+    all ``fractions``, or of those alone.
+
+    What the run's own cache still holds is not computed again. Raises SceneError where the folder holds no such run,
+    and for a fraction that it has not.
+    """
+    tables, asked = asked_in(folder)
+    for name in fractions:
+        if name not in tables["fraction"]:
+            known = list(tables["fraction"])
+            raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
+    with _one_thread_of_blas():
+        pipeline, _ = _pipeline(Scene.parse(tables), asked, None, listener, 1)
+        air = None if pipeline.scene.air is None else pipeline.field[1]
+        film = pipeline.film(span)
+    return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})
 
 
 def versions() -> dict[str, str]:
@@ -485,8 +524,8 @@ def _truncation(pipeline: Pipeline) -> FieldTruncation | None:
     return None if lost is None else from_json(FieldTruncation, lost, "truncation")
 
 
-def _save_granules(path: Path, scene: Scene, landings: Mapping[str, Landings]) -> None:
-    """A fixed subsample of at most numerics.keep granules a fraction; shares use all of them."""
+def _some_granules(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Any]:
+    """A fixed subsample of at most numerics.keep granules a fraction, as columns; shares use all of them."""
     rows: dict[str, list[np.ndarray]] = {}
     mass = scene.mass_shares()
     for index, (name, landing) in enumerate(landings.items()):
@@ -502,6 +541,4 @@ def _save_granules(path: Path, scene: Scene, landings: Mapping[str, Landings]) -
         }
         for field, values in columns.items():
             rows.setdefault(field, []).append(values)
-    with atomic_write(path, "wb") as stream:
-        columns = {name: np.concatenate(parts) for name, parts in rows.items()}
-        np.savez(stream, names=np.array(list(landings)), **columns)
+    return {name: np.concatenate(parts) for name, parts in rows.items()}

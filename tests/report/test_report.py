@@ -21,7 +21,7 @@ from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, vtk, write_report
+from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
 from wakeflow.report.canvas import new_figure, save
 from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
@@ -82,7 +82,8 @@ def _tracks(scene: Scene) -> dict[str, list[dict[str, np.ndarray]]]:
             time = np.linspace(0.0, 0.2, 11 + i)
             velocity = np.stack([np.full_like(time, side * (0.1 + 0.1 * i)), -9.81 * time], axis=1)
             position = np.stack([side * 0.03 + velocity[0, 0] * time, -4.905 * time**2], axis=1)
-            tracks[name].append({"time": time, "position": position, "velocity": velocity})
+            ends = {"diameter": np.array(1e-3), "bin": np.array(0), "fate": np.array(0)}
+            tracks[name].append({"time": time, "position": position, "velocity": velocity, **ends})
     return tracks
 
 
@@ -167,7 +168,14 @@ def _outcome(scene: Scene) -> Outcome:
     return Outcome(
         scene=scene, field=None if scene.air is None else _field(scene), tracks=_tracks(scene),
         landings=_landings(scene), result=_read(_result(scene, None if scene.air is None else AIRFLOW)), shown={},
+        granules=_granules(),
     )  # fmt: skip
+
+
+def _granules() -> dict[str, np.ndarray]:
+    """The columns of granules.npz of one granule."""
+    names = ("fraction", "bin", "weight", "fate", "diameter", "time", "impacts")
+    return {"position": np.zeros((1, 2)), **{name: np.zeros(1) for name in names}}
 
 
 @pytest.fixture(params=["rhombus", "prism", "vacuum"])
@@ -194,7 +202,11 @@ def _annotations(figure: Any) -> dict[str, Any]:
 def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
     page = write_report(tmp_path, _outcome(scene))
     names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
-    always = {"figures/tracks.csv", "figures/landing.csv", "tracks.vtp", "separation.csv", "budget.csv", "report.html"}
+    blocks = {name for name in names if name.startswith("machine/")}
+    assert len(blocks) >= len(scene.body) + len(scene.bin)
+    names -= blocks
+    always = {"figures/tracks.csv", "figures/landing.csv", "tracks.vtp", "machine.vtm", "landings.vtp"}
+    always |= {"separation.csv", "budget.csv", "report.html"}
     pictures = ["sketch", "tracks", "landing", *(["pressure", "vorticity", "residence"] if scene.air else [])]
     drawn = {f"figures/{name}{suffix}" for name in pictures for suffix in (".png", ".svg")}
     data = {f"figures/{name}" for name in ("pressure.npz", "vorticity.npz", "residence.csv")}
@@ -414,80 +426,6 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     assert {a.get_xlabel() for a in drawn[0].axes} == {"", "x on the floor (mm)", "along shelf (mm)"}
     draw_tracks("unused", None, scene, {})
     assert "shelf" in _annotations(drawn[1])
-
-
-# -- VTK ---------------------------------------------------------------------------------------------------------------
-
-
-def test_a_steady_field_reads_back(rhombus: Scene, tmp_path: Path) -> None:
-    import pyvista
-
-    field = _field(rhombus)
-    field = replace(field, k=np.linspace(0.0, 1.0, len(field.points)))
-    path = vtk.write_field(tmp_path, field)
-    grid = pyvista.read(path)
-    assert path.name == "field.vtu"
-    assert grid.points.dtype == np.float64
-    assert np.array_equal(grid.points[:, :2], field.points)
-    assert np.array_equal(grid.cells_dict[pyvista.CellType.TRIANGLE], field.triangles)
-    assert np.array_equal(grid["velocity"][:, :2], field.velocity)
-    assert np.all(grid["velocity"][:, 2] == 0.0)
-    for name in ("pressure", "k"):
-        assert np.array_equal(grid[name], getattr(field, name))
-    assert b'format="ascii"' not in path.read_bytes()
-
-
-def test_a_field_in_time_reads_back_at_every_time(rhombus: Scene, tmp_path: Path) -> None:
-    import pyvista
-
-    steady = _field(rhombus)
-    factors = np.array([0.5, 1.0, 2.0])
-    assert steady.pressure is not None
-    moving = replace(
-        steady,
-        velocity=factors[:, None, None] * steady.velocity,
-        pressure=factors[:, None] * steady.pressure,
-        times=np.array([0.25, 0.375, 0.5]),
-    )
-    vtk.write_field(tmp_path, steady)
-    path = vtk.write_field(tmp_path, moving)
-    assert not (tmp_path / "field.vtu").exists()
-    reader = pyvista.get_reader(path)
-    assert reader.time_values == [0.25, 0.375, 0.5]
-    for i, time in enumerate(reader.time_values):
-        reader.set_active_time_value(time)
-        assert np.array_equal(reader.read()[0]["velocity"][:, :2], moving.velocity[i])
-    assert vtk.write_field(tmp_path, steady).name == "field.vtu"
-    assert not path.exists()
-    assert not (tmp_path / "field").exists()
-
-
-def test_tracks_read_back_with_their_fraction(rhombus: Scene, tmp_path: Path) -> None:
-    import pyvista
-
-    tracks = _tracks(rhombus)
-    single = {"time": np.array([0.5]), "position": np.array([[0.01, 0.02]]), "velocity": np.array([[3.0, -4.0]])}
-    tracks["chaff"].insert(0, single)
-    tracks["wheat"] = []
-    data = pyvista.read(vtk.write_tracks(tmp_path, tracks))
-    assert list(data.field_data["fraction_names"]) == ["dust", "chaff", "wheat"]
-    assert data.n_verts == 1
-    assert data.n_lines == 4
-    assert list(data.cell_data["fraction"]) == [1, 0, 0, 1, 1]
-    assert data["speed"][0] == 5.0
-    wanted = [single, *tracks["dust"], *tracks["chaff"][1:]]
-    for i, track in enumerate(wanted):
-        cell = data.get_cell(i).point_ids
-        assert np.array_equal(data.points[cell][:, :2], track["position"])
-        assert np.array_equal(data["time"][cell], track["time"])
-        assert np.array_equal(data["velocity"][cell][:, :2], track["velocity"])
-
-
-def test_no_tracks_are_an_empty_file(tmp_path: Path) -> None:
-    import pyvista
-
-    data = pyvista.read(vtk.write_tracks(tmp_path, {"dust": []}))
-    assert data.n_points == 0
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------

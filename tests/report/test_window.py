@@ -29,8 +29,11 @@ def test_a_run_shows_its_bodies_and_its_tracks(tmp_path: Path) -> None:
     scene, picture = shipped("vacuum"), tmp_path / "window.png"
     time, x = np.linspace(3.0, 3.4, 30), np.linspace(0.0, 0.25, 30)
     fall = np.column_stack([x, 0.1 - 3.0 * x**2])
-    paths = {name: [{"time": time, "position": side * fall, "velocity": side * fall}] for name, side in SIDES.items()}
-    write_tracks(tmp_path, paths)
+    ends = {"diameter": np.array(1e-3), "bin": np.array(0), "fate": np.array(0)}
+    paths = {
+        name: [{"time": time, "position": side * fall, "velocity": side * fall, **ends}] for name, side in SIDES.items()
+    }
+    write_tracks(tmp_path, paths, scene)
     look(scene, tmp_path, picture)
     between = _pixels(picture, BODY)[200:650, 400:800]  # of walls, legend and bins, whose edges have all greys
     left, middle, right = np.quantile(np.argwhere(between)[:, 1], [0.05, 0.5, 0.95])

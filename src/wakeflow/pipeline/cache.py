@@ -43,6 +43,7 @@ CODE = {
     "residence": ("wakeflow.tracking.residence",),
     "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
     "draws": ("wakeflow.pipeline.draws", "wakeflow.field.varied"),
+    "film": ("wakeflow.pipeline.film_stage", "wakeflow.pipeline.crowd_flight", "wakeflow.pipeline.gather"),
     "crowd": ("wakeflow.pipeline.crowd_flight", "wakeflow.pipeline.landings"),
 }
 

@@ -22,7 +22,6 @@ from ..laws.constants import GRAVITY
 from ..laws.forces import forces
 from ..planning.plan import Plan
 from ..scene import Scene
-from ..tracking import Fate
 from .landings import Landings
 from .realisations import Realisations
 from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
@@ -95,7 +94,7 @@ class SlabFlight:
         stream = slab_stream(self.scene, self.plan, field, number, **timing)
         tracks = self._track(field, stream, number)
         kept = stream.counted
-        binned = (tracks.line >= 0) & (tracks.line < len(self.scene.bin))
+        bin_, fate = tracks.ends(len(self.scene.bin))
         assert tracks.meetings is not None
         assert tracks.crowd is not None
         return {
@@ -104,10 +103,10 @@ class SlabFlight:
             "flown": np.array(tracks.crowd.flown),
             "fraction": stream.fraction[kept].astype(np.int16),
             "position": tracks.position[kept],
-            "bin": np.where(binned, tracks.line, -1)[kept].astype(np.int16),
+            "bin": bin_[kept].astype(np.int16),
             "replicate": np.full(int(kept.sum()), pair, dtype=np.uint8),
             "diameter": stream.granules.diameter[kept].astype(np.float32),
-            "fate": np.where((tracks.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, tracks.fate)[kept].astype(np.int8),
+            "fate": fate[kept].astype(np.int8),
             "time": (tracks.time - stream.granules.time)[kept].astype(np.float32),
             "impacts": tracks.impacts[kept].astype(np.int32),
             "realisation": np.full(int(kept.sum()), realisation, dtype=np.uint8),
@@ -117,13 +116,21 @@ class SlabFlight:
             "drag": stream.granules.drag_scale[kept].astype(np.float32),
         }
 
+    def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
+        """The first replicate's feed over ``operation``, no whole periods, in the first realisation of the airflow, and
+        its tracks with ``points`` kept of each.
+        """
+        timing = {"begin": self._begin(0), "start_up": self.start_up, "operation": self.operation, "depth": self.depth}
+        stream = slab_stream(self.scene, self.plan, self.airs.field, 0, **timing)
+        return stream, self._track(self.airs.field, stream, 0, record=points)
+
     def _begin(self, number: int) -> float:
         """When a replicate begins (s): at any moment of the airflow's period, or of the vibration's."""
         vibration = self.scene.vibration
         cycle = self.airs.period or (0.0 if vibration is None else vibration.period)
         return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
 
-    def _track(self, field: FlowField | None, stream: SlabFeed, number: int) -> tracking.Tracks:
+    def _track(self, field: FlowField | None, stream: SlabFeed, number: int, *, record: int = 0) -> tracking.Tracks:
         scene, rebound = self.scene, self.scene.collisions
         height = scene.channel.top - scene.channel.bottom
         speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
@@ -142,6 +149,7 @@ class SlabFlight:
             lines=end_lines(scene),
             gravity=(0.0, -GRAVITY),
             workers=1,
+            record=record,
             collisions=tracking.Collisions(
                 depth=self.depth,
                 restitution=rebound.restitution,

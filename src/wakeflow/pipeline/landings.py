@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ..scene import Scene
 from ..tracking import Fate
+from .drawn import load_drawn_tracks
 
-__all__ = ["Landings", "Tracked", "load_drawn_tracks", "load_tracked"]
+__all__ = ["Landings", "Tracked", "load_tracked"]
 
 Array = NDArray[np.float64]
 
@@ -119,12 +120,3 @@ def load_tracked(folder: Path, scene: Scene) -> Tracked:
         file = folder / f"{name}.drawn.npz"
         drawn[name] = load_drawn_tracks(file) if file.exists() else []
     return Tracked(landings, drawn, injected, fates)
-
-
-def load_drawn_tracks(file: Path) -> list[dict[str, Array]]:
-    """Tracks for pictures: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, diameter () m of each."""
-    with np.load(file) as data:
-        cut = data["split"][1:-1]
-        parts = [np.split(data[key], cut) for key in ("time", "position", "velocity")]
-        rows = zip(*parts, data["diameter"], strict=True)
-        return [dict(zip(("time", "position", "velocity", "diameter"), row, strict=True)) for row in rows]

@@ -25,6 +25,7 @@ from .cache import Listener, StageCache, silent
 from .compilation import Compilation
 from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound
 from .draws import Draws, DrawStage
+from .film_stage import Film, FilmStage
 from .stages import StageKey, StageTime
 from .track_stage import Companion, TrackStage
 
@@ -224,6 +225,12 @@ class Pipeline:
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
         return self._track_stage.shown(picture)
+
+    def film(self, span: float | None = None) -> Film:
+        """The granules that are in the machine over ``span`` (s), on one clock: flown for a film."""
+        self.compilation.finish_slab()
+        known = self._track_stage.airs, self.tracks_key, self.tracks().landings, self.workers
+        return FilmStage(self.scene, self.plan, self.cache, *known).fly(span)
 
     def compile_beside(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""

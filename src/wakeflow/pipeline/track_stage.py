@@ -96,7 +96,7 @@ class TrackStage:
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        from .landings import load_drawn_tracks
+        from .drawn import load_drawn_tracks
         from .tracks import Flight
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown

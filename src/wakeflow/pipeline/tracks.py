@@ -25,8 +25,8 @@ from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ..planning.variation import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import DRAWN
-from ..tracking import Body, Fate, Granules, Tracks
-from .landings import load_drawn_tracks
+from ..tracking import Body, Granules, Tracks
+from .drawn import load_drawn_tracks, paths_of, save_drawn_tracks
 from .realisations import Realisations
 
 __all__ = ["Flight", "FlightPiece", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
@@ -79,7 +79,7 @@ class Flight:
         """Fly one piece and keep it in ``folder``, for :meth:`join`."""
         ((columns, paths),) = self._fly_pieces([piece], drawn=drawn)
         if paths:
-            _save_drawn(folder / "drawn.npz", paths)
+            save_drawn_tracks(folder / "drawn.npz", paths)
         with atomic_write(folder / "landings.npz", "wb") as stream:
             np.savez(stream, **columns)
 
@@ -124,7 +124,7 @@ class Flight:
             parts.append(part)
             shown += paths
         if drawn:
-            _save_drawn(folder / f"{name}.drawn.npz", shown)
+            save_drawn_tracks(folder / f"{name}.drawn.npz", shown)
         columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
         order = np.argsort(columns["replicate"], kind="stable")
         with atomic_write(folder / f"{name}.npz", "wb") as stream:
@@ -135,7 +135,8 @@ class Flight:
         size = len(feed.replicate) // len(replicates)
         here = [i * size + g % size for i, r in enumerate(replicates) for g in chosen if g // size == r]
         grains = feed.granules[np.array(here, dtype=int)]
-        return _paths(self.fly(name, grains, record=COARSE, stream=REPLICATES + replicates[0]), grains)
+        tracks = self.fly(name, grains, record=COARSE, stream=REPLICATES + replicates[0])
+        return paths_of(tracks, grains, len(self.scene.bin))
 
     def fly_shown(self, folder: Path, names: Sequence[str], count: int, body_speed: float | None) -> None:
         """Keep ``count`` tracks of each fraction in ``names``; with ``body_speed`` (m/s, upward) the first of them is
@@ -151,7 +152,9 @@ class Flight:
                 chosen = np.concatenate([[self._meeting(name, feed, body_speed)], chosen])
             detail = DETAIL if len(chosen) <= 2 * DRAWN else COARSE
             tracks = self.fly(name, feed.granules[chosen], record=detail, stream=3 * REPLICATES)
-            _save_drawn(folder / f"{name}.drawn.npz", _paths(tracks, feed.granules[chosen]))
+            save_drawn_tracks(
+                folder / f"{name}.drawn.npz", paths_of(tracks, feed.granules[chosen], len(self.scene.bin))
+            )
 
     def fly_part(self, name: str, replicate: int, part: slice, variation: GranuleVariation) -> NDArray[np.int64]:
         """Index of the bin (m,), -1 for elsewhere, in which each granule of a ``part`` of a ``replicate`` lands, those
@@ -321,13 +324,13 @@ def landing_columns(
     feed: Feedstock, tracks: Tracks, bins: int, realisation: int = 0, cycle: NDArray[np.uint16] | None = None
 ) -> dict[str, NDArray[Any]]:
     """What is kept of each landing, 40 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
-    binned = (tracks.line >= 0) & (tracks.line < bins)  # the lines after the bins are the channel's floor and top
+    bin_, fate = tracks.ends(bins)
     return {
         "position": tracks.position,
-        "bin": np.where(binned, tracks.line, -1).astype(np.int16),
+        "bin": bin_.astype(np.int16),
         "replicate": feed.replicate.astype(np.uint8),
         "diameter": feed.granules.diameter.astype(np.float32),
-        "fate": np.where((tracks.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, tracks.fate).astype(np.int8),
+        "fate": fate.astype(np.int8),
         "time": (tracks.time - feed.granules.time).astype(np.float32),
         "impacts": (tracks.impacts + feed.injected).astype(np.int32),  # the tracker did not see these' first impact
         "injected": feed.injected,
@@ -337,25 +340,8 @@ def landing_columns(
     }
 
 
-def _paths(tracks: Tracks, grains: Granules) -> list[dict[str, Array]]:
-    """Recorded tracks with their granules' diameters."""
-    names = ("time", "position", "velocity")
-    found = [dict(zip(names, tracks.path(i), strict=True)) for i in range(len(grains))]
-    return [{**path, "diameter": np.array(d)} for path, d in zip(found, grains.diameter, strict=True)]
-
-
 def _kept_piece(folder: Path) -> Flown:
     """What :meth:`Flight.keep_piece` left."""
     drawn = folder / "drawn.npz"
     with np.load(folder / "landings.npz") as data:
         return {key: data[key] for key in data.files}, load_drawn_tracks(drawn) if drawn.exists() else []
-
-
-def _save_drawn(path: Path, paths: list[dict[str, Array]]) -> None:
-    """Tracks end to end in one file: row splits, time (s), position (m), velocity (m/s); diameter (m) of each."""
-    split = np.cumsum([0] + [len(one["time"]) for one in paths])
-    joined: dict[str, Any] = {
-        key: np.concatenate([one[key] for one in paths]) for key in ("time", "position", "velocity")
-    }
-    with atomic_write(path, "wb") as stream:
-        np.savez(stream, split=split, diameter=np.array([one["diameter"] for one in paths]), **joined)

@@ -18,14 +18,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Landed", "Outcome", "clear_report", "draw_discharge", "is_whole", "pictures_of", "write_report"]
 
-LASTING = ("tracks.vtp", "separation.csv", "budget.csv", "report.html")  # every finished report has them
-AT_TIMES = ("field.vtu", "field.pvd", "impact.csv")  # with air, and where a body is met
+# every finished report has them
+LASTING = ("tracks.vtp", "machine.vtm", "landings.vtp", "separation.csv", "budget.csv", "report.html")
+AT_TIMES = ("impact.csv",)  # where a body is met
 
 
 def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None, *, pdf: bool = False) -> Path:
-    """Write figures/ (those of [picture.NAME] too), field and tracks for ParaView, separation.csv, budget.csv and
-    report.html into ``folder``. The field's files are linked from ``field_files``, where they stand already, else
-    written. ``pdf``: every figure as PDF as well.
+    """Write figures/ (those of [picture.NAME] too), the files for ParaView, separation.csv, budget.csv and report.html
+    into ``folder``. The field's files are linked from ``field_files``, where they stand already, else written. ``pdf``:
+    every figure as PDF as well.
 
     Every file is whole or absent; what an earlier run left and this one does not write is removed. Returns the path
     of report.html.
@@ -35,15 +36,18 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
     from .figures import draw_figures
 
     folder = Path(folder)
-    clear_report(folder)
+    clear_report(folder, film=False)
     with pdf_too(pdf):
         draw_figures(folder / "figures", outcome)
         pictures.draw_all(folder / "figures", outcome)
     if field_files is not None:
         vtk.link_field(field_files, folder)
     elif outcome.field is not None:
-        vtk.write_field(folder, outcome.field)
-    vtk.write_tracks(folder, outcome.tracks)
+        vtk.write_field(folder, outcome.field, outcome.scene, outcome.airflow)
+    vtk.write_machine(folder, outcome.scene)
+    vtk.write_tracks(folder, outcome.tracks, outcome.scene, outcome.field)
+    vtk.write_moving(folder, outcome.tracks, outcome.scene, outcome.field)
+    vtk.write_landings(folder, outcome.granules, outcome.scene)
     csv.write_tables(folder, outcome.result)
     return html.write_html(folder, outcome)
 
@@ -70,13 +74,19 @@ def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
     return all(file.exists() for file in files) and set(pictures_of(folder)) == set(names)
 
 
-def clear_report(folder: Path) -> None:
-    """Remove what an earlier report left here, so that nothing of another scene stands beside the new one."""
-    from . import pictures
+def clear_report(folder: Path, *, film: bool = True) -> None:
+    """Remove what an earlier report left here, so that nothing of another scene stands beside the new one; without
+    ``film`` the one that was made of the same answer stays.
+    """
+    from . import pictures, vtk
     from .figures import clear_figures
+    from .film import FORMATS
 
-    for name in (*LASTING, *AT_TIMES):
+    for name in (*LASTING, *AT_TIMES, *vtk.FILES):
         (folder / name).unlink(missing_ok=True)
+    for name in vtk.FOLDERS:
+        shutil.rmtree(folder / name, ignore_errors=True)
     clear_figures(folder / "figures")
+    for suffix in FORMATS if film else ():
+        (folder / "figures" / f"film.{suffix}").unlink(missing_ok=True)
     pictures.clear_pictures(folder / "figures")
-    shutil.rmtree(folder / "field", ignore_errors=True)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,18 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 __all__ = [
-    "SUCTION_LEVEL", "TOUCHING", "as_flown", "pressure_coefficient", "suction_nodes", "trace_streamlines",
+    "SUCTION_LEVEL",
+    "TOUCHING",
+    "as_flown",
+    "at_moments",
+    "dynamic_pressure",
+    "inlet_pressure",
+    "moments_of",
+    "pressure_coefficient",
+    "suction_nodes",
+    "trace_streamlines",
     "window_round_body",
-]  # fmt: skip
+]
 
 Array = NDArray[np.float64]
 
@@ -47,6 +57,31 @@ def as_flown(mean: FlowField, scene: Scene) -> FlowField:
     both = np.where(there[:, None], 0.5 * (mean.velocity + velocity), mean.velocity)
     level = None if mean.pressure is None else np.where(there, 0.5 * (mean.pressure + pressure), mean.pressure)
     return replace(mean, velocity=both, pressure=level, given_gradient=None)
+
+
+def moments_of(field: FlowField, count: int) -> Array:
+    """``count`` times (s) evenly over the loop of a field in time, its end left out; without a loop over its record."""
+    assert field.times is not None
+    if field.period is None:
+        return np.linspace(field.times[0], field.times[-1], count)
+    return np.asarray(field.times[0] + np.arange(count) / count * field.period)
+
+
+def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]]:
+    """``count`` times (s) evenly over a field in time, and the steady field that it is at each, on its mesh where that
+    then is.
+    """
+    times = moments_of(field, count)
+    return times, (_at_time(field, float(time)) for time in times)
+
+
+def _at_time(field: FlowField, time: float) -> FlowField:
+    weights = field.weights(time)
+    state = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
+    k = None if state.k is None else np.maximum(state.k, 0.0)  # the modes left out may be more than all of it
+    moved = 0.0 if field.motion is None else field.motion.displacement(time)
+    steady: dict[str, Any] = dict.fromkeys(("times", "period", "coefficients", "truncation", "motion"))
+    return replace(state, points=field.points + moved, k=k, **steady)
 
 
 def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGrid) -> None:
@@ -105,10 +140,13 @@ def _arrows(axes: Axes, lines: list[Array], grid: PlotGrid, window: Window) -> N
 
 def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Array:
     """Cp = (p - p_inlet) / (0.5 rho U^2) at the nodes (n,) of a steady field with pressure."""
+    return (np.asarray(mean.pressure) - inlet_pressure(mean, scene, airflow)) / dynamic_pressure(mean, scene)
+
+
+def dynamic_pressure(field: FlowField, scene: Scene) -> float:
+    """0.5 rho U^2 of the air ahead of the bodies, Pa."""
     assert scene.air is not None
-    return (np.asarray(mean.pressure) - _inlet_pressure(mean, scene, airflow)) / (
-        0.5 * mean.density * scene.air.speed**2
-    )
+    return 0.5 * field.density * scene.air.speed**2
 
 
 def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]:
@@ -132,7 +170,7 @@ def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]
     return np.asarray(low & np.isin(label, label[body]))
 
 
-def _inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
+def inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
     """``p_inlet`` (Pa) where it was measured, else the mean along the field's own inlet: its upper or lower end."""
     if airflow.p_inlet is not None:
         return airflow.p_inlet

@@ -31,12 +31,14 @@ __all__ = [
     "BODY",
     "INK",
     "MM",
+    "STREAM",
     "PlotGrid",
     "Window",
     "air_arrow",
     "bins_across",
     "canvas",
     "clear",
+    "draw_bins",
     "first_outline",
     "frame",
     "inside_window",
@@ -53,6 +55,7 @@ Array = NDArray[np.float64]
 Window = tuple[float, float, float, float]  # left, right, low, high (m)
 
 BODY, INK, STREAM = "#8a8a8a", "#1a1a1a", "#0b7285"
+BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 MM = 1000.0
 DPI = 160
 SUFFIXES = (".png", ".svg", ".pdf", ".csv", ".npz")  # of a figure and its data
@@ -164,6 +167,36 @@ def streams(axes: Axes, scene: Scene) -> None:
             f"{name} {inlet.velocity:g} m/s", (wall, ends[1]), xytext=(4 * inward, 4), textcoords="offset points",
             fontsize=8, ha="left" if inward > 0 else "right", va="bottom", zorder=10, bbox=box,
         )  # fmt: skip
+
+
+def draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
+    """Bins as bars on their lines with their names outside the channel; the room (m) the names need on each side."""
+    outward = {"floor": (0, -1), "top": (0, 1), "left": (-1, 0), "right": (1, 0)}
+    align = {"floor": ("center", "top"), "top": ("center", "bottom"), "left": ("right", "center"),
+             "right": ("left", "center")}  # fmt: skip
+    margin = dict.fromkeys(outward, 0.0)
+    for on in outward:
+        placed = {n: b.line(scene.channel) for n, b in scene.bin.items() if b.points is None and b.on == on}
+        placed = dict(sorted(placed.items(), key=lambda item: float(item[1].sum())))
+        room = {name: scale * float(np.ptp(line, axis=0).max()) for name, line in placed.items()}
+        level = all(text_width(name, 8) < room[name] for name in placed) and on in ("floor", "top")
+        for i, (name, line) in enumerate(placed.items()):
+            axes.plot(*(MM * line).T, color=BARS[i % 2], linewidth=5, solid_capstyle="butt", zorder=5)
+            axes.annotate(
+                name, MM * line.mean(axis=0), xytext=(5 * outward[on][0], 5 * outward[on][1]), fontsize=8,
+                textcoords="offset points", ha=align[on][0], va=align[on][1],
+                rotation=0 if level else 90, annotation_clip=False,
+            )  # fmt: skip
+        if placed:
+            upright = not level and on in ("floor", "top")
+            margin[on] = ((max(text_width(n, 8) for n in placed) + 0.1) if upright else 0.27) / scale
+    for name, bin_ in scene.bin.items():
+        if bin_.points is not None:
+            line = bin_.line(scene.channel)
+            axes.plot(*(MM * line).T, color=BARS[0], linewidth=4, solid_capstyle="butt", zorder=5)
+            box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
+            axes.annotate(name, MM * line.mean(axis=0), fontsize=8, ha="center", va="center", zorder=6, bbox=box)
+    return margin
 
 
 def first_outline(scene: Scene) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Landed", "Outcome", "Track"]
 
-Track = Mapping[str, NDArray[np.float64]]  # time (m,) s, position (m, 2) m, velocity (m, 2) m/s, diameter () m
+# of a granule: time (m,) s, position (m, 2) m, velocity (m, 2) m/s; diameter () m; bin () as below, fate () of wf.Fate
+Track = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ class Outcome:
 
     ``field``: the air that the tracker read, None in a vacuum; ``tracks``: a sample of every fraction's;
     ``landings``: all of every fraction's; ``result``: the answer; ``shown``: the tracks of each [picture.NAME] by
-    fraction; ``cells`` and ``history``: mesh and recorded forces of a solved airflow, None of another.
+    fraction; ``granules``: the columns of granules.npz, of a sample of the landings; ``cells`` and ``history``: mesh
+    and recorded forces of a solved airflow, None of another.
     """
 
     scene: Scene
@@ -48,6 +50,7 @@ class Outcome:
     landings: Mapping[str, Landed]
     result: Result
     shown: Mapping[str, Mapping[str, Sequence[Track]]]
+    granules: Mapping[str, NDArray[Any]]
     cells: PlaneCells | None = None
     history: ForceHistory | None = None
 

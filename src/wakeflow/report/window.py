@@ -76,20 +76,11 @@ def _add_air(plotter: Any, run: Path) -> None:
     """The air's speed: the steady field, or the mean of the one in time; nothing where the run has no air."""
     import pyvista
 
-    steady, series = run / "field.vtu", run / "field.pvd"
-    if steady.exists():
-        grid: Any = pyvista.read(steady)
-        velocity = np.asarray(grid.point_data["velocity"])
-    elif series.exists():
-        reader: Any = pyvista.get_reader(series)
-        total, count = np.zeros(()), len(reader.time_values)
-        for number in range(count):
-            reader.set_active_time_point(number)
-            grid = reader.read()[0]
-            total = total + np.asarray(grid.point_data["velocity"])
-        velocity = np.asarray(total / count)
-    else:
+    found = [file for file in (run / "field.vtu", run / "mean.vtu") if file.exists()]
+    if not found:
         return
+    grid: Any = pyvista.read(found[0])
+    velocity = np.asarray(grid.point_data["velocity (m/s)"])
     grid.point_data["air speed (m/s)"] = np.linalg.norm(velocity, axis=1)
     bar = {"title": "air speed (m/s)", "vertical": True, "height": 0.4, "color": "black"}
     plotter.add_mesh(grid, scalars="air speed (m/s)", cmap="Blues", opacity=PALE, lighting=False, scalar_bar_args=bar)
@@ -103,12 +94,12 @@ def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
         return
     tracks: Any = pyvista.read(run / "tracks.vtp")
     paths = [(int(tracks.cell_data["fraction"][i]), tracks.get_cell(i)) for i in range(tracks.n_cells)]
-    every = np.asarray(tracks.point_data["time"])
+    every = np.asarray(tracks.point_data["time since release (s)"])
     rows: dict[int, list[tuple[Any, Any]]] = {}
     for number, cell in paths:
         if len(cell.point_ids) > 1:
             times = every[list(cell.point_ids)]
-            rows.setdefault(number, []).append((_lifted(np.asarray(cell.points)[:, :2]), times - times[0]))
+            rows.setdefault(number, []).append((_lifted(np.asarray(cell.points)[:, :2]), times))
     names, colours = list(scene.fraction), fraction_colours(list(scene.fraction))
 
     def shown(until: float) -> None:

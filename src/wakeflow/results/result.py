@@ -47,9 +47,8 @@ class Request:
     rung: str | None = column("", "instead of the scene's own; null for that")
     force: dict[str, bool] = column("", "terms switched by hand")
     target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
-    near: str | None = column(
-        "", "folder of the run whose airflow this one's starts from; null: from rest", default=None
-    )
+    near: str | None = column("", "folder of the run whose airflow this one's starts from; left out where it starts "
+                                  "from rest", absent=True, default=None)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,9 @@ class Numerics(Table):
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )
+    snapshots: Annotated[int, Field(ge=0, le=1000)] = Field(
+        32, description="moments of a changing airflow in field.pvd; 0: its mean alone"
+    )
     span: SpanTable = Field(SpanTable(), description="of rung 3d")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import Any
 
@@ -114,6 +114,20 @@ class Tracks:
             raise SceneError("path: no paths were kept; call track(..., record=True)")
         table = self.recorded[i]
         return table[:, 0], table[:, 1:3], table[:, 3:5]
+
+    def some(self, rows: Index) -> Tracks:
+        """Those of the granules ``rows`` (m,)."""
+        own = {f.name: getattr(self, f.name) for f in fields(self)}
+        parts: dict[str, Any] = {name: value[rows] for name, value in own.items() if isinstance(value, np.ndarray)}
+        recorded = None if self.recorded is None else [self.recorded[i] for i in rows]
+        return replace(self, **parts, recorded=recorded)
+
+    def ends(self, bins: int) -> tuple[Index, Index]:
+        """Where (n,) they ended, a place among the first ``bins`` lines or -1 for elsewhere, and their fates (n,): what
+        crossed a line after those, such as the floor of a channel, has escaped.
+        """
+        binned = (self.line >= 0) & (self.line < bins)
+        return np.where(binned, self.line, -1), np.where((self.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, self.fate)
 
     def counts(self) -> dict[Fate, int]:
         """How many tracks ended in each fate; adds up to all of them."""

@@ -15,11 +15,11 @@ from ..canvas import (
     MM,
     air_arrow,
     canvas,
+    draw_bins,
     frame,
     save,
     solids,
     streams,
-    text_width,
     triangulation,
 )
 from ..colours import fraction_colours
@@ -39,7 +39,6 @@ Array = NDArray[np.float64]
 DRAWN = 48  # tracks drawn of the fraction with most mass; more only blacken the picture
 LEAST = 4  # of any other: those of a fraction that has less mass than so many lines are thinner
 WIDTH = 0.75  # points: of a line that stands for as much mass as every other
-BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 
 
 def draw_tracks(path: Path | str, field: FlowField | None, scene: Scene, tracks: Mapping[str, Sequence[Array]]) -> None:
@@ -63,7 +62,7 @@ def draw_tracks(path: Path | str, field: FlowField | None, scene: Scene, tracks:
         axes.plot([MM * wall] * 2, [MM * channel.bottom, MM * channel.top], color=INK, linewidth=1.3, zorder=4)
     for end in window[2:]:
         axes.plot([MM * window[0], MM * window[1]], [MM * end] * 2, color=INK, linewidth=0.5, linestyle=":", zorder=4)
-    frame(axes, window, _draw_bins(axes, scene, scale))
+    frame(axes, window, draw_bins(axes, scene, scale))
     air_arrow(axes, scene, window)
     streams(axes, scene)
     if tracks:
@@ -119,36 +118,6 @@ def _rows(tracks: Mapping[str, Sequence[Array]]) -> dict[str, NDArray[np.generic
         "x (m)": points[:, 0],
         "y (m)": points[:, 1],
     }
-
-
-def _draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
-    """Bins as bars on their lines with their names outside the channel; the room (m) the names need on each side."""
-    outward = {"floor": (0, -1), "top": (0, 1), "left": (-1, 0), "right": (1, 0)}
-    align = {"floor": ("center", "top"), "top": ("center", "bottom"), "left": ("right", "center"),
-             "right": ("left", "center")}  # fmt: skip
-    margin = dict.fromkeys(outward, 0.0)
-    for on in outward:
-        placed = {n: b.line(scene.channel) for n, b in scene.bin.items() if b.points is None and b.on == on}
-        placed = dict(sorted(placed.items(), key=lambda item: float(item[1].sum())))
-        room = {name: scale * float(np.ptp(line, axis=0).max()) for name, line in placed.items()}
-        level = all(text_width(name, 8) < room[name] for name in placed) and on in ("floor", "top")
-        for i, (name, line) in enumerate(placed.items()):
-            axes.plot(*(MM * line).T, color=BARS[i % 2], linewidth=5, solid_capstyle="butt", zorder=5)
-            axes.annotate(
-                name, MM * line.mean(axis=0), xytext=(5 * outward[on][0], 5 * outward[on][1]), fontsize=8,
-                textcoords="offset points", ha=align[on][0], va=align[on][1],
-                rotation=0 if level else 90, annotation_clip=False,
-            )  # fmt: skip
-        if placed:
-            upright = not level and on in ("floor", "top")
-            margin[on] = ((max(text_width(n, 8) for n in placed) + 0.1) if upright else 0.27) / scale
-    for name, bin_ in scene.bin.items():
-        if bin_.points is not None:
-            line = bin_.line(scene.channel)
-            axes.plot(*(MM * line).T, color=BARS[0], linewidth=4, solid_capstyle="butt", zorder=5)
-            box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
-            axes.annotate(name, MM * line.mean(axis=0), fontsize=8, ha="center", va="center", zorder=6, bbox=box)
-    return margin
 
 
 def _draw(path: Path, outcome: Outcome) -> None:

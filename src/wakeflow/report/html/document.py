@@ -30,6 +30,7 @@ from ..words import (
     source_seconds,
 )
 from .asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
+from .film import film_in, film_section
 from .inlined import inlined_pictures, is_long
 from .live import live_data
 from .rows import airflow_rows, end_rows, funnel_rows, number, percentage_points, seconds
@@ -59,7 +60,8 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
     texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
     pictures = inlined_pictures(folder / "figures", texts)
     with atomic_write(path) as stream:
-        stream.write(render(outcome.result, pictures, folder.resolve().name, texts, outcome.scene, live_data(outcome)))
+        live, film = live_data(outcome), film_section(film_in(folder))
+        stream.write(render(outcome.result, pictures, folder.resolve().name, texts, outcome.scene, live, film))
     return path
 
 
@@ -70,13 +72,16 @@ def render(
     texts: Mapping[str, str] | None = None,
     scene: Scene | None = None,
     live: Mapping[str, Any] | None = None,
+    film: str = "",
 ) -> str:
     """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order, the
     standard figures' captions by default; ``scene``: that of the result by default; ``live``: what the page's script
-    draws (:func:`.live.live_data`), without which it has none.
+    draws (:func:`.live.live_data`), without which it has none; ``film``: its section (:func:`.film.film_section`).
 
     Raises jinja2.UndefinedError when the page asks for what a result has not.
     """
+    from markupsafe import Markup
+
     scene = Scene.parse(result.scene) if scene is None else scene
     shown = captions() if texts is None else texts
     here = Path(__file__).parent
@@ -93,6 +98,7 @@ def render(
         ],
         sketch=pictures.get(SKETCH),
         live=live,
+        film=Markup(film),
         live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
         canvas=_canvas(scene),
         grades=_grades(result),

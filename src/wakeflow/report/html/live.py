@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..air import moments_of
 from ..canvas import MM, bins_across
 from ..colours import fraction_colours
+from ..turning import Turning
 from ..words import percent
 
 if TYPE_CHECKING:
@@ -32,7 +34,6 @@ LONGER = 420  # dots of the longer side of a frame
 QUALITY = 72  # of the JPEG
 POINTS = 160  # of a track
 PLAYED = 1.0 / 30.0  # of real time
-STRONGEST = 97.0  # percentile of |vorticity| at which its colour is full
 
 
 def live_data(outcome: Outcome) -> dict[str, Any]:
@@ -121,43 +122,15 @@ def _frames(field: FlowField, window: tuple[float, float, float, float]) -> list
     """JPEGs of the vorticity over the loop, or one of a steady field, as data URLs."""
     from PIL import Image
 
-    from ...field.derived import vorticity
-
     across, up = window[1] - window[0], window[3] - window[2]
-    size = [max(16, round(LONGER * length / max(across, up))) for length in (across, up)]
-    x = window[0] + (np.arange(size[0]) + 0.5) / size[0] * across
-    y = window[3] - (np.arange(size[1]) + 0.5) / size[1] * up
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    triangle = field.locate(points)
-    inside = triangle >= 0
-    weight = field.barycentric(triangle[inside], points[inside])
-    corner = field.triangles[triangle[inside]]
-    parts, turning = _moments(field), vorticity(field).reshape(-1, len(field.points))
-    turning = np.einsum("tr,rn->tn", parts, turning)
-    strongest = float(np.percentile(np.abs(turning), STRONGEST)) or 1.0
+    turning = Turning(
+        field, window, tuple(max(16, round(LONGER * length / max(across, up))) for length in (across, up))
+    )
+    times = [0.0] if field.times is None else moments_of(field, FRAMES if field.period else 1).tolist()
+    strongest = turning.strongest()
     found = []
-    for now in turning:
-        values = np.zeros(len(points))
-        values[inside] = np.einsum("nk,nk->n", weight, now[corner]) / strongest
-        colours = _shaded(values, inside).reshape(size[1], size[0], 3)
+    for time in times:
         stream = io.BytesIO()
-        Image.fromarray(colours).save(stream, "JPEG", quality=QUALITY, optimize=True)
+        Image.fromarray(turning.shaded(time, strongest)).save(stream, "JPEG", quality=QUALITY, optimize=True)
         found.append("data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii"))
     return found
-
-
-def _moments(field: FlowField) -> Array:
-    """The weights (F, R) of a field's snapshots or parts in each frame."""
-    if field.times is None or field.period is None:
-        return np.ones((1, 1)) if field.times is None else field.weights(float(field.times[0]))[None]
-    times = field.times[0] + np.arange(FRAMES) / FRAMES * field.period
-    return np.stack([field.weights(float(time)) for time in times])
-
-
-def _shaded(values: Array, inside: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Blue (clockwise) over white to red (counter-clockwise), pale, so that granules stand out; white outside."""
-    strength = np.tanh(np.abs(values))[:, None]
-    colour = np.where((values < 0.0)[:, None], (0.30, 0.55, 0.85), (0.88, 0.42, 0.35))
-    shade = 1.0 - 0.75 * strength * (1.0 - colour)
-    shade[~inside] = 1.0
-    return np.asarray(np.rint(255 * shade), dtype=np.uint8)

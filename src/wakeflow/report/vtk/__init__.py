@@ -1,0 +1,17 @@
+"""What ParaView opens: the air in time and in the mean, the machine, tracks, granules on their way, and landings.
+
+Lengths in m, y up, z = 0; units stand in the names of the arrays. Binary XML; places and values in single precision.
+Nothing is drawn here, so no OpenGL is needed.
+"""
+
+from .air import link_field, write_field
+from .machine import write_machine
+from .tracks import write_landings, write_moving, write_tracks
+
+__all__ = [
+    "FILES", "FOLDERS", "link_field", "write_field", "write_landings", "write_machine", "write_moving", "write_tracks",
+]  # fmt: skip
+
+# what the functions here leave in a run's folder: files, and what the indices among them name
+FILES = ("field.vtu", "field.pvd", "mean.vtu", "machine.vtm", "tracks.vtp", "granules.pvd", "landings.vtp")
+FOLDERS = ("field", "granules", "machine")

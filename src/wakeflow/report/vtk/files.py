@@ -1,0 +1,75 @@
+"""VTK's files, each whole or absent: pieces by PyVista, and the indices that name them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.files import atomic_write
+
+__all__ = ["lifted", "lines_of", "number_by_name", "save_piece", "save_series"]
+
+HEAD = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
+FOOT = "  </Collection>\n</VTKFile>\n"
+
+
+def lifted(plane: ArrayLike) -> NDArray[np.float32]:
+    """(n, 2) to (n, 3) with z = 0, in single precision."""
+    flat = np.asarray(plane, dtype=np.float32).reshape(-1, 2)
+    return np.column_stack([flat, np.zeros(len(flat), dtype=np.float32)])
+
+
+def lines_of(parts: Sequence[ArrayLike]) -> Any:
+    """Polylines (m, 2) as one PolyData; those of one point, which must stand first, as vertices."""
+    import pyvista
+
+    data = pyvista.PolyData()
+    sizes = [len(np.asarray(part)) for part in parts]
+    if not sizes:
+        return data
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    cells = [np.concatenate([[size], np.arange(at, at + size)]) for size, at in zip(sizes, first, strict=False)]
+    single = sizes.count(1)
+    data.points = lifted(np.concatenate([np.asarray(part, dtype=float) for part in parts]))
+    if single:
+        data.verts = np.concatenate(cells[:single])
+    if single < len(cells):
+        data.lines = np.concatenate(cells[single:])
+    return data
+
+
+def number_by_name(data: Any, what: str, names: Iterable[str]) -> None:
+    """Say in the field data of a file which name each value of its array ``what`` stands for."""
+    data.field_data[f"{what}_names"] = list(names)
+
+
+def save_piece(data: Any, path: Path) -> Path:
+    """Write through a temporary neighbour: VTK wants a path whose suffix says the format."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.stem}.tmp{path.suffix}")
+    try:
+        data.save(draft, binary=True)
+        with draft.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+    return path
+
+
+def save_series(path: Path, times: Iterable[float], pieces: Iterable[Any], suffix: str) -> Path:
+    """Write the ``pieces`` at ``times`` (s) into a folder beside ``path`` (.pvd), which names them and comes last."""
+    lines, name = [], path.stem
+    for number, (time, piece) in enumerate(zip(times, pieces, strict=True)):
+        file = save_piece(piece, path.parent / name / f"{name}_{number:04d}{suffix}")
+        place = quoteattr(f"{name}/{file.name}")
+        lines.append(f'    <DataSet timestep="{float(time)!r}" part="0" file={place}/>\n')
+    with atomic_write(path) as stream:
+        stream.write("".join([HEAD, *lines, FOOT]))
+    return path
