@@ -98,7 +98,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, labyrinth, aspirator, vacuum, funnel.
+        One of: rhombus, prism, labyrinth, aspirator, vacuum, funnel, wheat-straw-dust.
     path
         Where to write it; default KIND.toml here.
     overwrite

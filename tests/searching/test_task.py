@@ -57,7 +57,7 @@ def test_a_file_says_goals_bounds_limits_levels_and_budget(tmp_path: Path) -> No
         (("maximise", "maximize"), "maximize: unknown key"),
         (("least", "last"), "write { least"),
         (('{ from = "3 m/s", to = "7 m/s" }', "5"), "air.speed: needs from and to"),
-        (("[search]", "[sweep]"), r"holds a \[search\] table"),
+        (("[search]", "[sweep]"), r"holds \[search\] only"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str, tmp_path: Path) -> None:

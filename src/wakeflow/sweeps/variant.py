@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..scene.changes import differing, flat, folder_name
 from ..scene.overrides import changes_of
 from .axis import Axis, axes_of, axis_of_text
 from .design import designs
+from .task_file import TaskFile, holds_task
 
 __all__ = ["Variant", "asked_for", "named", "of_scenes", "read_sweep_file", "variants"]
 
@@ -73,10 +73,10 @@ def asked_for(
     Raises SceneError as :func:`variants` and :func:`read_sweep_file` do.
     """
     keys = [axis_of_text(text).key for text in settings]
-    if sweep_table(file) is None:
-        found = variants(file, settings, design=design, count=count, seed=seed)
-    else:
+    if holds_task(file, "sweep"):
         found = read_sweep_file(file, changes_of(settings))
+    else:
+        found = variants(file, settings, design=design, count=count, seed=seed)
     return found, "+".join((file.stem, *keys))
 
 
@@ -136,38 +136,9 @@ def read_sweep_file(path: Path | str, fixed: Mapping[str, Any] | None = None) ->
 
     Raises SceneError where the file is no sweep.
     """
-    path = Path(path)
-    table = sweep_table(path)
-    if table is None:
-        raise SceneError(f"{path}: has no [sweep] table; give keys to change with --set KEY=a,b,c")
-    if unknown := [key for key in table if key not in KNOWN]:
-        raise SceneError(f"{path}: sweep.{unknown[0]}: unknown key (known: {', '.join(KNOWN)})")
-    if not isinstance(table.get("scene"), str):
-        raise SceneError(f"{path}: sweep.scene is missing: name the scene file to change, relative to this one")
-    for key in ("over", "set"):
-        if not isinstance(table.get(key, {}), Mapping):
-            raise SceneError(f"{path}: sweep.{key} must be a table")
-    count, seed = table.get("count"), table.get("seed", 0)
-    if not all(value is None or (isinstance(value, int) and value >= 0) for value in (count, seed)):
-        raise SceneError(f"{path}: sweep.count and sweep.seed are whole numbers")
-    try:
+    with TaskFile.open(path, "sweep", KNOWN) as file:
         return variants(
-            path.parent / table["scene"], table.get("over", {}), design=table.get("design", "grid"), count=count,
-            seed=seed, fixed={**flat(table.get("set", {})), **(fixed or {})},
+            file.scene, file.inside("over"), design=file.table.get("design", "grid"),
+            count=file.whole_number("count"), seed=file.whole_number("seed") or 0,
+            fixed={**flat(file.inside("set")), **(fixed or {})},
         )  # fmt: skip
-    except SceneError as problem:
-        raise SceneError(f"{path}: {problem}") from None
-
-
-def sweep_table(path: Path) -> Mapping[str, Any] | None:
-    """The [sweep] table of a TOML file; None where it has none, as a scene. Raises SceneError for other files."""
-    try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, IsADirectoryError):
-        raise SceneError(f"no scene or sweep file {str(path)!r}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise SceneError(f"{path}: not valid TOML: {problem}") from None
-    table = found.get("sweep")
-    if table is not None and set(found) != {"sweep"}:
-        raise SceneError(f"{path}: a sweep file holds [sweep] only; keys of the scene belong into [sweep.set]")
-    return table if isinstance(table, Mapping) else None
