@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from .core.errors import SceneError
-from .scene.overrides import share_of, switches_of
+from .scene.overrides import changes_of, share_of, switches_of
 from .scene.rungs import rungs
 
 __all__ = [
@@ -60,7 +60,7 @@ def sweep(
     *,
     out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and the changed keys.")] = None,
     settings: Axes = [],  # noqa: B006
-    design: Literal["grid", "list", "latin-hypercube", "sobol"] = "grid",
+    design: Literal["grid", "list", "one-at-a-time", "latin-hypercube", "sobol"] = "grid",
     count: int | None = None,
     seed: int = 0,
     rung: Fidelity = None,
@@ -81,7 +81,8 @@ def sweep(
     scene
         A scene file with --set KEY=VALUES, or a sweep file with a [sweep] table.
     design
-        grid: every combination; list: the first values together, then the second; latin-hypercube, sobol: drawn.
+        grid: every combination; list: the first values together, then the second; one-at-a-time: the scene as it is,
+        then each key alone at its values; latin-hypercube, sobol: drawn.
     count
         How many scenes latin-hypercube and sobol draw.
     seed
@@ -214,50 +215,59 @@ def _portion(option: str, text: str) -> float:
 def sensitivity(
     scene: Path,
     *,
+    over: Annotated[
+        list[str],
+        Parameter(
+            negative="",
+            help="Fly the scene again with a key at both ends: air.speed='4 m/s,6 m/s', or the key alone for the ends "
+            "of its own interval. Repeatable.",
+        ),
+    ] = [],  # noqa: B006
+    of: Annotated[
+        list[str],
+        Parameter(negative="", help="Quantities to show: recovery.wheat, share.dust.middle. Repeatable."),
+    ] = [],  # noqa: B006
     out: Folder = None,
     settings: Settings = [],  # noqa: B006
     rung: Fidelity = None,
     force: Forced = [],  # noqa: B006
-    workers: Threads = None,
+    workers: Annotated[int | None, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
+    scheduler: Annotated[str | None, Parameter(help="A Dask cluster for --over: tcp://host:8786.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Say which number of a scene moves which share by how much: a table, sensitivity.csv and a tornado plot.
+    """Say which input of a scene moves which number by how much: a table, sensitivity.csv and a tornado plot.
 
     Every number that is not known exactly is drawn with all others, from the scene's interval or a default one; a
-    regression parts what they do. Runs the scene where it has not been run; nothing more is flown.
+    regression parts what they do, and flies nothing more. What is named with --over, geometry and vibration too, is
+    flown again at both ends, one at a time.
 
     Parameters
     ----------
     scene
-        A scene file, or the folder of a finished run.
+        A scene file, run where it has not been, or the folder of a finished run.
     """
-    from .report.csv import write_sensitivity
-    from .report.figures.inputs import draw_inputs
-    from .results.result import Result
-    from .runs import run
     from .scene import Scene
     from .scene.changes import run_folder
-    from .scene.overrides import changes_of
-    from .terminal import live, show_sensitivity
+    from .sweeps.sensitivity import sensitivity as find
+    from .terminal import live
+    from .terminal.sensitivity import show_sensitivity
 
-    if scene.is_dir():
-        result = Result.load(scene)
-    else:
-        changes, switches = changes_of(settings), switches_of(force)
+    changes, switches = changes_of(settings), switches_of(force)
+    asked: Scene | Path = scene
+    if not scene.is_dir():
         asked = Scene.load(scene, changes)
-        folder = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
-        with live(enabled=not quiet) as listener:
-            result = run(
-                asked, folder, rung=rung, force=switches, workers=workers, listener=listener, planned=listener.planned
-            )
-    if result.landings is None or not result.landings.measure_next:
-        raise SceneError(f"{result.folder}: no share depends on what is unknown; give [uncertainty], or run it whole")
-    figure, table = result.folder / "figures" / "inputs.png", result.folder / "sensitivity.csv"
-    draw_inputs(figure, result.landings)
-    write_sensitivity(table, result.landings)
+        out = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
+    elif changes:
+        raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
+    with live(enabled=not quiet) as listener:
+        found = find(
+            asked, out, over=over, rung=rung, force=switches, scheduler=scheduler, workers=workers, listener=listener,
+            planned=listener.planned,
+        )  # fmt: skip
+    figure = found.plot(of)
     if not quiet:
-        show_sensitivity(result.landings)
-        print(f"{figure}\n{table}")
+        show_sensitivity(found, of)
+        print(f"{figure}\n{found.folder / 'sensitivity.csv'}")
 
 
 def clean(

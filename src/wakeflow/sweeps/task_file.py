@@ -61,7 +61,7 @@ class TaskFile:
         return found
 
     def whole_number(self, key: str, least: int = 0) -> int | None:
-        """The number ``key``, None where it is not given. Raises SceneError where it is no whole number from ``least``."""
+        """The number ``key``; None where none is given. Raises SceneError where it is not whole or below ``least``."""
         found = self.table.get(key)
         if found is not None and (not isinstance(found, int) or isinstance(found, bool) or found < least):
             raise SceneError(f"{self.kind}.{key} = {found!r}: give a whole number of at least {least}")

@@ -46,18 +46,19 @@ def variants(
     """``scene``, or the one in a file, changed along axes.
 
     ``over``: dotted keys, each a list of values or a range {"from": ..., "to": ..., "count": ...}; or texts as of
-    ``--set``. ``design``: grid, list, latin-hypercube or sobol, the last two with ``count`` scenes and a ``seed``.
+    ``--set``. ``design``: grid, list, one-at-a-time, or latin-hypercube and sobol with ``count`` scenes and a ``seed``.
     ``fixed``: dotted keys that are the same in all. A variant that is no valid scene says so itself. Raises SceneError
     where the axes or the design are wrong.
     """
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
     if not axes:
         raise SceneError("a sweep needs a key to change: --set KEY=a,b,c, or [sweep.over] in a file")
-    keys = [axis.key for axis in axes]
+    keys = [key for axis in axes for key in axis.keys]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise SceneError(f"{twice.pop()} is swept twice; give all its values at once")
     base = scene if isinstance(scene, Scene) else Path(scene)
-    before = {**(fixed or {}), **{axis.key: axis.values[0] for axis in axes if len(axis.values) == 1}}
+    alone = [axis.changes(axis.values[0]) for axis in axes if len(axis.values) == 1]
+    before = {**(fixed or {}), **{key: value for one in alone for key, value in one.items()}}
     axes = [axis for axis in axes if len(axis.values) > 1]
     load: Callable[[dict[str, Any]], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
     load(before)  # a base that is wrong is the caller's mistake, not a variant's
@@ -89,9 +90,10 @@ def _variant(
         return Variant("", changes, None, str(problem))
     set_now = flat(scene.tables())
     inputs: dict[str, Any] = {}
-    for axis in axes:  # a value that is a table, such as a law of restitution, is more than one input
-        inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{axis.key}.")}
-        inputs |= inside or {axis.key: changes[axis.key]}
+    for one in (key for axis in axes for key in axis.keys):
+        # a value that is a table, such as a law of restitution, is more than one input; one that is not set is none
+        inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{one}.")}
+        inputs |= inside or ({one: changes[one]} if one in changes else {})
     return Variant("", inputs, scene)
 
 
