@@ -274,6 +274,7 @@ def clean(
     *,
     everything: bool = False,
     keep: Annotated[str | None, Parameter(help="Remove what was used longest ago until this is left: 10GB.")] = None,
+    dry_run: bool = False,
 ) -> None:
     """Remove unfinished stages from the cache, and say what the others take on disk and would take to make again.
 
@@ -281,18 +282,22 @@ def clean(
     ----------
     everything
         Remove finished stages as well.
+    dry_run
+        Remove nothing; only say what is there, and what --keep would remove.
     """
-    from .core.cleaning import bytes_of, kept_stages, remove_oldest
+    from .core.cleaning import bytes_of, kept_stages, oldest_beyond, remove_stages
     from .core.store import Store, cache_root
-    from .sweeps.show import show_stages
+    from .sweeps.show import show_removed, show_stages
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
-    removed, size = Store(root).clean(everything=everything)
-    print(f"{removed} folders removed from {root}, {size / 1e6:.1f} MB freed")
+    if not dry_run:
+        removed, size = Store(root).clean(everything=everything)
+        print(f"{removed} folders removed from {root}, {size / 1e6:.1f} MB freed")
     stages = kept_stages(root)
     if most is not None:
-        gone = remove_oldest(stages, most)
-        print(f"{len(gone)} stages removed, {sum(one.size for one in gone) / 1e6:.1f} MB freed")
+        old = oldest_beyond(stages, most)
+        gone = old if dry_run else remove_stages(old)
+        show_removed(gone, done=not dry_run)
         stages = [one for one in stages if one not in gone]
     show_stages(stages)
 
