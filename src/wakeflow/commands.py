@@ -118,7 +118,14 @@ def sweep(
 def search(
     file: Path,
     *,
-    out: Annotated[Path | None, Parameter(help="Folder; default runs/ and the file's name.")] = None,
+    budget: Annotated[str | None, Parameter(help="Time of one core instead of the file's: '20 min'.")] = None,
+    settings: Annotated[
+        list[str],
+        Parameter(
+            name="--set", negative="", help="Hold a key of the scene in all designs at all levels: air.speed='5 m/s'."
+        ),
+    ] = [],  # noqa: B006
+    out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and what is held.")] = None,
     workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
     scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
     quiet: Quiet = False,
@@ -133,12 +140,17 @@ def search(
     file
         A TOML file with a [search] table (docs/search.md).
     """
+    from .scene.changes import run_folder
     from .searching.designs import search as find
+    from .searching.task import read_search_file
     from .terminal import live
     from .terminal.search import show_search
 
+    held = changes_of(settings)
+    task = read_search_file(file, held, budget)
+    folder = out or Path("runs", run_folder(file.stem, task.scene, held, {}))
     with live(enabled=not quiet) as listener:
-        found = find(file, out or Path("runs", file.stem), scheduler=scheduler, workers=workers, listener=listener)
+        found = find(task, folder, scheduler=scheduler, workers=workers, listener=listener)
     if not quiet:
         show_search(found)
 

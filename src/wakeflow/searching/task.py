@@ -69,29 +69,43 @@ class SearchTask:
         return list(dict.fromkeys(names))
 
 
-def read_search_file(path: Path | str) -> SearchTask:
-    """The search of a file with a [search] table: docs/search.md. Raises SceneError where it is none."""
+def read_search_file(
+    path: Path | str, fixed: Mapping[str, Any] | None = None, budget: str | float | None = None
+) -> SearchTask:
+    """The search of a file with a [search] table: docs/search.md. ``fixed``: keys of the scene that are the same in all
+    designs at all levels, those to be searched too; ``budget``: instead of the file's own.
+
+    Raises SceneError where the file is no search.
+    """
+    held = dict(fixed or {})
     with TaskFile.open(path, "search", KNOWN) as file:
         goals = [Goal(name, sign) for key, sign in DIRECTIONS.items() for name in _names(file.table, key)]
         if not goals:
             raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
-        within = axes_of(file.inside("within"), "search.within")
-        if not within:
-            raise SceneError("search.within is missing: give the keys that may change, with from and to")
-        if fixed := [axis.key for axis in within if len(axis.values) < 2]:
-            raise SceneError(
-                f"search.within.{fixed[0]}: needs from and to, or several values; what is fixed is for [search.set]"
-            )
+        levels = file.table.get("level", [{}])
         return SearchTask(
-            Scene.load(file.scene, flat(file.inside("set"))),
-            tuple(within),
+            Scene.load(file.scene, {**flat(file.inside("set")), **held}),
+            tuple(_within(file, held)),
             tuple(goals),
-            _seconds(file.table),
+            _seconds(file.table.get("budget") if budget is None else budget),
             tuple(_limit(name, ends) for name, ends in file.inside("where").items()),
-            tuple(flat(level) for level in file.table.get("level", [{}])),
+            tuple({key: value for key, value in flat(level).items() if key not in held} for level in levels),
             file.whole_number("seed") or 0,
             file.whole_number("at_a_time", least=1) or AT_A_TIME,
         )
+
+
+def _within(file: TaskFile, held: Mapping[str, Any]) -> list[Axis]:
+    """The axes of a search, without those whose keys are ``held``."""
+    axes = axes_of(file.inside("within"), "search.within")
+    if fixed := [axis.key for axis in axes if len(axis.values) < 2]:
+        raise SceneError(f"search.within.{fixed[0]}: needs from and to, or values; what is fixed is for search.set")
+    if parted := [axis.key for axis in axes if 0 < len(held.keys() & set(axis.keys)) < len(axis.keys)]:
+        raise SceneError(f"{parted[0]}: keys that are tied are held together or not at all")
+    free = [axis for axis in axes if not held.keys() & set(axis.keys)]
+    if not free:
+        raise SceneError("search.within is missing: give the keys that may change, with from and to")
+    return free
 
 
 def _names(table: Mapping[str, Any], key: str) -> Sequence[str]:
@@ -109,8 +123,7 @@ def _limit(name: str, ends: Any) -> QuantityLimit:
     return QuantityLimit(name, ends.get("least"), ends.get("most"))
 
 
-def _seconds(table: Mapping[str, Any]) -> float:
-    given = table.get("budget")
+def _seconds(given: Any) -> float:
     if given is None:
         raise SceneError("search.budget is missing: the time of one core that may be spent, such as '2 hour'")
     try:
