@@ -52,6 +52,7 @@ LAYERS = (
     "verify",
     "doctor",
     "terminal",
+    "options",
     "commands",
     "looking",
     "cli",

@@ -1,57 +1,18 @@
-"""The commands for many scenes and for what runs leave: sweep, search, compare, bins, sensitivity, clean; and options
-of several.
-"""
+"""The commands for many scenes and for what runs leave: sweep, search, compare, bins, sensitivity, clean."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from .core.errors import SceneError
-from .scene.overrides import changes_of, share_of, switches_of
-from .scene.rungs import rungs
+from .options import Axes, Ends, Fidelity, Folder, Forced, Held, Quiet, Settings, Shown, Target
+from .scene.overrides import changes_of, switches_of
 
-__all__ = [
-    "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Stage", "Target", "Threads", "bins", "clean",
-    "compare", "search", "sensitivity", "sweep",
-]  # fmt: skip
+__all__ = ["MANY", "bins", "clean", "compare", "search", "sensitivity", "sweep"]
 
-if TYPE_CHECKING:
-    RungName = str
-else:
-    RungName = Literal[tuple(rungs)]
-Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
-Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/, the scene's name, its changes.")]
-Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
-Settings = Annotated[
-    list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
-]
-Forced = Annotated[
-    list[str],
-    Parameter(name="--force", negative="", help="Switch a term: lift=on, chaff.basset-history=off. Repeatable."),
-]
-Target = Annotated[
-    float | None,
-    Parameter(
-        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%. The plan leaves out "
-        "terms that could not move so much; run also chooses its settings by it.",
-        converter=lambda _, tokens: share_of(tokens[0].value),
-    ),
-]
-Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
-Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; with --json the result alone.")]
-
-Axes = Annotated[
-    list[str],
-    Parameter(
-        name="--set",
-        negative="",
-        help="Values of a key of the scene: air.speed=3,4,5, or start:stop:count as in air.speed='3:5:3 m/s'. "
-        "Repeatable; a single value is the same for all.",
-    ),
-]
 SOME_FAILED = 1  # exit code of a sweep with scenes that failed
 
 
@@ -119,12 +80,7 @@ def search(
     file: Path,
     *,
     budget: Annotated[str | None, Parameter(help="Time of one core instead of the file's: '20 min'.")] = None,
-    settings: Annotated[
-        list[str],
-        Parameter(
-            name="--set", negative="", help="Hold a key of the scene in all designs at all levels: air.speed='5 m/s'."
-        ),
-    ] = [],  # noqa: B006
+    settings: Held = [],  # noqa: B006
     out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and what is held.")] = None,
     workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
     scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
@@ -227,24 +183,13 @@ def _portion(option: str, text: str) -> float:
 def sensitivity(
     scene: Path,
     *,
-    over: Annotated[
-        list[str],
-        Parameter(
-            negative="",
-            help="Fly the scene again with a key at both ends: air.speed='4 m/s,6 m/s', or the key alone for the ends "
-            "of its own interval. Repeatable.",
-        ),
-    ] = [],  # noqa: B006
-    of: Annotated[
-        list[str],
-        Parameter(negative="", help="Quantities to show: recovery.wheat, share.dust.middle. Repeatable."),
-    ] = [],  # noqa: B006
+    over: Ends = [],  # noqa: B006
+    of: Shown = [],  # noqa: B006
     out: Folder = None,
     settings: Settings = [],  # noqa: B006
     rung: Fidelity = None,
     force: Forced = [],  # noqa: B006
     workers: Annotated[int | None, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
-    scheduler: Annotated[str | None, Parameter(help="A Dask cluster for --over: tcp://host:8786.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Say which input of a scene moves which number by how much: a table, sensitivity.csv and a tornado plot.
@@ -273,7 +218,7 @@ def sensitivity(
         raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
     with live(enabled=not quiet) as listener:
         found = find(
-            asked, out, over=over, rung=rung, force=switches, scheduler=scheduler, workers=workers, listener=listener,
+            asked, out, over=over, rung=rung, force=switches, workers=workers, listener=listener,
             planned=listener.planned,
         )  # fmt: skip
     figure = found.plot(of)

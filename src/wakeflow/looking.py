@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from .commands import Fidelity, Forced, Settings, Stage, Target
 from .core.errors import SceneError
+from .options import Fidelity, Forced, Settings, Stage, Target
 from .scene.overrides import changes_of, switches_of
 
 if TYPE_CHECKING:
