@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from .core.errors import SceneError
-from .options import Axes, Ends, Fidelity, Folder, Forced, Held, Quiet, Settings, Shown, Target
+from .options import Axes, BothEnds, Fidelity, Folder, Forced, Held, Quiet, Settings, Shown, Target
 from .scene.overrides import changes_of, switches_of
 
 __all__ = ["MANY", "bins", "clean", "compare", "search", "sensitivity", "sweep"]
@@ -183,7 +183,7 @@ def _portion(option: str, text: str) -> float:
 def sensitivity(
     scene: Path,
     *,
-    over: Ends = [],  # noqa: B006
+    over: BothEnds = [],  # noqa: B006
     of: Shown = [],  # noqa: B006
     out: Folder = None,
     settings: Settings = [],  # noqa: B006

@@ -11,7 +11,7 @@ from .scene.overrides import share_of
 from .scene.rungs import rungs
 
 __all__ = [
-    "Axes", "Ends", "Fidelity", "Folder", "Forced", "Held", "Quiet", "Settings", "Shown", "Stage", "Target", "Threads",
+    "Axes", "BothEnds", "Fidelity", "Folder", "Forced", "Held", "Quiet", "Settings", "Shown", "Stage", "Target", "Threads",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ Held = Annotated[
         name="--set", negative="", help="Hold a key in all designs at all levels: air.speed='5 m/s'. Repeatable."
     ),
 ]
-Ends = Annotated[
+BothEnds = Annotated[
     list[str],
     Parameter(
         negative="",
