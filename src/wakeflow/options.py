@@ -11,7 +11,8 @@ from .scene.overrides import share_of
 from .scene.rungs import rungs
 
 __all__ = [
-    "Axes", "BothEnds", "Fidelity", "Folder", "Forced", "Held", "Quiet", "Settings", "Shown", "Stage", "Target", "Threads",
+    "Axes", "BothEnds", "Fidelity", "Folder", "Forced", "Held", "Quiet", "Settings", "Shown", "Stage", "Target",
+    "Threads",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
