@@ -38,8 +38,8 @@ HERE = {
     study.__name__
     for study in (
         air_loading, aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved,
-        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, search_gain, slope_angles, sweep_speed,
-        target_error, throughput, time_resolved_cost,
+        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, paper_compare, rebound, search_gain, slope_angles,
+        sweep_speed, target_error, throughput, time_resolved_cost,
     )
 }  # fmt: skip
 
