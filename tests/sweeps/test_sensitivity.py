@@ -8,20 +8,20 @@ from pathlib import Path
 import pytest
 
 import wakeflow as wf
-from support import Here
+from support import Here, shipped
 from wakeflow.cli import main
 from wakeflow.results.landing_results import least_certain
 from wakeflow.results.result import Result
 from wakeflow.sweeps.sensitivity import COLUMNS
 
-SETTINGS = ("--set", "feed.count=512", "--set", "uncertainty.fraction.hard.restitution=0.05")
+SETTINGS = {"feed.count": 512, "uncertainty.fraction.hard.restitution": 0.05}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("sensitivity") / "run"
-    scene = str(Path(__file__).parents[2] / "cases" / "vacuum.toml")
-    assert main(["sensitivity", scene, "--out", str(out), *SETTINGS, "--quiet"]) == 0
+    wf.run(shipped("vacuum", SETTINGS), out, rung="none", report=False)
+    assert main(["sensitivity", str(out), "--quiet"]) == 0
     return out
 
 
@@ -47,7 +47,12 @@ def test_the_table_holds_what_the_result_holds(folder: Path) -> None:
 
 def test_half_the_uncertainty_moves_a_share_half_as_far(folder: Path, tmp_path: Path) -> None:
     settings = {"feed.count": 512, "uncertainty.fraction.hard.restitution": 0.1}
-    wide = wf.run(wf.Scene.load(Path(__file__).parents[2] / "cases" / "vacuum.toml", settings), tmp_path, report=False)
+    wide = wf.run(
+        wf.Scene.load(Path(__file__).parents[2] / "cases" / "vacuum.toml", settings),
+        tmp_path,
+        rung="none",
+        report=False,
+    )
     narrow = Result.load(folder)
     assert wide.landings is not None
     assert narrow.landings is not None
@@ -61,7 +66,7 @@ def test_half_the_uncertainty_moves_a_share_half_as_far(folder: Path, tmp_path: 
 
 
 def test_the_figure_and_the_terminal_name_the_number(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("inputs.png", "inputs.svg", "sensitivity.png", "sensitivity.svg"):
+    for name in ("sensitivity.png", "sensitivity.svg"):
         assert (folder / "figures" / name).stat().st_size > 2000
     assert main(["sensitivity", str(folder)]) == 0
     told = capsys.readouterr().out
