@@ -22,6 +22,7 @@ import mpi_ranks
 import neighbours
 import paper_compare
 import rebound
+import search_gain
 import slope_angles
 import sweep_speed
 import target_error
@@ -38,8 +39,8 @@ HERE = {
     study.__name__
     for study in (
         air_loading, aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved,
-        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, neighbours, paper_compare, rebound, slope_angles,
-        sweep_speed, target_error, throughput, time_resolved_cost,
+        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, neighbours, paper_compare, rebound, search_gain,
+        slope_angles, sweep_speed, target_error, throughput, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -201,6 +202,16 @@ def test_rebound(capsys: pytest.CaptureFixture[str]) -> None:
     assert rows["scatter by shape"][0] != rows["the paper's point mass"][0]
     paper = rebound.scene_of(shipped("rhombus"), rebound.ROWS["the paper's point mass"])
     assert not any(fraction.varies for fraction in paper.fraction.values())
+
+
+def test_search_gain() -> None:
+    """A row a way; nobody judges to have kept more than there is."""
+    told: list[str] = []
+    found = search_gain.main(["vacuum"], 1, 1.0, told.append)
+    rows = table_rows("\n".join(told))
+    assert [row[1] for row in rows] == list(search_gain.WAYS)
+    assert all(0.0 <= value <= 1.0 for values in found.values() for value in values)
+    assert min(float(row[-1]) for row in rows) == 0.0  # of the best of all the best has lost nothing
 
 
 def test_slope_angles(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .searching.designs import Search, search
     from .sweeps.comparison import compare
     from .sweeps.compute import Sweep, sweep
+    from .sweeps.sensitivity import Sensitivity, sensitivity
     from .sweeps.variant import variants
     from .tracking import Body, Collisions, Fate, Granules, Motion, Tracks, track
 
@@ -51,6 +52,7 @@ LAYERS = (
     "verify",
     "doctor",
     "terminal",
+    "options",
     "commands",
     "looking",
     "cli",
@@ -72,6 +74,7 @@ _HOME = {
     "Scene": "scene",
     "SceneError": "core.errors",
     "Search": "searching.designs",
+    "Sensitivity": "sweeps.sensitivity",
     "Sweep": "sweeps.compute",
     "Tracks": "tracking",
     "WakeflowError": "core.errors",
@@ -84,6 +87,7 @@ _HOME = {
     "plan": "planning.make:make_plan",
     "run": "runs",
     "search": "searching.designs",
+    "sensitivity": "sweeps.sensitivity",
     "sweep": "sweeps.compute",
     "track": "tracking",
     "variants": "sweeps.variant",
@@ -91,8 +95,9 @@ _HOME = {
 
 __all__ = [
     "Body", "Collisions", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan",
-    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Search", "Sweep", "Tracks", "WakeflowError",
-    "chain", "compare", "dividers", "impact", "layer", "layers", "plan", "run", "search", "sweep", "track", "variants",
+    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Search", "Sensitivity", "Sweep", "Tracks",
+    "WakeflowError", "chain", "compare", "dividers", "impact", "layer", "layers", "plan", "run", "search",
+    "sensitivity", "sweep", "track", "variants",
 ]  # fmt: skip
 
 

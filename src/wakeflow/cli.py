@@ -11,9 +11,10 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
-from .commands import MANY, Fidelity, Folder, Forced, Quiet, Settings, Stage, Target, Threads
+from .commands import MANY
 from .core.errors import ProgramError, SceneError, WakeflowError
 from .looking import LOOKING
+from .options import Fidelity, Folder, Forced, Quiet, Settings, Stage, Target, Threads
 from .scene.overrides import changes_of, switches_of, unquoted
 
 __all__ = ["app", "main"]
@@ -102,7 +103,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, labyrinth, aspirator, vacuum, funnel.
+        One of: rhombus, prism, labyrinth, aspirator, vacuum, funnel, wheat-straw-dust.
     path
         Where to write it; default KIND.toml here.
     overwrite

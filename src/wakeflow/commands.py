@@ -1,57 +1,18 @@
-"""The commands for many scenes and for what runs leave: sweep, search, compare, bins, sensitivity, clean; and options
-of several.
-"""
+"""The commands for many scenes and for what runs leave: sweep, search, compare, bins, sensitivity, clean."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from .core.errors import SceneError
-from .scene.overrides import share_of, switches_of
-from .scene.rungs import rungs
+from .options import Axes, BothEnds, Fidelity, Folder, Forced, Held, Quiet, Settings, Shown, Target
+from .scene.overrides import changes_of, switches_of
 
-__all__ = [
-    "MANY", "Fidelity", "Folder", "Forced", "Quiet", "Settings", "Stage", "Target", "Threads", "bins", "clean",
-    "compare", "search", "sensitivity", "sweep",
-]  # fmt: skip
+__all__ = ["MANY", "bins", "clean", "compare", "search", "sensitivity", "sweep"]
 
-if TYPE_CHECKING:
-    RungName = str
-else:
-    RungName = Literal[tuple(rungs)]
-Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
-Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/, the scene's name, its changes.")]
-Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
-Settings = Annotated[
-    list[str], Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable.")
-]
-Forced = Annotated[
-    list[str],
-    Parameter(name="--force", negative="", help="Switch a term: lift=on, chaff.basset-history=off. Repeatable."),
-]
-Target = Annotated[
-    float | None,
-    Parameter(
-        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%. The plan leaves out "
-        "terms that could not move so much; run also chooses its settings by it.",
-        converter=lambda _, tokens: share_of(tokens[0].value),
-    ),
-]
-Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
-Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; with --json the result alone.")]
-
-Axes = Annotated[
-    list[str],
-    Parameter(
-        name="--set",
-        negative="",
-        help="Values of a key of the scene: air.speed=3,4,5, or start:stop:count as in air.speed='3:5:3 m/s'. "
-        "Repeatable; a single value is the same for all.",
-    ),
-]
 SOME_FAILED = 1  # exit code of a sweep with scenes that failed
 
 
@@ -60,7 +21,7 @@ def sweep(
     *,
     out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and the changed keys.")] = None,
     settings: Axes = [],  # noqa: B006
-    design: Literal["grid", "list", "latin-hypercube", "sobol"] = "grid",
+    design: Literal["grid", "list", "one-at-a-time", "latin-hypercube", "sobol"] = "grid",
     count: int | None = None,
     seed: int = 0,
     rung: Fidelity = None,
@@ -82,7 +43,8 @@ def sweep(
     scene
         A scene file with --set KEY=VALUES, or a sweep file with a [sweep] table.
     design
-        grid: every combination; list: the first values together, then the second; latin-hypercube, sobol: drawn.
+        grid: every combination; list: the first values together, then the second; one-at-a-time: the scene as it is,
+        then each key alone at its values; latin-hypercube, sobol: drawn.
     count
         How many scenes latin-hypercube and sobol draw.
     seed
@@ -120,7 +82,9 @@ def sweep(
 def search(
     file: Path,
     *,
-    out: Annotated[Path | None, Parameter(help="Folder; default runs/ and the file's name.")] = None,
+    budget: Annotated[str | None, Parameter(help="Time of one core instead of the file's: '20 min'.")] = None,
+    settings: Held = [],  # noqa: B006
+    out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and what is held.")] = None,
     workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
     scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
     quiet: Quiet = False,
@@ -135,12 +99,17 @@ def search(
     file
         A TOML file with a [search] table (docs/search.md).
     """
+    from .scene.changes import run_folder
     from .searching.designs import search as find
+    from .searching.task import read_search_file
     from .terminal import live
     from .terminal.search import show_search
 
+    held = changes_of(settings)
+    task = read_search_file(file, held, budget)
+    folder = out or Path("runs", run_folder(file.stem, task.scene, held, {}))
     with live(enabled=not quiet) as listener:
-        found = find(file, out or Path("runs", file.stem), scheduler=scheduler, workers=workers, listener=listener)
+        found = find(task, folder, scheduler=scheduler, workers=workers, listener=listener)
     if not quiet:
         show_search(found)
 
@@ -217,56 +186,55 @@ def _portion(option: str, text: str) -> float:
 def sensitivity(
     scene: Path,
     *,
+    over: BothEnds = [],  # noqa: B006
+    of: Shown = [],  # noqa: B006
     out: Folder = None,
     settings: Settings = [],  # noqa: B006
     rung: Fidelity = None,
     force: Forced = [],  # noqa: B006
-    workers: Threads = None,
+    workers: Annotated[int | None, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Say which number of a scene moves which share by how much: a table, sensitivity.csv and a tornado plot.
+    """Say which input of a scene moves which number by how much: a table, sensitivity.csv and a tornado plot.
 
     Every number that is not known exactly is drawn with all others, from the scene's interval or a default one; a
-    regression parts what they do. Runs the scene where it has not been run; nothing more is flown.
+    regression parts what they do, and flies nothing more. What is named with --over, geometry and vibration too, is
+    flown again at both ends, one at a time.
 
     Parameters
     ----------
     scene
-        A scene file, or the folder of a finished run.
+        A scene file, run where it has not been, or the folder of a finished run.
     """
-    from .report.csv import write_sensitivity
-    from .report.figures.inputs import draw_inputs
-    from .results.result import Result
-    from .runs import run
     from .scene import Scene
     from .scene.changes import run_folder
-    from .scene.overrides import changes_of
-    from .terminal import live, show_sensitivity
+    from .sweeps.sensitivity import sensitivity as find
+    from .terminal import live
+    from .terminal.sensitivity import show_sensitivity
 
-    if scene.is_dir():
-        result = Result.load(scene)
-    else:
-        changes, switches = changes_of(settings), switches_of(force)
+    changes, switches = changes_of(settings), switches_of(force)
+    asked: Scene | Path = scene
+    if not scene.is_dir():
         asked = Scene.load(scene, changes)
-        folder = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
-        with live(enabled=not quiet) as listener:
-            result = run(
-                asked, folder, rung=rung, force=switches, workers=workers, listener=listener, planned=listener.planned
-            )
-    if result.landings is None or not result.landings.measure_next:
-        raise SceneError(f"{result.folder}: no share depends on what is unknown; give [uncertainty], or run it whole")
-    figure, table = result.folder / "figures" / "inputs.png", result.folder / "sensitivity.csv"
-    draw_inputs(figure, result.landings)
-    write_sensitivity(table, result.landings)
+        out = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
+    elif changes:
+        raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
+    with live(enabled=not quiet) as listener:
+        found = find(
+            asked, out, over=over, rung=rung, force=switches, workers=workers, listener=listener,
+            planned=listener.planned,
+        )  # fmt: skip
+    figure = found.plot(of)
     if not quiet:
-        show_sensitivity(result.landings)
-        print(f"{figure}\n{table}")
+        show_sensitivity(found, of)
+        print(f"{figure}\n{found.folder / 'sensitivity.csv'}")
 
 
 def clean(
     *,
     everything: bool = False,
     keep: Annotated[str | None, Parameter(help="Remove what was used longest ago until this is left: 10GB.")] = None,
+    dry_run: bool = False,
 ) -> None:
     """Remove unfinished stages from the cache, and say what the others take on disk and would take to make again.
 
@@ -274,18 +242,22 @@ def clean(
     ----------
     everything
         Remove finished stages as well.
+    dry_run
+        Remove nothing; only say what is there, and what --keep would remove.
     """
-    from .core.cleaning import bytes_of, kept_stages, remove_oldest
+    from .core.cleaning import bytes_of, kept_stages, oldest_beyond, remove_stages
     from .core.store import Store, cache_root
-    from .sweeps.show import show_stages
+    from .sweeps.show import show_removed, show_stages
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
-    removed, size = Store(root).clean(everything=everything)
-    print(f"{removed} folders removed from {root}, {size / 1e6:.1f} MB freed")
+    if not dry_run:
+        removed, size = Store(root).clean(everything=everything)
+        print(f"{removed} folders removed from {root}, {size / 1e6:.1f} MB freed")
     stages = kept_stages(root)
     if most is not None:
-        gone = remove_oldest(stages, most)
-        print(f"{len(gone)} stages removed, {sum(one.size for one in gone) / 1e6:.1f} MB freed")
+        old = oldest_beyond(stages, most)
+        gone = old if dry_run else remove_stages(old)
+        show_removed(gone, done=not dry_run)
         stages = [one for one in stages if one not in gone]
     show_stages(stages)
 

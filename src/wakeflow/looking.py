@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from .commands import Fidelity, Forced, Quiet, Settings, Stage, Target
 from .core.errors import SceneError
+from .options import Fidelity, Forced, Quiet, Settings, Stage, Target
 from .scene.overrides import changes_of, switches_of
 
 if TYPE_CHECKING:

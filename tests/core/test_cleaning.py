@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from wakeflow.cli import main
-from wakeflow.core.cleaning import bytes_of, kept_stages, remove_oldest
+from wakeflow.core.cleaning import KeptStage, bytes_of, kept_stages, oldest_beyond, remove_stages
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import write_json
 from wakeflow.core.links import link_or_copy
 from wakeflow.core.store import Store
+from wakeflow.sweeps.show import MOST_ROWS, show_stages
 
 
 @pytest.fixture
@@ -40,19 +41,33 @@ def test_stages_are_listed_by_age_with_what_they_cost(store: Store) -> None:
 
 
 def test_the_oldest_go_until_little_enough_is_left(store: Store, tmp_path: Path) -> None:
-    gone = remove_oldest(kept_stages(store.root), 2.1e6)
+    gone = remove_stages(oldest_beyond(kept_stages(store.root), 2.1e6))
     assert [one.folder.name for one in gone] == ["key0"]
-    gone = remove_oldest(kept_stages(store.root), 1.1e6)
+    gone = remove_stages(oldest_beyond(kept_stages(store.root), 1.1e6))
     assert [one.folder.name for one in gone] == ["key1", "key2"]
     assert (tmp_path / "run" / "data").stat().st_size == 1_000_000
     assert [one.folder.name for one in kept_stages(store.root)] == ["key3"]
+
+
+def test_what_was_used_last_stays_longest(store: Store) -> None:
+    """On file systems too that note no reading."""
+    store.make("airflow", "key0", lambda part: None)
+    assert [one.folder.name for one in kept_stages(store.root)] == ["key1", "key2", "key3", "key0"]
+
+
+def test_a_long_list_ends_in_what_it_leaves_out(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    stages = [KeptStage("mesh", tmp_path / f"key{number}", 10**6, 2.0, 1e9 + number) for number in range(MOST_ROWS + 5)]
+    show_stages(stages)
+    told = capsys.readouterr().out
+    assert "5 more" in told
+    assert f"{len(stages)} stages" in told
 
 
 def test_a_stage_that_is_worked_on_stays(store: Store) -> None:
     from filelock import FileLock
 
     with FileLock(store.root / "airflow" / "key0.lock"):
-        gone = remove_oldest(kept_stages(store.root), 0.0)
+        gone = remove_stages(kept_stages(store.root))
     assert [one.folder.name for one in gone] == ["key1", "key2", "key3"]
 
 
@@ -64,8 +79,13 @@ def test_clean_prints_and_keeps(
     out = capsys.readouterr().out
     assert "4 stages" in out
     assert "60 s" in out
+    assert main(["clean", "--keep", "1.1MB", "--dry-run"]) == 0
+    assert "3 stages would be removed, 2.0 MB would be freed, 30 s to make again" in capsys.readouterr().out
+    assert len(kept_stages(store.root)) == 4
     assert main(["clean", "--keep", "1.1MB"]) == 0
-    assert "1 stages" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "3 stages removed, 2.0 MB freed, 30 s to make again" in out
+    assert "1 stages" in out
     assert main(["clean", "--keep", "much"]) == 2
 
 

@@ -48,6 +48,31 @@ def test_a_file_says_goals_bounds_limits_levels_and_budget(tmp_path: Path) -> No
     assert task.budget == 7200.0
 
 
+def test_what_is_held_is_not_searched_at_any_level(tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE)
+    task = read_search_file(path, {"air.speed": "5 m/s", "numerics.rung": "none"}, "20 s")
+    assert [axis.key for axis in task.within] == ["body.rhombus.slope_angle"]
+    assert task.scene.air is not None
+    assert task.scene.air.speed == 5.0
+    assert task.scene.numerics.rung == "none"
+    assert task.levels == ({"feed.count": 256}, {})
+    assert task.budget == 20.0
+    with pytest.raises(SceneError, match="may change"):
+        read_search_file(path, {"air.speed": "5 m/s", "body.rhombus.slope_angle": "45 deg"})
+
+
+def test_the_shipped_search_is_read() -> None:
+    """Half of a tied pair of dividers cannot be held."""
+    file = CASES / "search-splitters.toml"
+    task = read_search_file(file)
+    assert [goal.quantity for goal in task.goals] == ["recovery.wheat", "recovery.dust"]
+    assert set(task.scene.fraction) == {"dust", "straw", "wheat"}
+    assert len(task.within) == 4
+    with pytest.raises(SceneError, match="tied"):
+        read_search_file(file, {"bin.middle.to": "80 mm"})
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -57,7 +82,7 @@ def test_a_file_says_goals_bounds_limits_levels_and_budget(tmp_path: Path) -> No
         (("maximise", "maximize"), "maximize: unknown key"),
         (("least", "last"), "write { least"),
         (('{ from = "3 m/s", to = "7 m/s" }', "5"), "air.speed: needs from and to"),
-        (("[search]", "[sweep]"), r"holds a \[search\] table"),
+        (("[search]", "[sweep]"), r"holds \[search\] only"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str, tmp_path: Path) -> None:

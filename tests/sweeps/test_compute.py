@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -197,3 +198,13 @@ def test_a_broken_result_is_computed_again(tmp_path: Path) -> None:
     again = wf.sweep(scenes, tmp_path, scheduler=here)
     assert here.calls == [("fly_scene", "one")]
     assert again.result("one").table["separation"] == table["separation"]
+
+
+def test_what_would_not_fit_on_the_disk_is_refused_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wakeflow.sweeps.compute.shutil.disk_usage", lambda place: SimpleNamespace(free=1000))
+    here = Here()
+    with pytest.raises(SceneError, match=r"needs about .* GB .* wakeflow clean --keep"):
+        wf.sweep([shipped("vacuum", {"feed.count": 16})], tmp_path, scheduler=here)
+    assert not here.calls

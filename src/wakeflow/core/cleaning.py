@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .errors import SceneError
 
-__all__ = ["KeptStage", "bytes_of", "kept_stages", "remove_oldest"]
+__all__ = ["KeptStage", "bytes_of", "kept_stages", "oldest_beyond", "remove_stages"]
 
 SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?)B?\s*", re.IGNORECASE)
 PREFIX = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
@@ -20,7 +20,7 @@ PREFIX = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 @dataclass(frozen=True)
 class KeptStage:
     """A finished stage: what it is, where, ``size`` (bytes) that removing it frees, the ``seconds`` it took, None where
-    nobody noted them, and when it was last ``used`` (s since 1970; file systems note this once a day).
+    nobody noted them, and when it was last ``used`` (s since 1970).
     """
 
     stage: str
@@ -43,27 +43,32 @@ def kept_stages(root: Path) -> list[KeptStage]:
         seconds = float(json.loads(noted.read_text())) if noted.exists() else None
         manifest = (folder / "manifest.json").stat()
         size = sum(file.st_size for file in files if file.st_nlink == 1)
-        found.append(KeptStage(folder.parent.name, folder, size, seconds, max(manifest.st_atime, manifest.st_mtime)))
+        found.append(KeptStage(folder.parent.name, folder, size, seconds, manifest.st_mtime))
     return sorted(found, key=lambda one: one.used)
 
 
-def remove_oldest(stages: Sequence[KeptStage], keep: float) -> list[KeptStage]:
-    """Remove the stages that come first until the others take no more than ``keep`` bytes; those that were removed.
-
-    A stage that a process works on at this moment stays.
-    """
-    from filelock import FileLock, Timeout
-
-    total, removed = sum(one.size for one in stages), []
+def oldest_beyond(stages: Sequence[KeptStage], keep: float) -> list[KeptStage]:
+    """The stages that come first, as many as must go until the others take no more than ``keep`` bytes."""
+    total, gone = sum(one.size for one in stages), []
     for one in stages:
         if total <= keep:
             break
+        total -= one.size
+        gone.append(one)
+    return gone
+
+
+def remove_stages(stages: Sequence[KeptStage]) -> list[KeptStage]:
+    """Remove stages; those that were removed. One that a process works on at this moment stays."""
+    from filelock import FileLock, Timeout
+
+    removed = []
+    for one in stages:
         try:
             with FileLock(one.folder.with_name(f"{one.folder.name}.lock"), timeout=0):
                 shutil.rmtree(one.folder)
         except Timeout:
             continue
-        total -= one.size
         removed.append(one)
     return removed
 

@@ -15,10 +15,9 @@ def _cases() -> Path:
 
 
 def scene_templates() -> dict[str, Path]:
-    """The shipped scenes by name."""
-    return {
-        path.stem: path for path in sorted(_cases().glob("*.toml")) if "sweep" not in tomllib.loads(path.read_text())
-    }
+    """The shipped scenes by name; files that ask for many scenes of one are none."""
+    files = sorted(_cases().glob("*.toml"))
+    return {path.stem: path for path in files if not {"sweep", "search"} & tomllib.loads(path.read_text()).keys()}
 
 
 def verification_scenes() -> dict[str, Path]:

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,7 @@ class Store:
 
         final = self.root / stage / key
         if self._whole(final):
+            _note_use(final)
             return final, True
         part = final.with_name(f"{key}.part")
         part.mkdir(parents=True, exist_ok=True)
@@ -119,6 +121,12 @@ def _members(folder: Path) -> list[str]:
     """Every file below the folder, except what a killed ``atomic_write`` left behind."""
     files = (p for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST)
     return sorted(p.relative_to(folder).as_posix() for p in files if not (p.name[0] == "." and p.suffix == ".tmp"))
+
+
+def _note_use(folder: Path) -> None:
+    """Note that a stage was used now, which decides what goes first when the cache is cleaned."""
+    with suppress(PermissionError):  # a cache that others own and share for reading alone
+        os.utime(folder / MANIFEST)
 
 
 def _digest(path: Path) -> str:

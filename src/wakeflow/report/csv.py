@@ -8,18 +8,16 @@ from pathlib import Path
 
 from ..core.files import atomic_write
 from ..results.impact_summary import FractionImpact, ImpactForces, ImpactSummary
-from ..results.landing_results import BudgetRow, LandingResults, Separation
+from ..results.landing_results import BudgetRow, Separation
 from ..results.result import Result
 
 __all__ = [
     "BUDGET_COLUMNS",
     "IMPACT_COLUMNS",
-    "SENSITIVITY_COLUMNS",
     "SEPARATION_COLUMNS",
     "budget_cells",
     "impact_cells",
     "separation_cells",
-    "write_sensitivity",
     "write_tables",
 ]
 
@@ -52,18 +50,6 @@ IMPACT_COLUMNS = (  # normal: into the slope; tangential: down it; power: from t
     "power (W)",
     "speed after, x (m/s)",
     "speed after, y (m/s)",
-)
-SENSITIVITY_COLUMNS = (  # half: of the 95 % range that the number alone gives; index: first order, known to +- error
-    "fraction",
-    "bin",
-    "number",
-    "value",
-    "low",
-    "high",
-    "unit",
-    "half (percentage points)",
-    "index (%)",
-    "error of index (%)",
 )
 ALL = "all"  # in a table of impacts: all fractions, or all slopes
 SLOPES = 6  # of a body with more of them only all together are shown
@@ -137,20 +123,6 @@ def write_tables(folder: Path, result: Result) -> None:
     impacts = impact_cells(None if result.flights is None else result.flights.impact)
     if impacts:
         _write(folder / "impact.csv", IMPACT_COLUMNS, impacts)
-
-
-def write_sensitivity(path: Path, landings: LandingResults) -> None:
-    """Write what every number that is not known exactly does to every share, the largest first, to ``path``."""
-    known = landings.inputs or {}
-    rows: list[Row] = []
-    for name, places in (landings.measure_next or {}).items():
-        for place, parts in places.items():
-            for key, part in parts.items():
-                number = known[key]
-                cells: list[Cell] = [name, place, key, number.value, number.low, number.high, number.unit]
-                cells += [100.0 * part.half, 100.0 * part.variance, 100.0 * part.error]
-                rows.append(dict(zip(SENSITIVITY_COLUMNS, cells, strict=True)))
-    _write(path, SENSITIVITY_COLUMNS, rows)
 
 
 def _write(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> None:

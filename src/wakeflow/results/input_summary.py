@@ -26,7 +26,10 @@ def inputs_of(inputs: Inputs | None) -> tuple[dict[str, InputSummary] | None, Pa
     for name, shares in inputs.shares.items():
         ranges = ((place, inputs.of_share(name, [place])) for place in shares)
         parts[name] = {
-            place: {one.unknown.key: InputPart(one.half, one.share, one.error) for one in over.effects}
+            place: {
+                effect.unknown.key: InputPart(effect.half, effect.share, effect.error, effect.rise)
+                for effect in over.effects
+            }
             for place, over in ranges
             if over.effects
         }

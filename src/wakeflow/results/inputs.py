@@ -38,14 +38,20 @@ NOTHING = 1e-12  # of a share: a change that is none
 
 @dataclass(frozen=True)
 class InputEffect:
-    """What one unknown does to a number: ``half`` of the 95 % range that it alone gives, and its ``share`` of the
-    variance over all unknowns (first-order index), itself known to +- ``error``.
+    """What one unknown does to a number: its ``rise`` where the unknown alone goes to the upper end of its interval (to
+    the lower end it falls by as much), and its ``share`` of the variance over all unknowns (first-order index), itself
+    known to +- ``error``.
     """
 
     unknown: Unknown
-    half: float
+    rise: float
     share: float
     error: float
+
+    @property
+    def half(self) -> float:
+        """Half of the 95 % range that the unknown alone gives."""
+        return abs(self.rise)
 
 
 @dataclass(frozen=True)
@@ -128,7 +134,7 @@ def regressed(z: Array, change: Array, noise: Array, known: Sequence[Unknown]) -
     effects = [
         InputEffect(
             one,
-            float(SIGMAS * abs(slope)),
+            float(SIGMAS * slope),
             float((slope * width) ** 2 / variance) if variance > 0.0 else 0.0,
             float(2.0 * SIGMAS * abs(slope) * error * width**2 / variance) if variance > 0.0 else 0.0,
         )

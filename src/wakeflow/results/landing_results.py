@@ -138,6 +138,10 @@ class InputPart:
     half: float = column("1", "half of the 95 % range of the share that it alone gives")
     variance: float = column("1", "its part of the share's variance over all unknowns: first-order index")
     error: float = column("1", "how far that index may be off, 95 %")
+    rise: float | None = column(
+        "1", "change of the share where the number alone goes to its upper end: the half with its sign; left out of "
+        "results of versions that did not tell", absent=True, default=None,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..core.registry import did_you_mean
 from ..scene.messages import unit_of
 from .quantities import TableQuantity
 
-__all__ = ["DONE", "FAILED", "OPEN", "Entry", "ResultTable"]
+__all__ = ["DONE", "FAILED", "OPEN", "Entry", "ResultTable", "frame_of", "write_cells"]
 
 DONE, FAILED, OPEN = "done", "failed", "open"
 Cell = str | float | None
@@ -107,10 +107,7 @@ class ResultTable:
         else:
             rows = self.rows()
             table = {head: [row[place] for row in rows] for place, head in enumerate(self.columns)}
-        arrays = {head: _array(cells) for head, cells in table.items()}
-        if find_spec("pandas") is None:
-            return arrays
-        return import_module("pandas").DataFrame(arrays)
+        return frame_of(table)
 
     def quantity(self, name: str) -> str:
         """``name``, where the table has such a number. Raises SceneError, naming the nearest, where it has not."""
@@ -120,12 +117,12 @@ class ResultTable:
 
     def write_csv(self, path: Path) -> None:
         """Write the tidy table; empty where nothing is known, ten digits a number."""
-        _write(path, self.columns, self.rows())
+        write_cells(path, self.columns, self.rows())
 
     def write_wide_csv(self, path: Path) -> None:
         """Write the table with a row a scene."""
         table = self.wide()
-        _write(path, list(table), [list(row) for row in zip(*table.values(), strict=True)])
+        write_cells(path, list(table), [list(row) for row in zip(*table.values(), strict=True)])
 
     def write_parquet(self, path: Path) -> bool:
         """Write the tidy table as Parquet where pyarrow is installed; whether it is."""
@@ -139,7 +136,16 @@ class ResultTable:
         return True
 
 
-def _write(path: Path, heads: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
+def frame_of(table: Mapping[str, Sequence[Cell]]) -> Any:
+    """Columns by their heads as a pandas DataFrame where pandas is installed, else as a dict of numpy arrays."""
+    arrays = {head: _array(cells) for head, cells in table.items()}
+    if find_spec("pandas") is None:
+        return arrays
+    return import_module("pandas").DataFrame(arrays)
+
+
+def write_cells(path: Path, heads: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
+    """Write rows as CSV; empty where nothing is known, ten digits a number."""
     with atomic_write(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(heads)

@@ -110,11 +110,10 @@ class _Scenes:
         return self.out / f"level-{level + 1}"
 
     def changes(self, place: DesignPoint) -> dict[str, Any]:
-        """What a design changes of the scene; of keys tied by = those after a minus have the value's negative."""
-        found = {}
+        """What a design changes of the scene."""
+        found: dict[str, Any] = {}
         for axis, along in zip(self.task.within, place, strict=True):
-            for key in map(str.strip, axis.key.split("=")):
-                found[key.removeprefix("-")] = _negative(axis.at(along)) if key.startswith("-") else axis.at(along)
+            found |= axis.changes(axis.at(along))
         return found
 
     def variant(self, level: int, place: DesignPoint) -> Variant:
@@ -149,13 +148,6 @@ class _Scenes:
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
         return Evaluation(max(LEAST, sum(seconds for _, seconds in new)), _with_fan(entry.by_name))
-
-
-def _negative(value: Any) -> Any:
-    """A number, or a quantity as in "5 mm", times -1."""
-    if isinstance(value, str):
-        return value[1:] if value.startswith("-") else f"-{value}"
-    return -value
 
 
 def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,10 +12,12 @@ from ..core.quantities import quantity
 from ..scene import Scene
 from ..scene.changes import flat
 from ..sweeps.axis import Axis, axes_of
+from ..sweeps.task_file import TaskFile
 
 __all__ = ["Goal", "QuantityLimit", "SearchTask", "read_search_file"]
 
 KNOWN = ("scene", "maximise", "minimise", "where", "within", "set", "level", "budget", "seed", "at_a_time")
+DIRECTIONS = {"maximise": 1, "minimise": -1}
 AT_A_TIME = 8  # designs that are proposed and computed together, unless the file says otherwise
 
 
@@ -68,44 +69,43 @@ class SearchTask:
         return list(dict.fromkeys(names))
 
 
-def read_search_file(path: Path | str) -> SearchTask:
-    """The search of a file with a [search] table: docs/search.md. Raises SceneError where it is none."""
-    path = Path(path)
-    try:
-        whole = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, IsADirectoryError):
-        raise SceneError(f"no search file {str(path)!r}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise SceneError(f"{path}: not valid TOML: {problem}") from None
-    table = whole.get("search")
-    if not isinstance(table, Mapping) or set(whole) != {"search"}:
-        raise SceneError(f"{path}: a search file holds a [search] table and nothing beside it")
-    try:
-        return _task(table, path.parent)
-    except SceneError as problem:
-        raise SceneError(f"{path}: {problem}") from None
+def read_search_file(
+    path: Path | str, fixed: Mapping[str, Any] | None = None, budget: str | float | None = None
+) -> SearchTask:
+    """The search of a file with a [search] table: docs/search.md. ``fixed``: keys of the scene that are the same in all
+    designs at all levels, those to be searched too; ``budget``: instead of the file's own.
+
+    Raises SceneError where the file is no search.
+    """
+    held = dict(fixed or {})
+    with TaskFile.open(path, "search", KNOWN) as file:
+        goals = [Goal(name, sign) for key, sign in DIRECTIONS.items() for name in _names(file.table, key)]
+        if not goals:
+            raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
+        levels = file.table.get("level", [{}])
+        return SearchTask(
+            Scene.load(file.scene, {**flat(file.inside("set")), **held}),
+            tuple(_within(file, held)),
+            tuple(goals),
+            _seconds(file.table.get("budget") if budget is None else budget),
+            tuple(_limit(name, ends) for name, ends in file.inside("where").items()),
+            tuple({key: value for key, value in flat(level).items() if key not in held} for level in levels),
+            file.whole_number("seed") or 0,
+            file.whole_number("at_a_time", least=1) or AT_A_TIME,
+        )
 
 
-def _task(table: Mapping[str, Any], folder: Path) -> SearchTask:
-    if unknown := [key for key in table if key not in KNOWN]:
-        raise SceneError(f"search.{unknown[0]}: unknown key (known: {', '.join(KNOWN)})")
-    if not isinstance(table.get("scene"), str):
-        raise SceneError("search.scene is missing: name the scene file, relative to this one")
-    scene = Scene.load(folder / table["scene"], flat(table.get("set", {})))
-    goals = [Goal(name, sign) for key, sign in (("maximise", 1), ("minimise", -1)) for name in _names(table, key)]
-    if not goals:
-        raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
-    within = axes_of(table.get("within", {}), "search.within")
-    if not within:
+def _within(file: TaskFile, held: Mapping[str, Any]) -> list[Axis]:
+    """The axes of a search, without those whose keys are ``held``."""
+    axes = axes_of(file.inside("within"), "search.within")
+    if fixed := [axis.key for axis in axes if len(axis.values) < 2]:
+        raise SceneError(f"search.within.{fixed[0]}: needs from and to, or values; what is fixed is for search.set")
+    if parted := [axis.key for axis in axes if 0 < len(held.keys() & set(axis.keys)) < len(axis.keys)]:
+        raise SceneError(f"{parted[0]}: keys that are tied are held together or not at all")
+    free = [axis for axis in axes if not held.keys() & set(axis.keys)]
+    if not free:
         raise SceneError("search.within is missing: give the keys that may change, with from and to")
-    if fixed := [axis.key for axis in within if len(axis.values) < 2]:
-        raise SceneError(f"search.within.{fixed[0]}: needs from and to, or several values; what is fixed is for set")
-    levels = tuple(flat(level) for level in table.get("level", [{}]))
-    seed, at_a_time = table.get("seed", 0), table.get("at_a_time", AT_A_TIME)
-    if not all(isinstance(value, int) and value >= least for value, least in ((seed, 0), (at_a_time, 1))):
-        raise SceneError("search.seed and search.at_a_time are whole numbers")
-    limits = tuple(_limit(name, ends) for name, ends in table.get("where", {}).items())
-    return SearchTask(scene, tuple(within), tuple(goals), _seconds(table), limits, levels, seed, at_a_time)
+    return free
 
 
 def _names(table: Mapping[str, Any], key: str) -> Sequence[str]:
@@ -123,8 +123,7 @@ def _limit(name: str, ends: Any) -> QuantityLimit:
     return QuantityLimit(name, ends.get("least"), ends.get("most"))
 
 
-def _seconds(table: Mapping[str, Any]) -> float:
-    given = table.get("budget")
+def _seconds(given: Any) -> float:
     if given is None:
         raise SceneError("search.budget is missing: the time of one core that may be spent, such as '2 hour'")
     try:

@@ -1,4 +1,4 @@
-"""An axis of a sweep: one key of the scene and the values that it takes, read from text or from TOML."""
+"""An axis of a sweep: a key of the scene, or keys tied by =, and the values taken, read from text or from TOML."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ HOW = "write values a,b,c or a range start:stop:count, as in air.speed=3:5:3 or 
 class Axis:
     """``key`` of a scene and its ``values``, as a scene file would have them.
 
-    A range has ``ends`` and a ``unit`` too: a design that draws from it takes any number between them, by their
-    logarithms where ``log``.
+    Keys that are tied, "a = b = -c", have one value, those after a minus its negative. A range has ``ends`` and a
+    ``unit`` too: a design that draws from it takes any number between them, by their logarithms where ``log``.
     """
 
     key: str
@@ -37,6 +37,19 @@ class Axis:
     ends: tuple[float, float] | None = None
     unit: str = ""
     log: bool = False
+
+    @property
+    def keys(self) -> list[str]:
+        """The key, or those that are tied."""
+        return [key.removeprefix("-") for key in self._tied]
+
+    def changes(self, value: Any) -> dict[str, Any]:
+        """What a ``value`` changes of a scene, by key."""
+        return {key.removeprefix("-"): _negative(value) if key.startswith("-") else value for key in self._tied}
+
+    @property
+    def _tied(self) -> list[str]:
+        return [key.strip() for key in self.key.split("=")]
 
     def at(self, place: float) -> Any:
         """The value at a ``place`` from 0 to 1 of a range; of listed values the one in whose equal part it lies."""
@@ -46,6 +59,15 @@ class Axis:
         number = low * (high / low) ** place if self.log else low + (high - low) * place
         rounded = float(f"{number:.{DIGITS}g}")
         return f"{rounded!r} {self.unit}" if self.unit else rounded
+
+
+def _negative(value: Any) -> Any:
+    """A number, or a quantity as in "5 mm", times -1."""
+    if isinstance(value, str):
+        return value[1:] if value.startswith("-") else f"-{value}"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SceneError(f"{value!r} has no negative: a key after a minus takes numbers")
+    return -value
 
 
 def axis_of_text(text: str) -> Axis:

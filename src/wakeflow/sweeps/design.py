@@ -38,6 +38,14 @@ def listed(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
     return [_changes(axes, row) for row in zip(*(axis.values for axis in axes), strict=True)]
 
 
+@designs.register("one-at-a-time")
+def one_at_a_time(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
+    """The scene as it is, then every key alone at each of its values."""
+    del seed
+    _no_count("one-at-a-time", count)
+    return [{}, *(axis.changes(value) for axis in axes for value in axis.values)]
+
+
 @designs.register("latin-hypercube")
 def latin_hypercube(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
     """``count`` scenes, one in each of ``count`` equal parts of every range: McKay, Beckman & Conover 1979,
@@ -63,11 +71,11 @@ def sobol(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
 
 
 def _drawn(axes: Sequence[Axis], places: Any) -> list[Changes]:
-    return [{axis.key: axis.at(place) for axis, place in zip(axes, row, strict=True)} for row in places.tolist()]
+    return [_changes(axes, [axis.at(place) for axis, place in zip(axes, row, strict=True)]) for row in places.tolist()]
 
 
 def _changes(axes: Sequence[Axis], row: Sequence[Any]) -> Changes:
-    return {axis.key: value for axis, value in zip(axes, row, strict=True)}
+    return {key: one for axis, value in zip(axes, row, strict=True) for key, one in axis.changes(value).items()}
 
 
 def _no_count(design: str, count: int | None) -> None:

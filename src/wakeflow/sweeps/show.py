@@ -16,7 +16,15 @@ from ..results.table import DONE, ResultTable
 from .comparison import RunComparison
 from .compute import Sweep, SweepEstimate
 
-__all__ = ["show_comparison", "show_dividers", "show_estimate", "show_stages", "show_sweep", "show_table"]
+__all__ = [
+    "show_comparison",
+    "show_dividers",
+    "show_estimate",
+    "show_removed",
+    "show_stages",
+    "show_sweep",
+    "show_table",
+]
 
 MOST_ROWS = 50  # of a table on a terminal; all are in the file
 
@@ -128,6 +136,13 @@ def show_dividers(found: Sequence[Dividers], on: str) -> None:
         console.print(f"[bin.{fraction}-{number}]\npoints = [{points}]", markup=False, highlight=False, soft_wrap=True)
 
 
+def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
+    """Say in one line what was or would be removed from the cache, and what making it again would take."""
+    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
+    verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
+    print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
+
+
 def show_stages(stages: Sequence[KeptStage]) -> None:
     """Print what the cache holds, the one that was used longest ago first: size, time to make it again."""
     from datetime import UTC, datetime
@@ -140,9 +155,13 @@ def show_stages(stages: Sequence[KeptStage]) -> None:
     table.add_column("MB", justify="right")
     table.add_column("to make again", justify="right")
     for one in stages[:MOST_ROWS]:
-        used = datetime.fromtimestamp(one.used, UTC).strftime("%Y-%m-%d")
+        used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
         again = NO_VALUE if one.seconds is None else duration(one.seconds)
         table.add_row(used, one.stage, one.folder.name[:12], f"{one.size / 1e6:.1f}", again)
+    if len(stages) > MOST_ROWS:
+        rest = stages[MOST_ROWS:]
+        again = duration(sum(one.seconds or 0.0 for one in rest))
+        table.add_row("later", f"{len(rest)} more", "", f"{sum(one.size for one in rest) / 1e6:.1f}", again)
     table.add_section()
     total, spent = sum(one.size for one in stages), sum(one.seconds or 0.0 for one in stages)
     table.add_row("all", f"{len(stages)} stages", "", f"{total / 1e6:.1f}", duration(spent))

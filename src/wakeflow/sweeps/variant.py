@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..scene.changes import differing, flat, folder_name
 from ..scene.overrides import changes_of
 from .axis import Axis, axes_of, axis_of_text
 from .design import designs
+from .task_file import TaskFile, holds_task
 
 __all__ = ["Variant", "asked_for", "named", "of_scenes", "read_sweep_file", "variants"]
 
@@ -46,18 +46,19 @@ def variants(
     """``scene``, or the one in a file, changed along axes.
 
     ``over``: dotted keys, each a list of values or a range {"from": ..., "to": ..., "count": ...}; or texts as of
-    ``--set``. ``design``: grid, list, latin-hypercube or sobol, the last two with ``count`` scenes and a ``seed``.
+    ``--set``. ``design``: grid, list, one-at-a-time, or latin-hypercube and sobol with ``count`` scenes and a ``seed``.
     ``fixed``: dotted keys that are the same in all. A variant that is no valid scene says so itself. Raises SceneError
     where the axes or the design are wrong.
     """
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
     if not axes:
         raise SceneError("a sweep needs a key to change: --set KEY=a,b,c, or [sweep.over] in a file")
-    keys = [axis.key for axis in axes]
+    keys = [key for axis in axes for key in axis.keys]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise SceneError(f"{twice.pop()} is swept twice; give all its values at once")
     base = scene if isinstance(scene, Scene) else Path(scene)
-    before = {**(fixed or {}), **{axis.key: axis.values[0] for axis in axes if len(axis.values) == 1}}
+    alone = [axis.changes(axis.values[0]) for axis in axes if len(axis.values) == 1]
+    before = {**(fixed or {}), **{key: value for one in alone for key, value in one.items()}}
     axes = [axis for axis in axes if len(axis.values) > 1]
     load: Callable[[dict[str, Any]], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
     load(before)  # a base that is wrong is the caller's mistake, not a variant's
@@ -73,10 +74,10 @@ def asked_for(
     Raises SceneError as :func:`variants` and :func:`read_sweep_file` do.
     """
     keys = [axis_of_text(text).key for text in settings]
-    if sweep_table(file) is None:
-        found = variants(file, settings, design=design, count=count, seed=seed)
-    else:
+    if holds_task(file, "sweep"):
         found = read_sweep_file(file, changes_of(settings))
+    else:
+        found = variants(file, settings, design=design, count=count, seed=seed)
     return found, "+".join((file.stem, *keys))
 
 
@@ -89,9 +90,10 @@ def _variant(
         return Variant("", changes, None, str(problem))
     set_now = flat(scene.tables())
     inputs: dict[str, Any] = {}
-    for axis in axes:  # a value that is a table, such as a law of restitution, is more than one input
-        inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{axis.key}.")}
-        inputs |= inside or {axis.key: changes[axis.key]}
+    for one in (key for axis in axes for key in axis.keys):
+        # a value that is a table, such as a law of restitution, is more than one input; one that is not set is none
+        inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{one}.")}
+        inputs |= inside or ({one: changes[one]} if one in changes else {})
     return Variant("", inputs, scene)
 
 
@@ -136,38 +138,9 @@ def read_sweep_file(path: Path | str, fixed: Mapping[str, Any] | None = None) ->
 
     Raises SceneError where the file is no sweep.
     """
-    path = Path(path)
-    table = sweep_table(path)
-    if table is None:
-        raise SceneError(f"{path}: has no [sweep] table; give keys to change with --set KEY=a,b,c")
-    if unknown := [key for key in table if key not in KNOWN]:
-        raise SceneError(f"{path}: sweep.{unknown[0]}: unknown key (known: {', '.join(KNOWN)})")
-    if not isinstance(table.get("scene"), str):
-        raise SceneError(f"{path}: sweep.scene is missing: name the scene file to change, relative to this one")
-    for key in ("over", "set"):
-        if not isinstance(table.get(key, {}), Mapping):
-            raise SceneError(f"{path}: sweep.{key} must be a table")
-    count, seed = table.get("count"), table.get("seed", 0)
-    if not all(value is None or (isinstance(value, int) and value >= 0) for value in (count, seed)):
-        raise SceneError(f"{path}: sweep.count and sweep.seed are whole numbers")
-    try:
+    with TaskFile.open(path, "sweep", KNOWN) as file:
         return variants(
-            path.parent / table["scene"], table.get("over", {}), design=table.get("design", "grid"), count=count,
-            seed=seed, fixed={**flat(table.get("set", {})), **(fixed or {})},
+            file.scene, file.inside("over"), design=file.table.get("design", "grid"),
+            count=file.whole_number("count"), seed=file.whole_number("seed") or 0,
+            fixed={**flat(file.inside("set")), **(fixed or {})},
         )  # fmt: skip
-    except SceneError as problem:
-        raise SceneError(f"{path}: {problem}") from None
-
-
-def sweep_table(path: Path) -> Mapping[str, Any] | None:
-    """The [sweep] table of a TOML file; None where it has none, as a scene. Raises SceneError for other files."""
-    try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, IsADirectoryError):
-        raise SceneError(f"no scene or sweep file {str(path)!r}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise SceneError(f"{path}: not valid TOML: {problem}") from None
-    table = found.get("sweep")
-    if table is not None and set(found) != {"sweep"}:
-        raise SceneError(f"{path}: a sweep file holds [sweep] only; keys of the scene belong into [sweep.set]")
-    return table if isinstance(table, Mapping) else None

@@ -6,10 +6,10 @@ from .budget import budget_table
 from .live import live
 from .plan import show_plan, show_whole_plan
 from .result import show_result
-from .shares import alone_table, separation_table, show_sensitivity
+from .shares import alone_table, separation_table
 from .warn import MOST_WARNINGS
 
 __all__ = [
     "MOST_WARNINGS", "alone_table", "budget_table", "live", "separation_table", "show_plan", "show_result",
-    "show_sensitivity", "show_whole_plan",
+    "show_whole_plan",
 ]  # fmt: skip

@@ -23,7 +23,7 @@ def show_search(found: Search) -> None:
     asked = task.asked
     goals = ", ".join(map(str, task.goals))
     table = Table(title=f"designs for {goals}", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
-    keys = [axis.key.partition("=")[0].strip().removeprefix("-") for axis in task.within]  # the first of tied ones
+    keys = [axis.keys[0] for axis in task.within]
     for head in keys + asked:
         table.add_column(head.replace(".", "\n"), justify="right", overflow="fold")
     for design in (best, *(one for one in found.front if one.name != best.name)):

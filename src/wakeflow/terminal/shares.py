@@ -1,20 +1,19 @@
-"""Tables of shares: the answer, the answer without collisions, and what to measure next."""
+"""Tables of shares: the answer and the answer without collisions, with what to measure next below."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from ..report.words import HOLDS, NO_VALUE, change_of, expected, percent
-from ..results.landing_results import LandingResults, Separation, least_certain
+from ..results.landing_results import Separation, least_certain
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from ..results.result import Result
 
-__all__ = ["alone_table", "measure_next", "separation_table", "show_sensitivity"]
+__all__ = ["alone_table", "measure_next", "separation_table"]
 
-MOST_NUMBERS = 6  # told of a share
 NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }; of wake.*: numerics.rung = '3d'."
 TOLD_FROM = 0.1  # part of a share's variance from which an unknown number is told
 MOST_TOLD = 4  # numbers that are told under the answer
@@ -75,27 +74,3 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
     recoveries = ((alone.recovery.get(name), separation.recovery.get(name)) for name in separation.fractions)
     table.add_row("recovery", *(f"{percent(one)}  ({change_of(one, met)})" for one, met in recoveries))
     return table
-
-
-def show_sensitivity(landings: LandingResults) -> None:
-    """Print for each fraction's least certain share what each unknown number moves it by, alone, and the part that it
-    has of the share's variance.
-    """
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    known = landings.inputs or {}
-    table = Table(title="what to measure next", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
-    table.add_column("share")
-    table.add_column("number", no_wrap=True)
-    for head in ("from", "to", "points", "variance, %"):
-        table.add_column(head, justify="right")
-    for name, (place, parts) in least_certain(landings).items():
-        for row, (key, part) in enumerate(list(parts.items())[:MOST_NUMBERS]):
-            number = known[key]
-            ends = [f"{end:.3g} {number.unit}".removesuffix(" 1") for end in (number.low, number.high)]
-            index = f"{100 * part.variance:.0f} ± {100 * part.error:.0f}"
-            table.add_row("" if row else f"{name} in {place}", key, *ends, f"± {100 * part.half:.2g}", index)
-        table.add_section()
-    Console().print(table)
