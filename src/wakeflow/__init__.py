@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from .laws.restitution import Restitution
     from .planning.make import make_plan as plan
     from .planning.plan import Plan
+    from .report.plot import Result
     from .results.dividers import dividers
-    from .results.result import Result
     from .runs import run
     from .scene import Scene
     from .searching.designs import Search, search
@@ -68,7 +68,7 @@ _HOME = {
     "Plan": "planning.plan",
     "ProgramError": "core.errors",
     "Restitution": "laws.restitution",
-    "Result": "results.result",
+    "Result": "report.plot",
     "Scene": "scene",
     "SceneError": "core.errors",
     "Search": "searching.designs",

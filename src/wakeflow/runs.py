@@ -27,6 +27,7 @@ from .pipeline.pipeline import Pipeline
 from .planning.machine_rates import learn
 from .planning.make import Planner, make_plan
 from .refining.loop import refined
+from .report.plot import Result
 from .results.air_loading import loading_of
 from .results.airflow_summary import (
     Airflow,
@@ -55,7 +56,6 @@ from .results.result import (
     FlightResults,
     MeshSummary,
     Request,
-    Result,
     asked_in,
     key_in,
     provenance_in,

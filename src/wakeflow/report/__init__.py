@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Landed", "Outcome", "clear_report", "draw_discharge", "is_whole", "pictures_of", "write_report"]
 
 LASTING = ("tracks.vtp", "separation.csv", "budget.csv", "report.html")  # every finished report has them
-AT_TIMES = ("field.vtu", "field.pvd", "impact.csv")  # with air, and where a body is met
+AT_TIMES = ("field.npz", "field.vtu", "field.pvd", "impact.csv")  # with air, and where a body is met
 
 
 def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None) -> Path:

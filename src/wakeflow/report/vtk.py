@@ -31,10 +31,13 @@ def write_field(folder: Path | str, field: FlowField, name: str = "field") -> Pa
     """Write a flow field: point data velocity (m/s, 3 components), pressure (Pa) and k (m2/s2) where known.
 
     A steady field becomes ``name.vtu``; one in time ``name.pvd`` beside a folder ``name`` with a .vtu a snapshot, times
-    in s. The other form left by an earlier run is removed. Returns the file to open.
+    in s. The other form left by an earlier run is removed. ``name.npz`` is the field itself, for ``wf.FlowField.load``.
+    Returns the file to open.
     """
-    folder, field = Path(folder), field.snapshots()
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    field.save(folder / f"{name}.npz")
+    field = field.snapshots()
     velocity = np.asarray(field.velocity)
     steady, series, snapshots = folder / f"{name}.vtu", folder / f"{name}.pvd", folder / name
     series.unlink(missing_ok=True)  # first the index, so that it never names files that are gone
@@ -60,7 +63,8 @@ def write_field(folder: Path | str, field: FlowField, name: str = "field") -> Pa
 
 def link_field(source: Path, folder: Path, name: str = "field") -> None:
     """Show in ``folder`` what :func:`write_field` has left in ``source``, without copying it where that can be."""
-    found = [*sorted((source / name).glob("*.vtu")), source / f"{name}.vtu", source / f"{name}.pvd"]
+    whole = (source / f"{name}{suffix}" for suffix in (".npz", ".vtu", ".pvd"))
+    found = [*sorted((source / name).glob("*.vtu")), *whole]
     for file in found:  # the index last, so that it never names files that are not there
         if file.exists():
             link_or_copy(file, folder / file.relative_to(source))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -12,6 +13,7 @@ from ..core.files import write_json
 from ..core.graded import GRADES
 from ..core.lazy import cached_property
 from ..core.record import Partial, column, from_json, to_json
+from ..core.registry import Registry
 from ..pipeline.stages import StageTime
 from .airflow_summary import Airflow
 from .funnel_summary import FunnelSummary
@@ -29,6 +31,7 @@ __all__ = [
     "PictureSummary",
     "Request",
     "Result",
+    "accessors",
     "asked_in",
     "key_in",
     "provenance_in",
@@ -142,6 +145,11 @@ class Result:
         found: dict[str, Any] = self.table["separation"]
         return found
 
+    @cached_property
+    def plot(self) -> Any:
+        """The pictures, each on axes of your own: ``result.plot.tracks(axes)``; see :mod:`wakeflow.report.plot`."""
+        return accessors["plot"](self)
+
     @property
     def budget(self) -> tuple[BudgetRow, ...]:
         """The error of every share and landing place; empty before there are any."""
@@ -160,6 +168,9 @@ class Result:
         """The bins where a fraction should land; empty when the scene names none."""
         target = self.scene["fraction"].get(fraction, {}).get("target") or ()
         return (target,) if isinstance(target, str) else tuple(target)
+
+
+accessors: Registry[Callable[[Result], Any]] = Registry("view of a result")  # filled by the layers that make them
 
 
 def _read(folder: Path | str) -> Any:

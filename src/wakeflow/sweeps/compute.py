@@ -18,8 +18,9 @@ from ..core.process import cores
 from ..core.store import cache_root
 from ..core.workers import Workers
 from ..pipeline.cache import Listener, silent
+from ..report.plot import Result
 from ..results.quantities import quantities_of
-from ..results.result import Request, Result
+from ..results.result import Request
 from ..results.table import DONE, FAILED, OPEN, Entry, ResultTable
 from ..scene import Scene
 from .agenda import Agenda, Step, make_agenda

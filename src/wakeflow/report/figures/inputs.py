@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...results.landing_results import InputPart, LandingResults, least_certain
 from ..canvas import new_figure, save
@@ -11,6 +10,9 @@ from ..colours import COLOURS
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_inputs"]
@@ -18,14 +20,16 @@ __all__ = ["draw_inputs"]
 MOST = 6  # numbers of a panel
 
 
-def draw_inputs(path: Path, landings: LandingResults) -> None:
+def draw_inputs(paper: Paper, landings: LandingResults) -> NDArray[Any]:
     """Draw for each fraction how far each number that is not known exactly moves its least certain share, alone: bars
     to half of the 95 % range on either side, with the error of the bar's end by the finite number of draws.
     """
     panels = least_certain(landings)
     rows = [min(MOST, len(parts)) for _, parts in panels.values()]
-    figure = new_figure(5.8, 0.7 + sum(0.24 * count + 0.55 for count in rows))
-    grid = figure.subplots(len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": rows}, sharex=True)
+    figure = new_figure(5.8, 0.7 + sum(0.24 * count + 0.55 for count in rows), paper)
+    grid: NDArray[Any] = figure.subplots(
+        len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": rows}, sharex=True
+    )
     reach = 0.0
     for axes, (name, (place, parts)) in zip(grid[:, 0], panels.items(), strict=True):
         keys = list(parts)[:MOST]
@@ -42,7 +46,8 @@ def draw_inputs(path: Path, landings: LandingResults) -> None:
         reach = max(reach, *(half + end for half, end in zip(halves, ends, strict=True)))
     grid[-1, 0].set_xlim(-1.05 * reach, 1.05 * reach)
     grid[-1, 0].set_xlabel("what the number alone moves the share by, percentage points", fontsize=8)
-    save(figure, path)
+    save(figure, paper)
+    return grid[:, 0]
 
 
 def _end_error(part: InputPart) -> float:
@@ -55,9 +60,9 @@ def _known(outcome: Outcome) -> bool:
     return landings is not None and bool(least_certain(landings))
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
     assert outcome.result.landings is not None
-    draw_inputs(path, outcome.result.landings)
+    return draw_inputs(paper, outcome.result.landings)
 
 
 figures.add(

@@ -1,0 +1,128 @@
+"""``Result.plot``: the standard figures of a finished run, drawn on axes of the caller's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.errors import SceneError
+from ..core.lazy import cached_property
+from ..core.registry import did_you_mean
+from ..results.result import Result, accessors
+from ..scene import Scene
+from ..scene.pictures import STANDARD_FIGURES
+from .outcome import Landed, Outcome, Track
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from .canvas import Paper
+
+__all__ = ["Plot", "Result", "outcome_of"]
+
+
+@dataclass(frozen=True, repr=False)
+class Plot:
+    """The pictures of a finished run: ``result.plot.tracks()``, each called like its file in the folder ``figures``.
+
+    ``result.plot.tracks(axes)`` draws on given matplotlib axes; a picture of several panels takes the place that they
+    have in the grid of ``pyplot.subplots``. Without axes a new pyplot figure is made. Returns the axes drawn on, one or
+    an array. ``dir(result.plot)`` names what this run has. Raises SceneError for a picture that it has not.
+    """
+
+    result: Result
+
+    @cached_property
+    def outcome(self) -> Outcome:
+        """What the run left in its folder to be drawn."""
+        return outcome_of(self.result)
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name not in STANDARD_FIGURES:
+            raise AttributeError(f"no picture {name!r}{did_you_mean(name, list(STANDARD_FIGURES))}")
+        from .figures import figures
+
+        draw = partial(self._draw, name)
+        draw.__doc__ = figures[name].caption
+        return draw
+
+    def __dir__(self) -> list[str]:
+        return self._there()
+
+    def __repr__(self) -> str:
+        return f"pictures: {', '.join(self._there())}"
+
+    def _there(self) -> list[str]:
+        """The pictures that this run has something for, in the order of the page."""
+        from .figures import figures
+
+        return [name for name in STANDARD_FIGURES if (has := figures[name].needs) is None or has(self.outcome)]
+
+    def _draw(self, name: str, axes: Paper | None = None) -> Any:
+        from .figures import figures
+
+        if name not in self._there():
+            raise SceneError(f"{self.result.folder} has nothing to draw as {name}; it has {', '.join(self._there())}")
+        if axes is None:
+            from matplotlib import pyplot
+
+            axes = pyplot.figure(layout="constrained")
+        return figures[name].draw(axes, self.outcome)
+
+
+accessors.add("plot", Plot)
+
+
+def outcome_of(result: Result) -> Outcome:
+    """What a finished run has left in its folder for pictures: its air, tracks, and landings.
+
+    Landings are those of granules.npz, ``numerics.keep`` of each fraction. Raises SceneError where the run has none, or
+    drew no report.
+    """
+    folder = result.folder
+    if result.landings is None:
+        raise SceneError(f"{folder} has no pictures: the run ended before its shares")
+    if not (folder / "tracks.vtp").exists():
+        raise SceneError(f"{folder} holds no report to draw from; make it with: wakeflow report {folder}")
+    scene, field = Scene.parse(dict(result.scene)).fed(), None
+    if result.airflow is None:
+        scene = scene.without_air()
+    else:
+        from ..field import FlowField
+
+        scene, field = scene.with_top(), FlowField.load(folder / "field.npz")
+    return Outcome(scene, field, _tracks(folder / "tracks.vtp"), _landings(folder / "granules.npz"), result, {})
+
+
+def _tracks(path: Path) -> dict[str, list[Track]]:
+    """The tracks that a report left for ParaView."""
+    import pyvista
+
+    data: Any = pyvista.read(path)
+    tracks: dict[str, list[Track]] = {str(name): [] for name in data.field_data["fraction_names"]}
+    names = list(tracks)
+    for number in range(data.n_cells):
+        points = data.get_cell(number).point_ids
+        track = {
+            "time": np.asarray(data.point_data["time"])[points],
+            "position": np.asarray(data.points, dtype=float)[points, :2],
+            "velocity": np.asarray(data.point_data["velocity"])[points, :2],
+        }
+        tracks[names[int(data.cell_data["fraction"][number])]].append(track)
+    return tracks
+
+
+def _landings(path: Path) -> dict[str, Landed]:
+    """Where the granules that a run keeps have landed."""
+    with np.load(path) as kept:
+        table = {name: kept[name] for name in kept.files}
+    found = {}
+    for index, name in enumerate(table["names"]):
+        own = table["fraction"] == index
+        (x, y), weight = table["position"][own].T, table["weight"][own]
+        found[str(name)] = Landed(x, y, weight / weight.sum(), table["bin"][own])
+    return found
