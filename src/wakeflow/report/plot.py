@@ -11,7 +11,6 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
-from ..results.result import Result, accessors
 from ..scene import Scene
 from ..scene.pictures import STANDARD_FIGURES
 from .outcome import Landed, Outcome, Track
@@ -20,9 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from ..results.result import Result
     from .canvas import Paper
 
-__all__ = ["Plot", "Result", "outcome_of"]
+__all__ = ["Plot", "outcome_of"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,9 +74,6 @@ class Plot:
         return figures[name].draw(axes, self.outcome)
 
 
-accessors.add("plot", Plot)
-
-
 def outcome_of(result: Result) -> Outcome:
     """What a finished run has left in its folder for pictures: its air, tracks, and landings.
 
@@ -95,7 +92,7 @@ def outcome_of(result: Result) -> Outcome:
         from ..field import FlowField
 
         scene, field = scene.with_top(), FlowField.load(folder / "field.npz")
-    return Outcome(scene, field, _tracks(folder / "tracks.vtp"), _landings(folder / "granules.npz"), result, {})
+    return Outcome(scene, field, _tracks(folder / "tracks.vtp"), _landings(result, scene), result, {})
 
 
 def _tracks(path: Path) -> dict[str, list[Track]]:
@@ -116,13 +113,14 @@ def _tracks(path: Path) -> dict[str, list[Track]]:
     return tracks
 
 
-def _landings(path: Path) -> dict[str, Landed]:
+def _landings(result: Result, scene: Scene) -> dict[str, Landed]:
     """Where the granules that a run keeps have landed."""
-    with np.load(path) as kept:
-        table = {name: kept[name] for name in kept.files}
+    table = {head: np.asarray(column) for head, column in result.granules().items()}
+    numbers = {name: number for number, name in enumerate(scene.bin)}
+    bins = np.array([numbers.get(name, -1) for name in table["bin"]])
     found = {}
-    for index, name in enumerate(table["names"]):
-        own = table["fraction"] == index
-        (x, y), weight = table["position"][own].T, table["weight"][own]
-        found[str(name)] = Landed(x, y, weight / weight.sum(), table["bin"][own])
+    for name in scene.fraction:
+        own = table["fraction"] == name
+        weight = table["weight"][own].astype(float)
+        found[name] = Landed(table["x"][own], table["y"][own], weight / weight.sum(), bins[own])
     return found

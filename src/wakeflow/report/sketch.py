@@ -31,6 +31,7 @@ BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 TALLEST, WIDEST = 5.4, 5.4  # inches of the machine itself
 SMALL, LINE = 8.0, 0.155  # points of the measures; inches of a line of them
 BESIDE = 0.35  # inches between the machine and what is written beside it
+LEAST = 0.5  # inches per m of a machine in a part of a figure that has no room for its notes
 OUTSIDE = 0.22  # inches between the machine and a line of measures along it
 HEIGHT = 0.75  # inches on the left that the channel's height takes
 
@@ -106,8 +107,11 @@ def _sheet(
     above += OUTSIDE + LINE
     wide, tall = before + scale * (right - left) + after, below + scale * (high - low) + above
     figure = new_figure(wide, tall, paper)
-    if figure.figure is figure:  # what is within a part of another figure is laid out there
+    if figure.figure is figure:
         figure.figure.set_layout_engine("none")
+    else:  # a part of another figure has the size that it has there
+        wide, tall = figure.bbox.width / figure.dpi, figure.bbox.height / figure.dpi
+        scale = max(LEAST, min((wide - before - after) / (right - left), (tall - below - above) / (high - low)))
     size = (scale * (right - left) / wide, scale * (high - low) / tall)
     axes = figure.add_axes((before / wide, (tall - above - scale * (high - low)) / tall, *size))
     axes.set_xlim(MM * left, MM * right)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
+from ..core.frames import frame_of
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
 from ..scene.messages import unit_of
@@ -48,6 +49,11 @@ class ResultTable:
 
     entries: Sequence[Entry]
     targets: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # bins where each fraction should land
+
+    def __repr__(self) -> str:
+        """How many scenes there are, and in what they differ."""
+        over = f" over {', '.join(self.inputs)}" if self.inputs else ""
+        return f"{len(self.done)} of {len(self.entries)} scenes done{over}"
 
     @cached_property
     def inputs(self) -> dict[str, str]:
@@ -107,10 +113,7 @@ class ResultTable:
         else:
             rows = self.rows()
             table = {head: [row[place] for row in rows] for place, head in enumerate(self.columns)}
-        arrays = {head: _array(cells) for head, cells in table.items()}
-        if find_spec("pandas") is None:
-            return arrays
-        return import_module("pandas").DataFrame(arrays)
+        return frame_of({head: _array(cells) for head, cells in table.items()})
 
     def quantity(self, name: str) -> str:
         """``name``, where the table has such a number. Raises SceneError, naming the nearest, where it has not."""

@@ -57,6 +57,11 @@ class Search:
     tried: tuple[int, ...]
     seconds: tuple[float, ...]
 
+    def __repr__(self) -> str:
+        """What is recommended, out of how many."""
+        best = ", ".join(f"{key} = {value}" for key, value in self.recommended.changes.items())
+        return f"<Search {self.folder}: {best}; {len(self.front)} on the front, {len(self.rivals)} rivals>"
+
     @property
     def result(self) -> Result:
         """The whole result of the recommended design."""

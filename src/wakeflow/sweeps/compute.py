@@ -17,8 +17,9 @@ from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.store import cache_root
 from ..core.workers import Workers
-from ..pipeline.cache import Listener, silent
-from ..report.plot import Result
+from ..pipeline.cache import Listener
+from ..progress import heard
+from ..report.views import Result
 from ..results.quantities import quantities_of
 from ..results.result import Request
 from ..results.table import DONE, FAILED, OPEN, Entry, ResultTable
@@ -45,6 +46,15 @@ class Sweep:
 
     folder: Path
     table: ResultTable
+
+    def __repr__(self) -> str:
+        return f"<Sweep {self.folder}: {self.table!r}>"
+
+    def _repr_html_(self) -> str:
+        """The table of main numbers, as a notebook shows it."""
+        from ..report.card import table_card
+
+        return table_card(self.table)
 
     @property
     def failed(self) -> dict[str, str]:
@@ -122,7 +132,7 @@ def sweep(
     target_error: float | None = None,
     report: bool = False,
     figures: bool = True,
-    listener: Listener = silent,
+    listener: Listener | None = None,
 ) -> Sweep:
     """Compute many scenes and write one table to the folder ``out``; each stage is computed once.
 
@@ -138,7 +148,7 @@ def sweep(
     """
     from filelock import FileLock, Timeout
 
-    folder, found = Path(out), _variants(scenes)
+    folder, found, (listener, _) = Path(out), _variants(scenes), heard(listener)
     count = workers or cores()
     if workers is not None and (workers < 1 or scheduler is not None):
         raise SceneError(f"workers = {workers}: at least 1, of this machine; those of a scheduler are its own")
