@@ -67,7 +67,7 @@ def test_every_line_runs_without_an_airflow(
     text = PAGE.read_text()
     for line, instead in (
         ('"numerics.rung": "draft"', '"numerics.rung": "none"'),
-        ('"feed.count": 512', '"feed.count": 64'),
+        ('"feed.count": 256', '"feed.count": 64'),
         ('air.speed": "4 m/s"', 'air.speed": "4.5 m/s"'),
     ):
         assert text.count(line) == 1

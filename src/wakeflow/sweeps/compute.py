@@ -37,7 +37,7 @@ __all__ = ["Sweep", "SweepEstimate", "executor_on", "look_ahead", "sweep"]
 WRITE_EVERY = 30.0  # s between tables on disk while scenes are computed
 TABLE, WIDE, PARQUET = "sweep.csv", "scenes.csv", "sweep.parquet"
 
-Scenes = Iterable[Scene | Variant] | Mapping[str, Scene] | Path | str
+Scenes = Iterable[Scene | Path | str | Variant] | Mapping[str, Scene | Path | str] | Path | str
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,8 @@ def sweep(
 ) -> Sweep:
     """Compute many scenes and write one table to the folder ``out``; each stage is computed once.
 
-    ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
+    ``scenes``: scenes or their files, or a mapping of names to them, or what :func:`variants` made, or the path of a
+    sweep file.
     ``scheduler``: the address of a Dask scheduler (tcp://host:8786), a ``dask.distributed.Client``, or any other
     ``concurrent.futures.Executor``, whose workers see the same folders; by default ``workers`` processes on this
     machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with ``report`` each scene's
