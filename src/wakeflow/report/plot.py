@@ -80,19 +80,19 @@ def outcome_of(result: Result) -> Outcome:
     Landings are those of granules.npz, ``numerics.keep`` of each fraction. Raises SceneError where the run has none, or
     drew no report.
     """
-    folder = result.folder
+    folder, scene = result.folder, Scene.parse(dict(result.scene)).fed()
+    scene = scene.without_air() if result.airflow is None else scene.with_top()
+    tracks, air = folder / "tracks.vtp", folder / "field.npz"
     if result.landings is None:
         raise SceneError(f"{folder} has no pictures: the run ended before its shares")
-    if not (folder / "tracks.vtp").exists():
+    if not tracks.exists() or (scene.air is not None and not air.exists()):
         raise SceneError(f"{folder} holds no report to draw from; make it with: wakeflow report {folder}")
-    scene, field = Scene.parse(dict(result.scene)).fed(), None
-    if result.airflow is None:
-        scene = scene.without_air()
-    else:
+    field = None
+    if scene.air is not None:
         from ..field import FlowField
 
-        scene, field = scene.with_top(), FlowField.load(folder / "field.npz")
-    return Outcome(scene, field, _tracks(folder / "tracks.vtp"), _landings(result, scene), result, {})
+        field = FlowField.load(air)
+    return Outcome(scene, field, _tracks(tracks), _landings(result, scene), result, {})
 
 
 def _tracks(path: Path) -> dict[str, list[Track]]:
@@ -101,14 +101,11 @@ def _tracks(path: Path) -> dict[str, list[Track]]:
 
     data: Any = pyvista.read(path)
     tracks: dict[str, list[Track]] = {str(name): [] for name in data.field_data["fraction_names"]}
-    names = list(tracks)
+    names, columns = list(tracks), {"position": np.asarray(data.points, dtype=float), **data.point_data}
+    plane = {head: values[:, :2] if values.ndim == 2 else values for head, values in columns.items()}
     for number in range(data.n_cells):
         points = data.get_cell(number).point_ids
-        track = {
-            "time": np.asarray(data.point_data["time"])[points],
-            "position": np.asarray(data.points, dtype=float)[points, :2],
-            "velocity": np.asarray(data.point_data["velocity"])[points, :2],
-        }
+        track = {head: column[points] for head, column in plane.items()}
         tracks[names[int(data.cell_data["fraction"][number])]].append(track)
     return tracks
 

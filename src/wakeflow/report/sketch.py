@@ -99,7 +99,7 @@ def _window(scene: Scene) -> tuple[float, float, float, float]:
 def _sheet(
     window: tuple[float, float, float, float], notes: list[_Note], scene: Scene, paper: Paper | None
 ) -> tuple[AnyFigure, _Sheet]:
-    """AnyFigure that holds the machine, the measures along it and the notes beside it."""
+    """Paper that holds the machine, the measures along it and the notes beside it."""
     left, right, low, high = window
     scale = min(TALLEST / (high - low), WIDEST / (right - left))
     before, after = HEIGHT + _longest(notes, left=True), BESIDE + _longest(notes, left=False)
