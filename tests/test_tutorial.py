@@ -51,7 +51,7 @@ def _check(names: dict[str, Any], folder: Path) -> None:
     assert not names["swept"].failed
     assert names["best"].possible
     assert names["best"].purity.value == pytest.approx(0.95, abs=0.05)
-    for file in ("mine.toml", "mine.png", "runs/mine-plan.png", "runs/mine/report.html", "runs/mine/sensitivity.csv"):
+    for file in ("my.toml", "machine.png", "runs/my-plan.png", "runs/my/report.html", "runs/my/sensitivity.csv"):
         assert (folder / file).stat().st_size > 0
 
 
