@@ -69,7 +69,7 @@ def test_a_kernel_shows_the_bar_the_table_and_a_picture(tmp_path: Path) -> None:
     ]
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
     nbclient.NotebookClient(book, timeout=600, resources={"metadata": {"path": tmp_path}}).execute()
-    told = [str(output["data"].get("text/html", "")) for output in book.cells[0].outputs]
-    assert sum(page.startswith("<progress") for page in told) == 1
-    assert told[-1].startswith("<table>")
-    assert any("image/png" in output["data"] for output in book.cells[1].outputs)
+    answer, picture = ([output["data"] for output in cell.outputs if "data" in output] for cell in book.cells)
+    told = [str(data.get("text/html", "")) for data in answer]
+    assert [page.split()[0].split(">")[0] for page in told] == ["<progress", "<table"]
+    assert any("image/png" in data for data in picture)
