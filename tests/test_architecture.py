@@ -6,6 +6,8 @@ That a stage's key covers all the code that computes it is held by tests/core/te
 from __future__ import annotations
 
 import ast
+import pydoc
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -204,6 +206,17 @@ def test_public_names_are_there_and_loaded_on_first_use() -> None:
         "assert all(getattr(wakeflow, name) is not None for name in wakeflow.__all__)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_help_tells_ten_things_in_order_with_an_example_first() -> None:
+    told = pydoc.plain(pydoc.render_doc(wakeflow))
+    opening = told[: told.index("PACKAGE CONTENTS")]
+    assert len(opening.splitlines()) < 40  # a screen
+    assert opening.index("wf.run(") < opening.index(" 1. ")
+    listed = re.findall(r"^\s*(\d+)\. (\w+)", opening, re.MULTILINE)
+    assert [int(number) for number, _ in listed] == list(range(1, 11))
+    assert {name for _, name in listed} <= set(wakeflow.__all__)
+    assert set(re.findall(r"wf\.(\w+)", opening)) <= set(wakeflow.__all__)
 
 
 def test_nothing_mentions_where_it_was_made() -> None:

@@ -1,6 +1,24 @@
-"""wakeflow predicts where each fraction of granules lands behind a body in a vertical airflow.
+"""Where each fraction of granules lands behind a body in a vertical airflow, with one honest interval.
 
-Public names are loaded on first use, so that ``import wakeflow`` costs nothing.
+>>> import wakeflow as wf
+>>> result = wf.run("machine.toml")                          # or wakeflow run machine.toml
+>>> result.share("wheat", "outer-right")                     # value, low, high: 95 %
+>>> result.plot.tracks()
+
+ 1. Scene      what is asked: Scene.load(file), .replace({"air.speed": "7 m/s"}), .save(file)
+ 2. plan       what a scene needs, what is left out and by which bound, its cost: wf.plan(scene)
+ 3. run        the answer: wf.run(scene, out=folder, rung="draft"); a second time from the cache
+ 4. Result     a finished run: Result.load(folder), .share(), .frame(), .granules(), .budget, .plot.landing(axes)
+ 5. chain      impacts and parabolas without the air, in memory: for a first search
+ 6. variants   a scene changed along axes: wf.variants(scene, {"air.speed": ["3 m/s", "4 m/s"]})
+ 7. sweep      many scenes, each stage once, one table: wf.sweep(variants), .frame(), .plot(quantity, over)
+ 8. compare    finished runs side by side, and what differs
+ 9. dividers   where bins should end for a purity, from the landings of a finished run
+10. search     the best design for goals, limits and a budget
+
+A scene is a Scene or the path of its file everywhere. ``wakeflow new rhombus machine.toml`` writes one to start from;
+docs/tutorial.md goes from there to a report in ten steps. What cannot be done is a WakeflowError, in one line. Below
+these stand the parts: track, FlowField, Granules and Body; impact, layer and layers.
 """
 
 from __future__ import annotations
@@ -17,8 +35,8 @@ if TYPE_CHECKING:
     from .laws.restitution import Restitution
     from .planning.make import make_plan as plan
     from .planning.plan import Plan
+    from .report.views import Result
     from .results.dividers import dividers
-    from .results.result import Result
     from .runs import run
     from .scene import Scene
     from .searching.designs import Search, search
@@ -45,6 +63,7 @@ LAYERS = (
     "results",
     "report",
     "refining",
+    "progress",
     "runs",
     "sweeps",
     "searching",
@@ -70,7 +89,7 @@ _HOME = {
     "Plan": "planning.plan",
     "ProgramError": "core.errors",
     "Restitution": "laws.restitution",
-    "Result": "results.result",
+    "Result": "report.views",
     "Scene": "scene",
     "SceneError": "core.errors",
     "Search": "searching.designs",

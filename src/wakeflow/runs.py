@@ -27,7 +27,9 @@ from .pipeline.cache import Listener, in_turn, silent
 from .pipeline.pipeline import Pipeline
 from .planning.machine_rates import learn
 from .planning.make import Planner, make_plan
+from .progress import heard, unheard
 from .refining.loop import refined
+from .report.views import Result
 from .results.air_loading import loading_of
 from .results.airflow_summary import (
     Airflow,
@@ -56,7 +58,6 @@ from .results.result import (
     FlightResults,
     MeshSummary,
     Request,
-    Result,
     asked_in,
     key_in,
     provenance_in,
@@ -82,10 +83,6 @@ PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", 
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
 
 
-def _unheard(plan: Plan) -> None:
-    """Nobody asks what will be done."""
-
-
 def run(
     scene: Scene | Path | str,
     out: Path | str | None = None,
@@ -96,8 +93,8 @@ def run(
     target_error: float | None = None,
     near: Path | str | None = None,
     workers: int | None = None,
-    listener: Listener = silent,
-    planned: Callable[[Plan], object] = _unheard,
+    listener: Listener | None = None,
+    planned: Callable[[Plan], object] | None = None,
     redraw: bool = False,
     report: bool = True,
     refine: bool = True,
@@ -112,14 +109,15 @@ def run(
     on it within what it may move once it counts as steady, and is kept apart. With a ``target_error`` the
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
     (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
-    time, ``planned(plan)`` before of what will be done; ``redraw`` draws a finished report anew; without ``report``
-    none is drawn, and a later call without that draws it. ``crew``: how many processes fly the scene's granules side by
-    side, the others by :func:`help_along`.
+    time: ``print`` serves, and a notebook shows a bar by itself; ``planned(plan)`` hears before of what will be done.
+    ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
+    ``crew``: how many processes fly the scene's granules side by side, the others by :func:`help_along`.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
     request = Request(until, rung, dict(force or {}), target_error, None if near is None else str(near))
+    listener, planned = heard(listener, planned)
     once = partial(
         _run_once,
         folder=folder,
@@ -185,7 +183,7 @@ def _pipeline(
     workers: int | None,
     listener: Listener,
     crew: int,
-    planned: Callable[[Plan], object] = _unheard,
+    planned: Callable[[Plan], object] = unheard,
 ) -> tuple[Pipeline, FunnelSummary | None]:
     """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
     the plan before.
@@ -460,7 +458,7 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
     """
     scene, asked = asked_in(folder)
     _run_once(
-        Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, planned=_unheard,
+        Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, planned=unheard,
         redraw=True, report=True,
         refinement=refinement_in(folder), pdf=pdf,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from csv import DictReader
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
 from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
-from wakeflow.report.canvas import new_figure, save
+from wakeflow.report.canvas import new_axes, save
 from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
 from wakeflow.report.figures.landing import draw_landing
@@ -37,6 +37,9 @@ from wakeflow.results.result import Result
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
 from wakeflow.terminal import budget_table, separation_table
+
+if TYPE_CHECKING:
+    from wakeflow.report.canvas import Paper
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {
@@ -210,7 +213,7 @@ def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
     pictures = ["sketch", "tracks", "landing", *(["pressure", "vorticity", "residence"] if scene.air else [])]
     drawn = {f"figures/{name}{suffix}" for name in pictures for suffix in (".png", ".svg")}
     data = {f"figures/{name}" for name in ("pressure.npz", "vorticity.npz", "residence.csv")}
-    assert names == always | drawn | ({"field.vtu", *data} if scene.air else set())
+    assert names == always | drawn | ({"field.npz", "field.vtu", *data} if scene.air else set())
     assert page == tmp_path / "report.html"
     for name in names:
         if name.endswith(".png"):
@@ -243,10 +246,11 @@ def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: P
 # -- standard figures --------------------------------------------------------------------------------------------------
 
 
-def _draw_sizes(path: Path, outcome: Outcome) -> None:
-    figure = new_figure(4.0, 3.0)
-    figure.add_subplot().bar(list(outcome.landings), [len(found.bin) for found in outcome.landings.values()])
-    save(figure, path)
+def _draw_sizes(paper: Paper, outcome: Outcome) -> Any:
+    axes = new_axes(4.0, 3.0, paper)
+    axes.bar(list(outcome.landings), [len(found.bin) for found in outcome.landings.values()])
+    save(axes.figure, paper)
+    return axes
 
 
 @pytest.fixture

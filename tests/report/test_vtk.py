@@ -134,7 +134,7 @@ def test_air_in_time_is_written_at_as_many_moments_as_are_asked_for(rhombus: Sce
     mean = meshio.read(tmp_path / "mean.vtu")  # of the flow and its image, which turns the other way
     assert mean.point_data["Cp"] == pytest.approx(meshio.read(series[0][1]).point_data["Cp"], abs=1e-5)
     write_field(tmp_path, field, scene.replace({"numerics.snapshots": 0}), AIRFLOW)
-    assert {path.name for path in tmp_path.iterdir()} == {"mean.vtu"}
+    assert {path.name for path in tmp_path.iterdir()} == {"mean.vtu", "field.npz"}
 
 
 def test_the_mesh_stands_where_it_swings_to(rhombus: Scene, tmp_path: Path) -> None:
@@ -148,7 +148,7 @@ def test_another_run_shows_the_same_files(rhombus: Scene, tmp_path: Path) -> Non
     write_field(tmp_path / "one", _in_time(), rhombus.replace({"numerics.snapshots": 2}), AIRFLOW)
     link_field(tmp_path / "one", tmp_path / "other")
     files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*"))
-    assert len(files) == 4
+    assert len(files) == 5
     for file in files:
         assert (tmp_path / "other" / file).samefile(tmp_path / "one" / file)
 

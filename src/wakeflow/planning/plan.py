@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from html import escape
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -110,6 +111,23 @@ class Plan:
     def __post_init__(self) -> None:
         for name in ("force", "fractions", "estimate"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __repr__(self) -> str:
+        """What is flown how, and how much there is to read."""
+        flown = ", ".join(f"{name} {fraction.mode}" for name, fraction in self.fractions.items())
+        return f"<Plan rung {self.rung}: {flown}; {len(self.left_out)} terms left out, {len(self.notices)} notices>"
+
+    def _repr_html_(self) -> str:
+        """What a user must know, what is computed and what is left out, as a notebook shows it."""
+        left = (f"{one.name}: {one.why}" for one in self.left_out)
+        parts = (("notices", self.warnings), ("computed", self.used), ("left out", tuple(dict.fromkeys(left))))
+        return "".join(
+            f"<details{' open' if place == 0 else ''}><summary>{title}</summary><ul>"
+            + "".join(f"<li>{escape(line)}</li>" for line in lines)
+            + "</ul></details>"
+            for place, (title, lines) in enumerate(parts)
+            if lines
+        )
 
     @property
     def rung(self) -> str:

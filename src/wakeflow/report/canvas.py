@@ -1,7 +1,7 @@
 """What the pictures of a run share: colours, figures without a screen, maps on triangles, the body and the air.
 
-Drawn by matplotlib's Agg through its object interface: no screen, no OpenGL, no global state. Lengths are in mm, y up,
-as the scene has them.
+Drawn through matplotlib's object interface, into files by Agg: no screen, no OpenGL, no global state. Where a drawing
+goes is its ``paper``: a PNG to write, an empty figure, or axes. Lengths are in mm, y up, as the scene has them.
 """
 
 from __future__ import annotations
@@ -12,20 +12,24 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.errors import SceneError
 from ..core.files import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from matplotlib.tri import Triangulation
 
     from ..field import FlowField
     from ..scene import Scene
+
+    AnyFigure = Figure | SubFigure
+    Paper = Path | str | Axes | AnyFigure
 
 __all__ = [
     "BODY",
@@ -42,6 +46,7 @@ __all__ = [
     "first_outline",
     "frame",
     "inside_window",
+    "new_axes",
     "new_figure",
     "pdf_too",
     "save",
@@ -77,24 +82,66 @@ def text_width(text: str, size: float) -> float:
     return LETTER * size * len(text) / 72
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure (inches) with its own Agg canvas."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+@overload
+def new_figure(width: float, height: float) -> Figure: ...
 
+
+@overload
+def new_figure(width: float, height: float, paper: Paper | None) -> AnyFigure: ...
+
+
+def new_figure(width: float, height: float, paper: Paper | None = None) -> AnyFigure:
+    """An empty figure (inches) with its own Agg canvas for a file; where the ``paper`` is a figure, that one in this
+    size; where it is axes, a part of their figure in their place.
+
+    Raises SceneError for axes that stand in no grid of a figure.
+    """
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure, SubFigure
+
+    if isinstance(paper, Axes):
+        spec = paper.get_subplotspec()
+        if spec is None:
+            raise SceneError("these axes stand in no grid: make them with pyplot.subplots, or hand over a figure")
+        parent = paper.figure
+        paper.remove()
+        return parent.add_subfigure(spec)
+    if isinstance(paper, SubFigure):
+        return paper
+    if isinstance(paper, Figure):
+        paper.set_size_inches(width, height)
+        return paper
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def canvas(window: Window) -> tuple[Figure, Axes, float]:
+def new_axes(width: float, height: float, paper: Paper | None = None) -> Axes:
+    """Axes that are the ``paper``, else those of a :func:`new_figure` with one panel."""
+    from matplotlib.axes import Axes
+
+    return paper if isinstance(paper, Axes) else new_figure(width, height, paper).add_subplot()
+
+
+@overload
+def canvas(window: Window) -> tuple[Figure, Axes, float]: ...
+
+
+@overload
+def canvas(window: Window, paper: Paper | None) -> tuple[AnyFigure, Axes, float]: ...
+
+
+def canvas(window: Window, paper: Paper | None = None) -> tuple[AnyFigure, Axes, float]:
     """Figure and axes for a map of a window, and its scale (inches per m)."""
     across, up = window[1] - window[0], window[3] - window[2]
     scale = min(TALLEST / up, WIDEST / across)
-    figure = new_figure(max(scale * across, 2.0) + 2.4, scale * up + 1.1)
-    axes = figure.add_subplot()
+    axes = new_axes(max(scale * across, 2.0) + 2.4, scale * up + 1.1, paper)
+    if axes is paper:
+        room = axes.get_window_extent()
+        scale = min(room.height / up, room.width / across) / axes.figure.dpi
     axes.set_aspect("equal")
-    return figure, axes, scale
+    return axes.figure, axes, scale
 
 
 def frame(axes: Axes, window: Window, margin: Mapping[str, float] | None = None) -> None:
@@ -259,15 +306,18 @@ def pdf_too(wanted: bool = True) -> Iterator[None]:
         _pdf_too.reset(token)
 
 
-def save(figure: Figure, path: Path | str, data: Mapping[str, ArrayLike] | None = None) -> None:
-    """Write a figure to ``path`` (.png) and as SVG beside it, cut to what is drawn, and the ``data`` that it shows: CSV
-    where they are columns of one table, else NPZ. Names of data carry their units. Every file is whole or absent. As
-    PDF too within :func:`pdf_too`.
+def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None = None) -> None:
+    """Write a figure to ``paper`` (.png) and as SVG beside it, cut to what is drawn, and the ``data`` that it shows:
+    CSV where they are columns of one table, else NPZ. Names of data carry their units. Every file is whole or absent.
+    As PDF too within :func:`pdf_too`. Writes nothing where the drawing stands on axes or a figure that were handed
+    over.
     """
     from matplotlib import rc_context
 
-    path = Path(path)
-    _unify(figure)
+    if not isinstance(paper, Path | str):
+        return
+    path, root = Path(paper), figure.figure
+    _unify(root)
     undated: dict[str, dict[str, Any] | None] = {".png": None, ".svg": {"Date": None}}
     if _pdf_too.get():
         undated[".pdf"] = {"CreationDate": None}
@@ -275,7 +325,7 @@ def save(figure: Figure, path: Path | str, data: Mapping[str, ArrayLike] | None 
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": path.stem, "pdf.fonttype": 42}):
         for suffix, metadata in undated.items():
             with atomic_write(path.with_suffix(suffix), "wb") as stream:
-                figure.savefig(stream, format=suffix[1:], bbox_inches="tight", pad_inches=0.08, metadata=metadata)
+                root.savefig(stream, format=suffix[1:], bbox_inches="tight", pad_inches=0.08, metadata=metadata)
     if data is not None:
         _save_data(path, {name: np.asarray(values) for name, values in data.items()})
 

@@ -17,9 +17,9 @@ from .canvas import BODY, INK, MM, new_figure, text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from ..scene import Bin, Body, Scene
+    from .canvas import AnyFigure, Paper
 
 __all__ = ["draw_sketch", "write_sketch"]
 
@@ -31,6 +31,7 @@ BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 TALLEST, WIDEST = 5.4, 5.4  # inches of the machine itself
 SMALL, LINE = 8.0, 0.155  # points of the measures; inches of a line of them
 BESIDE = 0.35  # inches between the machine and what is written beside it
+LEAST = 0.5  # inches per m of a machine in a part of a figure that has no room for its notes
 OUTSIDE = 0.22  # inches between the machine and a line of measures along it
 HEIGHT = 0.75  # inches on the left that the channel's height takes
 
@@ -57,17 +58,17 @@ class _Sheet:
         return MM * inches / self.scale
 
 
-def draw_sketch(scene: Scene, units: Mapping[str, str] | None = None) -> Figure:
+def draw_sketch(scene: Scene, units: Mapping[str, str] | None = None, paper: Paper | None = None) -> AnyFigure:
     """The machine to scale: bodies, channel, air, feed, secondary streams, bins with their names and limits; measures.
 
     ``units``: what measures are said in, of units of the SI, as :func:`wakeflow.scene.units_written` finds them in a
-    scene file; by default mm, degrees and kg/h. Coordinates are the scene's. Returns a matplotlib Figure with its own
-    Agg canvas; everything lies within it.
+    scene file; by default mm, degrees and kg/h. Coordinates are the scene's. ``paper``: a figure to draw in, or axes to
+    take the place of, instead of a figure with its own Agg canvas. Returns the figure; everything lies within it.
     """
     with speaking({**UNITS, **(units or {})}):
         notes = list(_notes(scene))
         bounds = _window(scene)
-        figure, sheet = _sheet(bounds, notes, scene)
+        figure, sheet = _sheet(bounds, notes, scene, paper)
         _draw_channel(sheet, scene)
         _draw_feed(sheet.axes, scene)
         _draw_air(sheet, scene)
@@ -83,7 +84,7 @@ def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] | None = Non
     kind = path.suffix.removeprefix(".").lower()
     if kind not in FILES:
         raise SceneError(f"{path}: a picture's name ends in {', '.join(f'.{one}' for one in FILES)}")
-    figure = draw_sketch(scene, units)
+    figure = draw_sketch(scene, units).figure
     with atomic_write(path, "wb") as stream:
         figure.savefig(stream, format=kind)
 
@@ -95,7 +96,9 @@ def _window(scene: Scene) -> tuple[float, float, float, float]:
     return -half, half, channel.bottom, max(channel.top, above)
 
 
-def _sheet(window: tuple[float, float, float, float], notes: list[_Note], scene: Scene) -> tuple[Figure, _Sheet]:
+def _sheet(
+    window: tuple[float, float, float, float], notes: list[_Note], scene: Scene, paper: Paper | None
+) -> tuple[AnyFigure, _Sheet]:
     """Paper that holds the machine, the measures along it and the notes beside it."""
     left, right, low, high = window
     scale = min(TALLEST / (high - low), WIDEST / (right - left))
@@ -103,13 +106,18 @@ def _sheet(window: tuple[float, float, float, float], notes: list[_Note], scene:
     below, above = (_names_room(scene, on, scale) for on in ("floor", "top"))
     above += OUTSIDE + LINE
     wide, tall = before + scale * (right - left) + after, below + scale * (high - low) + above
-    figure = new_figure(wide, tall)
-    figure.set_layout_engine("none")
+    figure = new_figure(wide, tall, paper)
+    if figure.figure is figure:
+        figure.figure.set_layout_engine("none")
+    else:  # a part of another figure has the size that it has there
+        wide, tall = figure.bbox.width / figure.dpi, figure.bbox.height / figure.dpi
+        scale = max(LEAST, min((wide - before - after) / (right - left), (tall - below - above) / (high - low)))
     size = (scale * (right - left) / wide, scale * (high - low) / tall)
     axes = figure.add_axes((before / wide, (tall - above - scale * (high - low)) / tall, *size))
     axes.set_xlim(MM * left, MM * right)
     axes.set_ylim(MM * low, MM * high)
     axes.set_axis_off()
+    axes.set_aspect("equal")
     return figure, _Sheet(axes, window, scale)
 
 

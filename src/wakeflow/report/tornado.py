@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..results.sensitivity import InputMove
 from .canvas import INK, new_figure, save
@@ -12,6 +11,9 @@ from .colours import BLUE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from .canvas import Paper
 
 __all__ = ["draw_tornado"]
 
@@ -19,20 +21,21 @@ MOST = 8  # inputs of a panel
 ENDS = {"at_low": (BLUE, "input at its lower end"), "at_high": (VERMILION, "at its upper end")}
 
 
-def draw_tornado(path: Path, panels: Mapping[str, Sequence[InputMove]]) -> None:
+def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDArray[Any]:
     """Draw a panel for each quantity: how far each input alone moves it at either end of what the input was taken to,
     with the errors of these changes. Parts of a whole are in percentage points.
     """
     shown = {name: list(moves)[:MOST] for name, moves in panels.items()}
     rows = [len(moves) for moves in shown.values()]
-    figure = new_figure(6.2, 0.9 + sum(0.25 * count + 0.6 for count in rows))
-    grid = figure.subplots(len(shown), 1, squeeze=False, gridspec_kw={"height_ratios": rows})
+    figure = new_figure(6.2, 0.9 + sum(0.25 * count + 0.6 for count in rows), paper)
+    grid: NDArray[Any] = figure.subplots(len(shown), 1, squeeze=False, gridspec_kw={"height_ratios": rows})
     for axes, (name, moves) in zip(grid[:, 0], shown.items(), strict=True):
         _panel(axes, name, moves)
     _share_range([axes for axes, moves in zip(grid[:, 0], shown.values(), strict=True) if moves[0].is_part])
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8, frameon=False)
-    save(figure, path)
+    save(figure, paper)
+    return grid[:, 0]
 
 
 def _panel(axes: Axes, name: str, moves: Sequence[InputMove]) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
+from ..core.errors import SceneError
 from ..core.record import Partial, column
+from ..core.registry import did_you_mean
 from .crowd_summary import CrowdSummary
 from .measured import Measured, Share
 
@@ -27,6 +31,8 @@ __all__ = [
     "Separation",
     "least_certain",
 ]
+
+Entry = TypeVar("Entry")
 
 SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
 # How an error is known: from this run, from flying granules again, from a bound and what was found, or not at all.
@@ -69,9 +75,18 @@ class Separation:
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
 
     def share(self, fraction: str, place: str) -> tuple[float, float, float]:
-        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
-        found = self.fractions[fraction][place]
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a fraction or bin that there is not.
+        """
+        found = _known("bin", _known("fraction", self.fractions, fraction), place)
         return found.value, found.low, found.high
+
+
+def _known(kind: str, table: Mapping[str, Entry], name: str) -> Entry:
+    if name not in table:
+        raise SceneError(f"no {kind} {name!r}{did_you_mean(name, list(table))} (known: {', '.join(table)})")
+    return table[name]
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from ..core.errors import SceneError
 from ..core.files import write_json
+from ..core.frames import frame_of
 from ..core.graded import GRADES
 from ..core.lazy import cached_property
 from ..core.record import Partial, column, from_json, to_json
+from ..core.registry import Registry
 from ..pipeline.stages import StageTime
 from .airflow_summary import Airflow
 from .funnel_summary import FunnelSummary
 from .impact_summary import ImpactSummary
-from .landing_results import BudgetRow, LandingResults
+from .landing_results import BudgetRow, LandingResults, Separation
+from .measured import Measured
 from .plan_summary import PlanSummary
 from .provenance import Provenance
 from .refinement import Refinement
@@ -29,6 +35,7 @@ __all__ = [
     "PictureSummary",
     "Request",
     "Result",
+    "accessors",
     "asked_in",
     "key_in",
     "provenance_in",
@@ -37,6 +44,7 @@ __all__ = [
 
 SCHEMA = 1
 FILE = "result.json"
+GRANULES = "granules.npz"
 
 
 @dataclass(frozen=True)
@@ -144,6 +152,11 @@ class Result:
         found: dict[str, Any] = self.table["separation"]
         return found
 
+    @cached_property
+    def plot(self) -> Any:
+        """The pictures, each on axes of your own: ``result.plot.tracks(axes)``; see :mod:`wakeflow.report.plot`."""
+        return accessors["plot"](self)
+
     @property
     def budget(self) -> tuple[BudgetRow, ...]:
         """The error of every share and landing place; empty before there are any."""
@@ -152,16 +165,78 @@ class Result:
     def share(self, fraction: str, place: str) -> tuple[float, float, float]:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
 
-        Raises SceneError where the run ended before the shares.
+        Raises SceneError where the run ended before the shares, and for a fraction or bin that there is not.
         """
+        return self._shares.share(fraction, place)
+
+    def frame(self) -> Any:
+        """The shares, a row for each fraction and bin: ``share`` by mass, ``low`` and ``high`` of its 95 % interval,
+        ``target``: whether the fraction should land there.
+
+        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. Raises SceneError where the run ended
+        before the shares.
+        """
+        rows = [(name, place, one) for name, places in self._shares.fractions.items() for place, one in places.items()]
+        return frame_of({
+            "fraction": np.array([name for name, _, _ in rows], dtype=object),
+            "bin": np.array([place for _, place, _ in rows], dtype=object),
+            "share": np.array([one.value for _, _, one in rows]),
+            "low": np.array([one.low for _, _, one in rows]),
+            "high": np.array([one.high for _, _, one in rows]),
+            "target": np.array([place in self.targets(name) for name, place, _ in rows]),
+        })  # fmt: skip
+
+    def granules(self) -> Any:
+        """Where granules ended, a row for each of those that the run keeps, ``numerics.keep`` of each fraction:
+        fraction, bin, x and y (m), diameter (m), time (s) since the feed began, impacts, fate (``wf.Fate``), weight (of
+        the feed's mass).
+
+        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. Raises SceneError where the run ended
+        before the tracks.
+        """
+        if not (self.folder / GRANULES).exists():
+            raise SceneError(f"{self.folder} holds no granules: the run ended before their tracks")
+        with np.load(self.folder / GRANULES) as kept:
+            table = {name: kept[name] for name in kept.files}
+        bins = np.array([*self._shares.bins], dtype=object)  # elsewhere is the last, and -1 in the file
+        names = np.array(table["names"], dtype=object)
+        x, y = table["position"].T
+        plain = {name: table[name] for name in ("diameter", "time", "impacts", "fate", "weight")}
+        return frame_of({"fraction": names[table["fraction"]], "bin": bins[table["bin"]], "x": x, "y": y, **plain})
+
+    @property
+    def _shares(self) -> Separation:
         if self.landings is None:
             raise SceneError(f"{self.folder} holds no shares: the run ended before them")
-        return self.landings.separation.share(fraction, place)
+        return self.landings.separation
+
+    def __repr__(self) -> str:
+        """The folder, and what is recovered of each fraction, with its 95 % interval."""
+        if self.landings is None:
+            return f"<Result {self.folder}: ended after {self.options.until}>"
+        shares = self.landings.separation
+        told = [_in_percent(name, one) for name, one in shares.recovery.items() if one is not None]
+        return f"<Result {self.folder}: recovery {', '.join(told) or 'of nothing: no fraction has a target'}>"
+
+    def _repr_html_(self) -> str:
+        """The table of shares, as a notebook shows it."""
+        shown: str = accessors["html"](self)
+        return shown
 
     def targets(self, fraction: str) -> tuple[str, ...]:
         """The bins where a fraction should land; empty when the scene names none."""
         target = self.scene["fraction"].get(fraction, {}).get("target") or ()
         return (target,) if isinstance(target, str) else tuple(target)
+
+
+def _in_percent(name: str, one: Measured) -> str:
+    if one.value is None:
+        return f"{name} unknown"
+    ends = "" if one.low is None or one.high is None else f" [{100 * one.low:.1f}, {100 * one.high:.1f}]"
+    return f"{name} {100 * one.value:.1f}{ends} %"
+
+
+accessors: Registry[Callable[[Result], Any]] = Registry("view of a result")  # filled by the layers that make them
 
 
 def _read(folder: Path | str) -> Any:

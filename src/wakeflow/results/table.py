@@ -14,12 +14,13 @@ import numpy as np
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
+from ..core.frames import frame_of
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
 from ..scene.messages import unit_of
 from .quantities import TableQuantity
 
-__all__ = ["DONE", "FAILED", "OPEN", "Entry", "ResultTable", "frame_of", "write_cells"]
+__all__ = ["DONE", "FAILED", "OPEN", "Entry", "ResultTable", "cell_frame", "write_cells"]
 
 DONE, FAILED, OPEN = "done", "failed", "open"
 Cell = str | float | None
@@ -48,6 +49,11 @@ class ResultTable:
 
     entries: Sequence[Entry]
     targets: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # bins where each fraction should land
+
+    def __repr__(self) -> str:
+        """How many scenes there are, and in what they differ."""
+        over = f" over {', '.join(self.inputs)}" if self.inputs else ""
+        return f"{len(self.done)} of {len(self.entries)} scenes done{over}"
 
     @cached_property
     def inputs(self) -> dict[str, str]:
@@ -107,7 +113,7 @@ class ResultTable:
         else:
             rows = self.rows()
             table = {head: [row[place] for row in rows] for place, head in enumerate(self.columns)}
-        return frame_of(table)
+        return cell_frame(table)
 
     def quantity(self, name: str) -> str:
         """``name``, where the table has such a number. Raises SceneError, naming the nearest, where it has not."""
@@ -136,12 +142,9 @@ class ResultTable:
         return True
 
 
-def frame_of(table: Mapping[str, Sequence[Cell]]) -> Any:
-    """Columns by their heads as a pandas DataFrame where pandas is installed, else as a dict of numpy arrays."""
-    arrays = {head: _array(cells) for head, cells in table.items()}
-    if find_spec("pandas") is None:
-        return arrays
-    return import_module("pandas").DataFrame(arrays)
+def cell_frame(table: Mapping[str, Sequence[Cell]]) -> Any:
+    """Columns of cells by their heads, as of :func:`wakeflow.core.frames.frame_of`."""
+    return frame_of({head: _array(cells) for head, cells in table.items()})
 
 
 def write_cells(path: Path, heads: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import SceneError
 from ..core.process import cores
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener
+from ..progress import heard
 from ..results.quantities import TableQuantity
 from ..results.result import Result
 from ..results.table import Entry
@@ -57,6 +58,11 @@ class Search:
     tried: tuple[int, ...]
     seconds: tuple[float, ...]
 
+    def __repr__(self) -> str:
+        """What is recommended, out of how many."""
+        best = ", ".join(f"{key} = {value}" for key, value in self.recommended.changes.items())
+        return f"<Search {self.folder}: {best}; {len(self.front)} on the front, {len(self.rivals)} rivals>"
+
     @property
     def result(self) -> Result:
         """The whole result of the recommended design."""
@@ -69,7 +75,7 @@ def search(
     *,
     scheduler: str | distributed.Client | Executor | None = None,
     workers: int | None = None,
-    listener: Listener = silent,
+    listener: Listener | None = None,
 ) -> Search:
     """Find the best design of a search, or of the search file at a path, and write its tables to the folder ``out``.
 
@@ -79,6 +85,7 @@ def search(
     Raises SceneError where the task is none, a level lacks a quantity that is asked for, or no design can be computed.
     """
     asked = task if isinstance(task, SearchTask) else read_search_file(task)
+    listener, _ = heard(listener)
     with executor_on(scheduler, workers or cores(), Path(out)) as executor:
         scenes = _Scenes(asked, Path(out), partial(sweep, scheduler=executor, listener=listener))
         history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))

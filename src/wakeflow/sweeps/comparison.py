@@ -29,6 +29,15 @@ class RunComparison:
     table: ResultTable
     runs: tuple[Result, ...] = field(repr=False)
 
+    def __repr__(self) -> str:
+        return f"<RunComparison: {self.table!r}>"
+
+    def _repr_html_(self) -> str:
+        """The table of main numbers, as a notebook shows it."""
+        from ..report.card import table_card
+
+        return table_card(self.table)
+
     @property
     def differences(self) -> tuple[Difference, ...]:
         """Of every later run from the first, quantity by quantity."""

@@ -17,9 +17,11 @@ from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.store import cache_root
 from ..core.workers import Workers
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener
+from ..progress import heard
+from ..report.views import Result
 from ..results.quantities import quantities_of
-from ..results.result import Request, Result
+from ..results.result import Request
 from ..results.table import DONE, FAILED, OPEN, Entry, ResultTable
 from ..scene import Scene
 from .agenda import Agenda, Step, make_agenda
@@ -35,7 +37,7 @@ __all__ = ["Sweep", "SweepEstimate", "executor_on", "look_ahead", "sweep"]
 WRITE_EVERY = 30.0  # s between tables on disk while scenes are computed
 TABLE, WIDE, PARQUET = "sweep.csv", "scenes.csv", "sweep.parquet"
 
-Scenes = Iterable[Scene | Variant] | Mapping[str, Scene] | Path | str
+Scenes = Iterable[Scene | Path | str | Variant] | Mapping[str, Scene | Path | str] | Path | str
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,15 @@ class Sweep:
 
     folder: Path
     table: ResultTable
+
+    def __repr__(self) -> str:
+        return f"<Sweep {self.folder}: {self.table!r}>"
+
+    def _repr_html_(self) -> str:
+        """The table of main numbers, as a notebook shows it."""
+        from ..report.card import table_card
+
+        return table_card(self.table)
 
     @property
     def failed(self) -> dict[str, str]:
@@ -123,11 +134,12 @@ def sweep(
     neighbours: bool = False,
     report: bool = False,
     figures: bool = True,
-    listener: Listener = silent,
+    listener: Listener | None = None,
 ) -> Sweep:
     """Compute many scenes and write one table to the folder ``out``; each stage is computed once.
 
-    ``scenes``: scenes, or a mapping of names to them, or what :func:`variants` made, or the path of a sweep file.
+    ``scenes``: scenes or their files, or a mapping of names to them, or what :func:`variants` made, or the path of a
+    sweep file.
     ``scheduler``: the address of a Dask scheduler (tcp://host:8786), a ``dask.distributed.Client``, or any other
     ``concurrent.futures.Executor``, whose workers see the same folders; by default ``workers`` processes on this
     machine, one a core. ``rung``, ``force`` and ``target_error`` as of ``wakeflow.plan``; with ``neighbours`` a steady
@@ -140,7 +152,7 @@ def sweep(
     """
     from filelock import FileLock, Timeout
 
-    folder, found = Path(out), _variants(scenes)
+    folder, found, (listener, _) = Path(out), _variants(scenes), heard(listener)
     count = workers or cores()
     if workers is not None and (workers < 1 or scheduler is not None):
         raise SceneError(f"workers = {workers}: at least 1, of this machine; those of a scheduler are its own")

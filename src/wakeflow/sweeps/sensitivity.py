@@ -21,7 +21,7 @@ from ..pipeline.cache import Listener, silent
 from ..results.difference import Difference, differences_of
 from ..results.result import Result
 from ..results.sensitivity import SWEEP, InputMove, grouped, least_sure, regressed_moves
-from ..results.table import frame_of, write_cells
+from ..results.table import cell_frame, write_cells
 from ..runs import run
 from ..scene import Scene
 from ..scene.messages import unit_of
@@ -94,7 +94,7 @@ class Sensitivity:
     def frame(self) -> Any:
         """A row a move: a pandas DataFrame where pandas is installed, else a dict of numpy arrays, by column."""
         rows = [_cells(one) for one in self.moves]
-        return frame_of({head: [row[place] for row in rows] for place, head in enumerate(COLUMNS)})
+        return cell_frame({head: [row[place] for row in rows] for place, head in enumerate(COLUMNS)})
 
     def plot(self, quantities: Sequence[str] = (), path: Path | str | None = None) -> Path:
         """Draw the tornado of ``quantities``, by default :attr:`main`; returns the PNG, an SVG lies beside it.

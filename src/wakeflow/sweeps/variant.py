@@ -112,19 +112,21 @@ def named(found: Sequence[Variant]) -> list[Variant]:
     return result
 
 
-def of_scenes(scenes: Iterable[Scene | Variant] | Mapping[str, Scene]) -> list[Variant]:
-    """Variants of scenes that are there already: what they differ in is their inputs. Raises SceneError without any."""
+def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scene | Path | str]) -> list[Variant]:
+    """Variants of scenes, or scene files, that are there already: what they differ in is their inputs. Raises
+    SceneError without any.
+    """
     if isinstance(scenes, Mapping):
-        names, members = list(scenes), list(scenes.values())
+        names, members = list(scenes), [Scene.of(one) for one in scenes.values()]
     else:
         given = list(scenes)
         made = [one for one in given if isinstance(one, Variant)]
         if made and len(made) == len(given):
             return named(made)
-        members = [one for one in given if isinstance(one, Scene)]
-        names = [""] * len(members)
-        if len(members) != len(given):
+        if made:
             raise SceneError("a sweep takes scenes, or what wf.variants made, not both together")
+        names = [Path(one).stem if isinstance(one, Path | str) else "" for one in given]
+        members = [Scene.of(one) for one in given if not isinstance(one, Variant)]
     if not members:
         raise SceneError("a sweep needs at least one scene")
     columns = differing(members)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ..progress import live
 from .budget import budget_table
-from .live import live
 from .plan import show_plan, show_whole_plan
 from .result import show_result
 from .shares import alone_table, separation_table

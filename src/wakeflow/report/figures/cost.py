@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +14,10 @@ from ..words import condensed, source_seconds
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ...results.landing_results import BudgetRow
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_cost"]
@@ -24,7 +26,7 @@ ROW = 0.27  # inches
 LEAST = 1e-5  # of a share: an error that is zero in every bin is no bar
 
 
-def draw_cost(path: Path, budget: Sequence[BudgetRow]) -> None:
+def draw_cost(paper: Paper, budget: Sequence[BudgetRow]) -> NDArray[Any]:
     """Draw a row a source of error, the largest on top: its largest part in any share, a mark for the median over the
     shares, and beside it the run time (s) that knowing it took.
     """
@@ -33,8 +35,9 @@ def draw_cost(path: Path, budget: Sequence[BudgetRow]) -> None:
     largest = [100.0 * errors[name].max() for name in names]
     typical = [100.0 * float(np.median(errors[name])) for name in names]
     seconds = [spent[name] for name in names]
-    figure = new_figure(6.8, 0.9 + ROW * len(names))
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure = new_figure(6.8, 0.9 + ROW * len(names), paper)
+    panels: NDArray[Any] = figure.subplots(1, 2, sharey=True)
+    left, right = panels
     left.barh(names, largest, color=COLOURS[0], height=0.62, label="in the share that it moves most")
     left.plot(typical, names, "|", ms=9, mew=1.8, color=INK, label="median over the shares")
     left.set_xlabel("error of a share, percentage points")
@@ -51,7 +54,8 @@ def draw_cost(path: Path, budget: Sequence[BudgetRow]) -> None:
         axes.spines[["top", "right"]].set_visible(False)
     heads = ("largest error of a share (points)", "median error of a share (points)", "run time (s)")
     columns = dict(zip(heads, (largest[::-1], typical[::-1], seconds[::-1]), strict=True))
-    save(figure, path, {"source": names[::-1], **columns})
+    save(figure, paper, {"source": names[::-1], **columns})
+    return panels
 
 
 def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
@@ -74,7 +78,7 @@ figures.add(
     "cost",
     Figure(
         "What each source adds to the error of a share, and the run time that knowing it took.",
-        lambda path, outcome: draw_cost(path, _budget(outcome)),
+        lambda paper, outcome: draw_cost(paper, _budget(outcome)),
         lambda outcome: len(_errors(_budget(outcome))) > 1,
     ),
 )

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..canvas import INK, new_figure, save
+from ..canvas import INK, new_axes, save
 from ..colours import COLOURS
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ...results.funnel_summary import FunnelSummary
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_discharge"]
@@ -20,11 +22,10 @@ __all__ = ["draw_discharge"]
 MIDDLE = 0.575  # of the mass still inside half-way through the steady stretch, which runs from 10 to 75 % gone
 
 
-def draw_discharge(path: Path | str, poured: FunnelSummary) -> None:
-    """Mass left (g) against time since the outlet opened (s), the fitted rate and Beverloo's law; PNG."""
+def draw_discharge(paper: Paper, poured: FunnelSummary) -> Axes:
+    """Mass left (g) against time since the outlet opened (s), the fitted rate and Beverloo's law."""
     time, mass = (np.asarray(column) for column in (poured.curve.time, poured.curve.mass))
-    figure = new_figure(6.4, 4.0)
-    axes = figure.add_subplot()
+    axes = new_axes(6.4, 4.0, paper)
     axes.plot(time, 1e3 * mass, color=COLOURS[0], linewidth=1.8, label="computed bead by bead")
     end = poured.time_to_empty or float(time[-1])
     half = float(np.interp(-MIDDLE * poured.mass, -mass, time))
@@ -44,12 +45,13 @@ def draw_discharge(path: Path | str, poured: FunnelSummary) -> None:
     shaken = "at rest" if not poured.gamma else f"{poured.frequency:g} Hz, Gamma {poured.gamma:g}"
     axes.set_title(f"{poured.beads} beads, {shaken}", fontsize=10)
     axes.legend(frameon=False, fontsize=8)
-    save(figure, path)
+    save(axes.figure, paper)
+    return axes
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> Axes:
     assert outcome.result.funnel is not None
-    draw_discharge(path, outcome.result.funnel)
+    return draw_discharge(paper, outcome.result.funnel)
 
 
 figures.add(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ...results.solved_case import ForceHistory
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_forces"]
@@ -25,12 +25,12 @@ SETTLED = 0.25  # of a record without a start-up: what the picture's height does
 ROOM = 0.12  # of the range of what counts, above and below it: a kick at the start may leave the picture
 
 
-def draw_forces(path: Path, history: ForceHistory) -> None:
+def draw_forces(paper: Paper, history: ForceHistory) -> NDArray[Any]:
     """Draw the lift and the drag coefficient over time (iterations of a steady airflow), the start-up that was dropped
     grey, the stretch whose air is kept as a loop marked, and the mean of what is averaged.
     """
-    figure = new_figure(6.4, 4.2)
-    panels = figure.subplots(2, 1, sharex=True)
+    figure = new_figure(6.4, 4.2, paper)
+    panels: NDArray[Any] = figure.subplots(2, 1, sharex=True)
     first = SETTLED * history.time[-1] if history.start_up is None else history.start_up
     counted = history.time >= first
     for axes, values, colour, name in (
@@ -52,7 +52,8 @@ def draw_forces(path: Path, history: ForceHistory) -> None:
     if panels[0].get_legend_handles_labels()[1]:
         panels[0].legend(fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
     clock = "time (s)" if history.in_time else "iteration"
-    save(figure, path, {clock: history.time, "lift coefficient": history.cl, "drag coefficient": history.cd})
+    save(figure, paper, {clock: history.time, "lift coefficient": history.cl, "drag coefficient": history.cd})
+    return panels
 
 
 def _mark(axes: Axes, history: ForceHistory) -> None:
@@ -68,9 +69,9 @@ def _limits(axes: Axes, values: NDArray[np.float64]) -> None:
     axes.set_ylim(low - room, high + room)
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
     assert outcome.history is not None
-    draw_forces(path, outcome.history)
+    return draw_forces(paper, outcome.history)
 
 
 figures.add(

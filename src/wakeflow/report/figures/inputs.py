@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...results.sensitivity import grouped, least_sure, regressed_moves
 from ..tornado import draw_tornado
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__: list[str] = []
@@ -19,9 +21,9 @@ def _known(outcome: Outcome) -> bool:
     return bool(regressed_moves(outcome.result.landings))
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
     moves = grouped(regressed_moves(outcome.result.landings))
-    draw_tornado(path, {name: moves[name] for name in least_sure(moves)})
+    return draw_tornado(paper, {name: moves[name] for name in least_sure(moves)})
 
 
 figures.add(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
     from ...results.landing_results import Separation
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Landed, Outcome
 
 __all__ = ["draw_landing"]
@@ -50,16 +50,16 @@ class _Wall:
 
 
 def draw_landing(
-    path: Path | str, scene: Scene, landings: Mapping[str, Landed], separation: Separation | None = None
-) -> None:
-    """Histograms of where each fraction lands, one row a fraction, one column a wall that has bins; PNG.
+    paper: Paper, scene: Scene, landings: Mapping[str, Landed], separation: Separation | None = None
+) -> NDArray[Any]:
+    """Histograms of where each fraction lands, one row a fraction, one column a wall that has bins.
 
     ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are
     written; without it shares are those of ``landings``, without interval.
     """
     names, walls = list(landings), list(_walls_with_bins(scene))
     wide = 6.2 if len(walls) == 1 else 4.2
-    figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1))
+    figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1), paper)
     panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
     colours = fraction_colours(names)
     table = _Table()
@@ -83,7 +83,8 @@ def draw_landing(
     for axes, wall in zip(panels[-1], walls, strict=True):
         axes.set_xlabel(wall.title)
     figure.suptitle("Where each fraction lands, in percent of its mass", fontsize=9)
-    save(figure, path, table.columns())
+    save(figure, paper, table.columns())
+    return panels
 
 
 def _walls_with_bins(scene: Scene) -> Iterator[_Wall]:
@@ -199,9 +200,9 @@ def _name_bins(axes: Axes, wall: _Wall, scene: Scene, wide: float) -> None:
         )  # fmt: skip
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
     landings = outcome.result.landings
-    draw_landing(path, outcome.scene, outcome.landings, None if landings is None else landings.separation)
+    return draw_landing(paper, outcome.scene, outcome.landings, None if landings is None else landings.separation)
 
 
 figures.add("landing", Figure("Where the mass of each fraction lands; percent with 95 % interval.", _draw, always=True))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,10 +12,12 @@ from .figure import Figure, figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
     from ...results.airflow_summary import Airflow
     from ...results.solved_case import PlaneCells
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_mesh"]
@@ -26,14 +27,14 @@ NEAR = 0.9  # of the body's width: what the closer panel shows to every side of 
 EDGE = "#33526b"
 
 
-def draw_mesh(path: Path, cells: PlaneCells, scene: Scene, airflow: Airflow) -> None:
+def draw_mesh(paper: Paper, cells: PlaneCells, scene: Scene, airflow: Airflow) -> NDArray[Any]:
     """Draw the cells in the window of the other pictures of the air, and close to the first body's wall."""
     x, y = first_outline(scene).mean(axis=0)
     reach = NEAR * scene.width
     windows = [window_round_body(scene, airflow), (x - reach, x + reach, y - reach, y + reach)]
     shapes = [(w[1] - w[0]) / (w[3] - w[2]) for w in windows]
-    figure = new_figure(TALL * sum(shapes) + 1.6, TALL + 0.7)
-    panels = figure.subplots(1, 2, gridspec_kw={"width_ratios": shapes})
+    figure = new_figure(TALL * sum(shapes) + 1.6, TALL + 0.7, paper)
+    panels: NDArray[Any] = figure.subplots(1, 2, gridspec_kw={"width_ratios": shapes})
     for axes, window, line in zip(panels, windows, (0.25, 0.45), strict=True):
         _draw_cells(axes, cells, window, line)
         for body in scene.body.values():
@@ -45,7 +46,8 @@ def draw_mesh(path: Path, cells: PlaneCells, scene: Scene, airflow: Airflow) -> 
     panels[1].set_ylabel("")
     size = [len(cell) for cell in cells.cells]
     ends = {"cell ends": np.cumsum(size), "cell corners": np.concatenate([np.asarray(cell) for cell in cells.cells])}
-    save(figure, path, {"x (m)": cells.points[:, 0], "y (m)": cells.points[:, 1], **ends})
+    save(figure, paper, {"x (m)": cells.points[:, 0], "y (m)": cells.points[:, 1], **ends})
+    return panels
 
 
 def _draw_cells(axes: Axes, cells: PlaneCells, window: Window, line: float) -> None:
@@ -64,10 +66,10 @@ def _needs(outcome: Outcome) -> bool:
     return outcome.cells is not None and outcome.airflow is not None and bool(outcome.scene.body)
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
     assert outcome.cells is not None
     assert outcome.airflow is not None
-    draw_mesh(path, outcome.cells, outcome.scene, outcome.airflow)
+    return draw_mesh(paper, outcome.cells, outcome.scene, outcome.airflow)
 
 
 figures.add("mesh", Figure("The cells that the air was solved in; right: at the body's wall.", _draw, _needs))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,10 +12,11 @@ from ..colours import COLOURS, fraction_colours
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from ...results.landing_results import PartitionCurve
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_partition"]
@@ -25,11 +25,11 @@ EMPTY = 0.3  # decades without granules: across them a curve is dotted and has n
 AXES = {"size": (MM, "diameter (mm)"), "terminal velocity": (1.0, "terminal velocity (m/s)")}
 
 
-def draw_partition(path: Path, scene: Scene, curves: Sequence[PartitionCurve]) -> None:
+def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve]) -> NDArray[Any]:
     """Draw a panel a property and a line a product, with its 95 % band and its cut."""
     kinds = list(dict.fromkeys(curve.by for curve in curves))
-    figure = new_figure(0.6 + 4.6 * len(kinds), 3.9)
-    panels = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
+    figure = new_figure(0.6 + 4.6 * len(kinds), 3.9, paper)
+    panels: NDArray[Any] = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
     colours = _product_colours(scene, curves)
     for axes, kind in zip(panels, kinds, strict=True):
         scale, label = AXES[kind]
@@ -51,7 +51,8 @@ def draw_partition(path: Path, scene: Scene, curves: Sequence[PartitionCurve]) -
         axes.set_xlabel(label)
         axes.legend(fontsize=7, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     panels[0].set_ylabel("share of its mass in the product (%)")
-    save(figure, path, _columns(curves))
+    save(figure, paper, _columns(curves))
+    return panels
 
 
 def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tuple[str, ...], str]:
@@ -96,7 +97,7 @@ figures.add(
     Figure(
         "Partition curves: of granules alike in size or terminal velocity, the share in each product; bands: 95 %, of "
         "the finite number of granules alone; dotted where nothing is fed.",
-        lambda path, outcome: draw_partition(path, outcome.scene, _curves(outcome)),
+        lambda paper, outcome: draw_partition(paper, outcome.scene, _curves(outcome)),
         lambda outcome: bool(_curves(outcome)),
     ),
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from ...field import FlowField
     from ...results.airflow_summary import Airflow
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_pressure"]
@@ -44,10 +44,8 @@ PALER = 1.3  # stretch of the colour scale: streamlines stay visible on its dark
 ZONES = {"air": "1  ", "pressing zone": "2  ", "body": "3", "suction zone": "4  "}  # as in the paper's Fig. 7
 
 
-def draw_pressure(
-    path: Path | str, field: FlowField, scene: Scene, airflow: Airflow, *, numbered: bool = False
-) -> None:
-    """Filled contours of Cp = (p - p_inlet) / (0.5 rho U^2) with streamlines round the first body; PNG.
+def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow, *, numbered: bool = False) -> Axes:
+    """Filled contours of Cp = (p - p_inlet) / (0.5 rho U^2) with streamlines round the first body.
 
     ``field``, steady or in time (its mean is drawn), must carry pressure (Pa); rho is its density, U the scene's air
     speed, p_inlet ``airflow.p_inlet`` (Pa) or else the mean along the field's inlet end. The line
@@ -59,7 +57,7 @@ def draw_pressure(
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
     window = window_round_body(scene, airflow)
-    figure, axes, _ = canvas(window)
+    figure, axes, _ = canvas(window, paper)
     mesh = triangulation(mean)
     levels, limit = _cp_levels(cp[inside_window(mean.points, window)])
     filled = axes.tricontourf(
@@ -80,7 +78,8 @@ def draw_pressure(
     bar.set_ticks([t for t in np.arange(-3.0, 2.0, 0.5) if levels[0] <= t <= levels[-1]])
     bar.ax.tick_params(labelsize=8)
     axes.set_title(_airflow_title(airflow, in_time=np.ndim(field.velocity) == 3), fontsize=9, loc="left")
-    save(figure, path, grid.arrays(("air vx (m/s)", "air vy (m/s)", "Cp")))
+    save(figure, paper, grid.arrays(("air vx (m/s)", "air vy (m/s)", "Cp")))
+    return axes
 
 
 def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
@@ -164,10 +163,10 @@ def _callout(axes: Axes, text: str, place: tuple[float, float], lift: float, win
     )
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> Axes:
     assert outcome.field is not None
     assert outcome.airflow is not None
-    draw_pressure(path, outcome.field, outcome.scene, outcome.airflow)
+    return draw_pressure(paper, outcome.field, outcome.scene, outcome.airflow)
 
 
 def _needs(outcome: Outcome) -> bool:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..air import SUCTION_LEVEL, as_flown, pressure_coefficient, suction_nodes
-from ..canvas import new_figure, save
+from ..canvas import new_axes, save
 from ..colours import fraction_colours
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ...field import FlowField
     from ...results.airflow_summary import Airflow
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome, Track
 
 __all__ = ["draw_residence", "times_in_zone"]
@@ -44,8 +46,8 @@ def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: S
 
 
 def draw_residence(
-    path: Path, field: FlowField, scene: Scene, airflow: Airflow, tracks: Mapping[str, Sequence[Track]]
-) -> None:
+    paper: Paper, field: FlowField, scene: Scene, airflow: Airflow, tracks: Mapping[str, Sequence[Track]]
+) -> Axes:
     """Draw of each fraction the share of its drawn tracks that stay longer in the suction zone than the time along the
     axis; in words the share that comes through it, and their median time with its 95 % interval.
     """
@@ -53,8 +55,7 @@ def draw_residence(
     cp = pressure_coefficient(mean, scene, airflow)
     zone = suction_nodes(mean, cp, scene)
     times = {name: times_in_zone(mean, cp, zone, part) for name, part in tracks.items() if part}
-    figure = new_figure(6.4, 3.9)
-    axes, colours = figure.add_subplot(), fraction_colours(list(scene.fraction))
+    axes, colours = new_axes(6.4, 3.9, paper), fraction_colours(list(scene.fraction))
     for name, found in times.items():
         stays = np.sort(found)
         share = 100.0 * (1.0 - np.arange(len(stays) + 1) / len(stays))
@@ -67,11 +68,12 @@ def draw_residence(
     axes.grid(color="#dddddd", linewidth=0.5)
     axes.legend(fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     sizes = [len(found) for found in times.values()]
-    save(figure, path, {
+    save(axes.figure, paper, {
         "fraction": np.repeat(list(times), sizes),
         "track": np.concatenate([np.arange(size) for size in sizes]),
         "time in the suction zone (s)": np.concatenate(list(times.values())),
     })  # fmt: skip
+    return axes
 
 
 def _told(times: Array) -> str:
@@ -95,10 +97,10 @@ def _needs(outcome: Outcome) -> bool:
     return any(len(part) > 0 for part in outcome.tracks.values())
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> Axes:
     assert outcome.field is not None
     assert outcome.airflow is not None
-    draw_residence(path, outcome.field, outcome.scene, outcome.airflow, outcome.tracks)
+    return draw_residence(paper, outcome.field, outcome.scene, outcome.airflow, outcome.tracks)
 
 
 figures.add(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..canvas import save
@@ -10,11 +9,16 @@ from ..sketch import draw_sketch
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
-    save(draw_sketch(outcome.scene), path)
+def _draw(paper: Paper, outcome: Outcome) -> Axes:
+    figure = draw_sketch(outcome.scene, paper=paper)
+    save(figure, paper)
+    return figure.axes[0]
 
 
 figures.add("sketch", Figure("The machine to scale, with its measures.", _draw, always=True))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,14 +9,17 @@ from numpy.typing import NDArray
 
 from ...laws.momentum import momentum_pressure
 from ..air import TOUCHING, as_flown, pressure_coefficient
-from ..canvas import INK, MM, first_outline, new_figure, save
+from ..canvas import INK, MM, first_outline, new_axes, save
 from ..colours import COLOURS
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ...field import FlowField
     from ...results.airflow_summary import Airflow
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_surface", "pressure_along"]
@@ -41,15 +43,14 @@ def pressure_along(field: FlowField, outline: Array, cp: Array) -> tuple[Array, 
     return arc[order], cp[field.boundary][on][order]
 
 
-def draw_surface(path: Path, field: FlowField, scene: Scene, airflow: Airflow) -> None:
+def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow) -> Axes:
     """Draw Cp of the mean air along the first body, its corners, and the momentum model on the edges that air meets."""
     assert scene.air is not None
     mean, outline = as_flown(field.mean(), scene), first_outline(scene)
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
     model = momentum_pressure(outline, scene.air.direction)
-    figure = new_figure(6.4, 3.6)
-    axes = figure.add_subplot()
+    axes = new_axes(6.4, 3.6, paper)
     axes.plot(MM * arc, cp, ".-", ms=3, lw=1.2, color=COLOURS[0], label="computed, mean")
     for i, (value, lit) in enumerate(zip(model.cp, model.lit, strict=True)):
         if lit > 0:
@@ -62,7 +63,8 @@ def draw_surface(path: Path, field: FlowField, scene: Scene, airflow: Airflow) -
     axes.set_ylabel("pressure coefficient")
     axes.legend(fontsize=8, frameon=False)
     axes.grid(axis="y", color="#dddddd", linewidth=0.5)
-    save(figure, path, {"along the body (m)": arc, "Cp": cp})
+    save(axes.figure, paper, {"along the body (m)": arc, "Cp": cp})
+    return axes
 
 
 def _needs(outcome: Outcome) -> bool:
@@ -74,10 +76,10 @@ def _needs(outcome: Outcome) -> bool:
     return len(pressure_along(field, first_outline(outcome.scene), np.zeros(len(field.points)))[0]) > 2
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> Axes:
     assert outcome.field is not None
     assert outcome.airflow is not None
-    draw_surface(path, outcome.field, outcome.scene, outcome.airflow)
+    return draw_surface(paper, outcome.field, outcome.scene, outcome.airflow)
 
 
 figures.add(

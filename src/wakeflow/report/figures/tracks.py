@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
 
     from ...field import FlowField
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_tracks"]
@@ -41,7 +41,7 @@ LEAST = 4  # of any other: those of a fraction that has less mass than so many l
 WIDTH = 0.75  # points: of a line that stands for as much mass as every other
 
 
-def draw_tracks(path: Path | str, field: FlowField | None, scene: Scene, tracks: Mapping[str, Sequence[Array]]) -> None:
+def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Mapping[str, Sequence[Array]]) -> Axes:
     """Tracks of every fraction in the whole channel over a pale map of the air's mean speed, with body, walls and bins.
 
     ``tracks``: fraction name to (m, 2) arrays of positions (m). What is drawn of a fraction, number of lines times
@@ -49,7 +49,7 @@ def draw_tracks(path: Path | str, field: FlowField | None, scene: Scene, tracks:
     """
     channel = scene.channel
     window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
-    figure, axes, scale = canvas(window)
+    figure, axes, scale = canvas(window, paper)
     if field is not None:
         _speed_map(axes, as_flown(field.mean(), scene))
     shares, colours = scene.mass_shares(), fraction_colours(list(scene.fraction))
@@ -72,7 +72,8 @@ def draw_tracks(path: Path | str, field: FlowField | None, scene: Scene, tracks:
         for line in legend.get_lines():
             line.set(linewidth=2.5, alpha=1.0)
     axes.set_title("Tracks: as much ink as mass. Blue: the mean air's speed", fontsize=9, loc="left")
-    save(figure, path, _rows(chosen))
+    save(figure, paper, _rows(chosen))
+    return axes
 
 
 def _speed_map(axes: Axes, mean: FlowField) -> None:
@@ -120,9 +121,9 @@ def _rows(tracks: Mapping[str, Sequence[Array]]) -> dict[str, NDArray[np.generic
     }
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> Axes:
     positions = {name: [track["position"] for track in part] for name, part in outcome.tracks.items()}
-    draw_tracks(path, outcome.field, outcome.scene, positions)
+    return draw_tracks(paper, outcome.field, outcome.scene, positions)
 
 
 figures.add("tracks", Figure("Tracks through the channel, as much ink as mass; bins are the bars.", _draw, always=True))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from ...field import FlowField
     from ...results.airflow_summary import Airflow
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_vorticity"]
@@ -27,7 +27,7 @@ FULL = 0.985  # of the window's area has no more than what the colour is full at
 LEVELS = 24  # even: none is zero, and air that does not turn is white
 
 
-def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow) -> None:
+def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow) -> NDArray[Any]:
     """Draw the vorticity times D / U round the first body: of a field in time at its first moment and in the mean."""
     from matplotlib.ticker import MaxNLocator
 
@@ -39,8 +39,8 @@ def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow)
     here = inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
-    figure = new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9)
-    panels = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
+    figure = new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9, paper)
+    panels: NDArray[Any] = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
     mesh, levels = triangulation(field), np.linspace(-most, most, LEVELS)
     for axes, (name, values) in zip(panels, scaled.items(), strict=True):
         filled = axes.tricontourf(mesh, values, levels=levels, cmap="RdBu_r", extend="both")
@@ -53,7 +53,8 @@ def draw_vorticity(path: Path, field: FlowField, scene: Scene, airflow: Airflow)
     bar.set_label(r"vorticity, $\omega D / U$ (counter-clockwise positive)", fontsize=8)
     bar.set_ticks([tick for tick in MaxNLocator(8, symmetric=True).tick_values(-most, most) if abs(tick) <= most])
     nodes = {"x (m)": field.points[:, 0], "y (m)": field.points[:, 1]}
-    save(figure, path, {**nodes, "triangles": field.triangles, **{f"{k}, times D / U": v for k, v in scaled.items()}})
+    save(figure, paper, {**nodes, "triangles": field.triangles, **{f"{k}, times D / U": v for k, v in scaled.items()}})
+    return panels
 
 
 def _strong(size: Array, area: Array) -> float:
@@ -78,10 +79,10 @@ def _needs(outcome: Outcome) -> bool:
     return bool(outcome.scene.body) and outcome.field is not None and airflow is not None and airflow.cd is not None
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
     assert outcome.field is not None
     assert outcome.airflow is not None
-    draw_vorticity(path, outcome.field, outcome.scene, outcome.airflow)
+    return draw_vorticity(paper, outcome.field, outcome.scene, outcome.airflow)
 
 
 figures.add(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,10 +11,11 @@ from ..colours import fraction_colours
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from ...results.landing_results import LandingResults
     from ...scene import Scene
+    from ..canvas import Paper
     from ..outcome import Outcome
 
 __all__ = ["draw_wakes"]
@@ -25,14 +25,16 @@ LEAST = 1e-3  # a share that is smaller in every wake is not drawn
 ROW = 0.3  # inches
 
 
-def draw_wakes(path: Path, scene: Scene, landings: LandingResults) -> None:
+def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[Any]:
     """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
     rows = _rows(scene, landings)
     panels = list(dict.fromkeys(name for name, _ in rows))
     wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
     counts = [sum(name == one for one, _ in rows) for name in panels]
-    figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels))
-    grid = figure.subplots(len(panels), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": counts})[:, 0]
+    figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
+    grid: NDArray[Any] = figure.subplots(
+        len(panels), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": counts}
+    )[:, 0]
     colours = fraction_colours(list(scene.fraction))
     assert landings.bracket is not None
     for axes, name in zip(grid, panels, strict=True):
@@ -55,7 +57,8 @@ def draw_wakes(path: Path, scene: Scene, landings: LandingResults) -> None:
     grid[0].legend(fontsize=7, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
     grid[-1].set_xlim(-1.0, 101.0)
     grid[-1].set_xlabel("share of the fraction's mass (%)")
-    save(figure, path, _columns(landings))
+    save(figure, paper, _columns(landings))
+    return grid
 
 
 def _marks(landings: LandingResults) -> list[tuple[str, str, str]]:
@@ -91,9 +94,9 @@ def _known(outcome: Outcome) -> bool:
     return landings is not None and bool(landings.bracket)
 
 
-def _draw(path: Path, outcome: Outcome) -> None:
+def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
     assert outcome.result.landings is not None
-    draw_wakes(path, outcome.scene, outcome.result.landings)
+    return draw_wakes(paper, outcome.scene, outcome.result.landings)
 
 
 figures.add(

@@ -91,11 +91,7 @@ def render(
         result=result,
         title=title,
         made=result.provenance,
-        pictures=[
-            (is_long(pictures[name]), pictures[name], text)
-            for name, text in shown.items()
-            if name in pictures and name != SKETCH
-        ],
+        pictures=_shown(pictures, shown),
         sketch=pictures.get(SKETCH),
         live=live,
         film=Markup(film),
@@ -112,6 +108,12 @@ def render(
         **_inputs(result),
     )
     return text
+
+
+def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[bool, str, str]]:
+    """Whether each picture is a long one, the picture, and what it shows; the sketch has a place of its own."""
+    names = [name for name in texts if name in pictures and name != SKETCH]
+    return [(is_long(pictures[name]), pictures[name], texts[name]) for name in names]
 
 
 def page_template(name: str) -> Any:

@@ -13,5 +13,5 @@ __all__ = [
 ]  # fmt: skip
 
 # what the functions here leave in a run's folder: files, and what the indices among them name
-FILES = ("field.vtu", "field.pvd", "mean.vtu", "machine.vtm", "tracks.vtp", "granules.pvd", "landings.vtp")
+FILES = ("field.npz", "field.vtu", "field.pvd", "mean.vtu", "machine.vtm", "tracks.vtp", "granules.pvd", "landings.vtp")
 FOLDERS = ("field", "granules", "machine")

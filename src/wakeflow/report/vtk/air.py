@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["link_field", "write_field"]
 
 Array = NDArray[np.float64]
+ITSELF = "field.npz"
 NAMES = ("field.vtu", "mean.vtu", "field.pvd")  # the index last, so that it never names files that are not there
 
 
@@ -29,11 +30,13 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
 
     A steady field becomes field.vtu. One in time becomes mean.vtu, the mean as the granules flew in it, and field.pvd
     with a file in the folder field for each of ``numerics.snapshots`` moments, evenly over the loop; where the mesh
-    swings with the bodies, each with the mesh where it then is. Returns the file to open.
+    swings with the bodies, each with the mesh where it then is. field.npz is the field itself, for
+    ``wf.FlowField.load``. Returns the file to open.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     _clear(folder)
+    field.save(folder / ITSELF)
     mean = as_flown(field.mean(), scene)
     level = None if mean.pressure is None or airflow is None else inlet_pressure(mean, scene, airflow)
     steady = save_piece(_grid(mean, scene, level), folder / NAMES[0 if field.times is None else 1])
@@ -45,13 +48,13 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
 
 def link_field(source: Path, folder: Path) -> None:
     """Show in ``folder`` what :func:`write_field` has left in ``source``, without copying it where that can be."""
-    for file in [*sorted((source / "field").glob("*.vtu")), *(source / name for name in NAMES)]:
+    for file in [*sorted((source / "field").glob("*.vtu")), source / ITSELF, *(source / name for name in NAMES)]:
         if file.exists():
             link_or_copy(file, folder / file.relative_to(source))
 
 
 def _clear(folder: Path) -> None:
-    for name in reversed(NAMES):
+    for name in (*reversed(NAMES), ITSELF):
         (folder / name).unlink(missing_ok=True)
     shutil.rmtree(folder / "field", ignore_errors=True)
 

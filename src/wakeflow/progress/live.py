@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ..core.process import cores
 from ..core.store import cache_root
 from ..planning.machine_rates import on_this_machine
-from .progress import DONE, FROM_CACHE, RunProgress
+from .pace import DONE, FROM_CACHE, RunProgress
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

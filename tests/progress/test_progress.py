@@ -11,8 +11,8 @@ import pytest
 import wakeflow as wf
 from support import shipped
 from wakeflow.planning.plan import StageCost
-from wakeflow.terminal import live
-from wakeflow.terminal.progress import FROM_CACHE, RunProgress
+from wakeflow.progress import RunProgress, live
+from wakeflow.progress.pace import FROM_CACHE
 
 STAGES = (
     StageCost("mesh", 2.0, "first"),

@@ -1,0 +1,204 @@
+"""A finished run in Python: its pictures on axes of one's own, its tables, and what a notebook shows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+
+import wakeflow as wf
+from support import field_of, shipped
+from wakeflow.core import frames
+from wakeflow.report.plot import outcome_of
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    scene = shipped("vacuum", {"feed.count": 64})
+    return wf.run(scene, tmp_path_factory.mktemp("run") / "vacuum")
+
+
+@pytest.fixture(autouse=True)
+def _no_screen(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    before = pyplot.get_backend()
+    pyplot.switch_backend("agg")
+    yield
+    pyplot.close("all")
+    pyplot.switch_backend(before)
+
+
+def _lines(axes: Axes) -> dict[str, np.ndarray]:
+    """The data (m, 2) of each labelled line."""
+    return {
+        str(line.get_label()): np.asarray(line.get_xydata())
+        for line in axes.lines
+        if not str(line.get_label()).startswith("_")
+    }
+
+
+def test_tracks_on_given_axes_are_those_of_the_report(result: wf.Result) -> None:
+    figure, panels = pyplot.subplots(1, 2)
+    drawn = wf.Result.load(result.folder).plot.tracks(panels[0])
+    assert drawn is panels[0]
+    assert figure.axes == list(panels)  # nothing else is changed
+    rows = np.genfromtxt(result.folder / "figures" / "tracks.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    for label, points in _lines(drawn).items():
+        own = rows[rows["fraction"] == label.split(",")[0]]
+        told = points[np.isfinite(points[:, 0])]
+        assert told == pytest.approx(1e3 * np.stack([own["x_m"], own["y_m"]], axis=1), rel=1e-5, abs=1e-4)
+    assert len(_lines(drawn)) == len(result.scene["fraction"])
+
+
+def test_a_picture_of_several_panels_takes_the_place_of_the_axes(result: wf.Result) -> None:
+    figure, panels = pyplot.subplots(1, 2)
+    left = panels[0].get_position()
+    drawn = result.plot.landing(panels[0])
+    assert panels[0] not in figure.axes
+    assert drawn.shape == (len(result.scene["fraction"]), 1)
+    for axes in drawn.flat:
+        assert axes.figure.figure is figure
+        middle = axes.get_window_extent().x0 / figure.bbox.width
+        assert middle < left.x1 + 0.1  # in the left half still
+    alone = figure.add_axes((0.0, 0.0, 0.1, 0.1))
+    with pytest.raises(wf.SceneError, match="no grid"):
+        result.plot.landing(alone)
+
+
+def test_without_axes_a_figure_of_pyplot_of_its_own_size(result: wf.Result) -> None:
+    axes = result.plot.sketch()
+    assert axes.figure is pyplot.gcf()
+    assert tuple(axes.figure.get_size_inches()) != tuple(pyplot.rcParams["figure.figsize"])
+
+
+def test_what_a_run_has_not_is_said(result: wf.Result, tmp_path: Path) -> None:
+    assert "tracks" in dir(result.plot)
+    assert "pressure" not in dir(result.plot)
+    assert "landing" in repr(result.plot)
+    with pytest.raises(wf.SceneError, match="nothing to draw as pressure; it has sketch, tracks"):
+        result.plot.pressure()
+    with pytest.raises(AttributeError, match="did you mean 'landing'"):
+        _ = result.plot.landings
+    moved = replace(result, folder=tmp_path)
+    with pytest.raises(wf.SceneError, match="holds no report to draw from"):
+        moved.plot.tracks()
+
+
+def test_the_air_of_a_finished_run_is_read_back(tmp_path: Path) -> None:
+    from wakeflow.report import vtk
+
+    field = field_of(lambda points: np.stack([points[:, 1], -points[:, 0]], axis=1), 4)
+    vtk.write_field(tmp_path / "kept", field, shipped("rhombus"), None)
+    vtk.link_field(tmp_path / "kept", tmp_path / "run")
+    found = wf.FlowField.load(tmp_path / "run" / "field.npz")
+    assert np.array_equal(found.velocity, field.velocity)
+    assert np.array_equal(found.triangles, field.triangles)
+
+
+def test_landings_read_back_are_those_of_the_kept_granules(result: wf.Result) -> None:
+    landings = outcome_of(result).landings
+    assert list(landings) == list(result.scene["fraction"])
+    for name, landed in landings.items():
+        assert landed.weight.sum() == pytest.approx(1.0)
+        for index, place in enumerate(result.scene["bin"]):
+            share = landed.weight[landed.bin == index].sum()
+            assert share == pytest.approx(result.share(name, place)[0], abs=1e-9)  # all granules are kept here
+
+
+def test_frames_are_plain_arrays_without_pandas(result: wf.Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "find_spec", lambda name: None)
+    table: dict[str, Any] = result.frame()
+    assert list(table) == ["fraction", "bin", "share", "low", "high", "target"]
+    for name, place, share, low, high in zip(*(table[head] for head in list(table)[:5]), strict=True):
+        assert (share, low, high) == result.share(name, place)
+    assert {(n, p) for n, p, t in zip(table["fraction"], table["bin"], table["target"], strict=True) if t} == {
+        (name, place) for name in result.scene["fraction"] for place in result.targets(name)
+    }
+    granules = result.granules()
+    assert {len(column) for column in granules.values()} == {64 * len(result.scene["fraction"])}
+    assert set(granules["bin"]) <= {*result.scene["bin"], "elsewhere"}
+    shares = result.scene["fraction"]
+    for name in shares:
+        own = granules["fraction"] == name
+        assert granules["weight"][own].sum() == pytest.approx(shares[name].get("mass_share", 1.0 / len(shares)))
+
+
+def test_frames_are_pandas_where_it_is_installed(result: wf.Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Pandas:
+        @staticmethod
+        def DataFrame(columns: dict[str, Any]) -> tuple[str, list[str]]:
+            return "frame", list(columns)
+
+    monkeypatch.setattr(frames, "find_spec", lambda name: name)
+    monkeypatch.setattr(frames, "import_module", lambda name: {"pandas": Pandas}[name])
+    assert result.frame() == ("frame", ["fraction", "bin", "share", "low", "high", "target"])
+
+
+def test_what_does_not_exist_is_said_with_the_nearest_name(result: wf.Result) -> None:
+    first = next(iter(result.scene["fraction"]))
+    with pytest.raises(wf.SceneError, match=f"no fraction '{first}x'; did you mean '{first}'"):
+        result.share(f"{first}x", "near")
+    with pytest.raises(wf.SceneError, match="no bin 'neer'; did you mean 'near'"):
+        result.share(first, "neer")
+
+
+class _Cells(HTMLParser):
+    """The texts of a table's cells, and what is left open."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.cells: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        if tag != "br":
+            self.open.append(tag)
+        if tag in ("td", "th"):
+            self.cells.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if {"td", "th"} & set(self.open):
+            self.cells[-1] += data
+
+
+def test_a_notebook_shows_the_answer_and_a_line_says_it(result: wf.Result) -> None:
+    assert len(repr(result)) < 300
+    assert str(result.folder) in repr(result)
+    page = _Cells(result._repr_html_())
+    assert not page.open
+    bins, fractions = result.separation["bins"], list(result.scene["fraction"])
+    assert page.cells[: len(fractions) + 1] == ["% of its mass", *fractions]
+    assert page.cells[:: len(fractions) + 3] == ["% of its mass", *bins, "recovery"]
+    value = 100 * result.share(fractions[0], bins[0])[0]
+    assert float(page.cells[len(fractions) + 4].split()[0]) == pytest.approx(value, abs=0.06)
+
+
+def test_a_plan_is_a_line_and_a_page() -> None:
+    plan = wf.plan(shipped("rhombus"))
+    assert len(repr(plan)) < 300
+    assert "wheat" in repr(plan)
+    page = _Cells(plan._repr_html_())
+    assert not page.open
+    assert "left out" in plan._repr_html_()
+
+
+def test_tables_of_many_runs_are_short_too(result: wf.Result, tmp_path: Path) -> None:
+    found = wf.sweep(
+        wf.variants(shipped("vacuum", {"feed.count": 32}), {"feed.height": ["50 mm", "60 mm"]}),
+        tmp_path / "sweep", workers=1, figures=False,
+    )  # fmt: skip
+    assert repr(found) == f"<Sweep {tmp_path / 'sweep'}: 2 of 2 scenes done over feed.height>"
+    page = _Cells(found._repr_html_())
+    assert not page.open
+    assert "0.05" in page.cells
+    assert "0.06" in page.cells
