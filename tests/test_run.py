@@ -333,7 +333,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
         monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_, **__: None)
-    monkeypatch.setattr("wakeflow.runs._Run._drawn", lambda _run, result, *_: result)
+    monkeypatch.setattr("wakeflow.runs.answer.OneRun._drawn", lambda _run, result, *_: result)
     monkeypatch.setattr(Pipeline, "residence", None)  # of tracers, which the tracker flies too
     found, order = {}, {}
     for cores in (1, 2):
@@ -357,8 +357,8 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
 def test_every_blas_has_one_thread_in_a_run() -> None:
     """One that is first loaded within it as well: its waiting threads made a mapping of fields eighty times as long."""
     code = """
-import wakeflow.runs as runs
-with runs._one_thread_of_blas():
+from wakeflow.runs.stages import one_thread_of_blas
+with one_thread_of_blas():
     import scipy.linalg, scipy.interpolate, threadpoolctl
     found = [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
 assert found and set(found) == {1}, found

@@ -1,0 +1,247 @@
+"""One run's answer: stages made, budget drawn up, result.json filled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import wakeflow
+
+from ..core.beside import beside
+from ..core.files import atomic_write
+from ..core.graded import gravest_first
+from ..core.process import cores
+from ..core.record import from_json, to_json
+from ..core.store import content_key, digest_files
+from ..laws.momentum import momentum_pressure
+from ..pipeline.pipeline import Pipeline
+from ..report.views import Result
+from ..results.air_loading import loading_of
+from ..results.airflow_summary import (
+    Airflow,
+    FieldDivergence,
+    FieldTruncation,
+    MomentumModel,
+    airflow_of,
+    with_residence,
+)
+from ..results.budget import flights_ahead, fly_again, make_budget, together
+from ..results.companions import airflow_on_grids
+from ..results.crowd_summary import crowd_of
+from ..results.funnel_summary import FunnelSummary
+from ..results.impact_summary import impact_of
+from ..results.input_summary import inputs_of
+from ..results.inputs import Inputs
+from ..results.landing_results import BudgetRow, LandingResults, Separation
+from ..results.notices import notices
+from ..results.partition import partition_curves
+from ..results.plan_summary import summary_of
+from ..results.provenance import provenance_of
+from ..results.refinement import Refinement
+from ..results.result import (
+    FILE,
+    SCHEMA,
+    FlightResults,
+    MeshSummary,
+    Request,
+    key_in,
+    provenance_in,
+)
+from ..results.separation import separate
+from ..results.source import Flights
+from ..results.sources import MODEL, UNLOADED
+from ..results.total import totalled
+from ..scene import Scene
+from .folder import field_files, report_into, some_granules
+from .packages import versions
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Landings, Tracked
+
+__all__ = ["OneRun"]
+
+
+@dataclass(frozen=True)
+class OneRun:
+    """One run: the scene as asked for, the pipeline that computes it, and where its answer goes."""
+
+    asked: Scene
+    pipeline: Pipeline
+    poured: FunnelSummary | None
+    folder: Path
+    request: Request
+    redraw: bool
+    report: bool
+    refinement: Refinement | None = None
+    pdf: bool = False
+
+    def result(self) -> Result:
+        """Make the stages that are asked for, then the report where it is not the one that stands there."""
+        until, flown = self.request.until, None
+        with beside(self._ahead()):
+            mesh, airflow = self._air()
+            tracked = None if until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
+            if tracked is not None and until is None:
+                flown = Flights(self.pipeline, tracked, self.pipeline.crowd())
+                fly_again(flown)
+        if tracked is not None and airflow is not None:
+            airflow = self._flown(airflow)
+        flights = None if tracked is None else self._flights(tracked)
+        landings = None if flown is None else self._landings(flown)
+        scene, plan = self.pipeline.scene, self.pipeline.plan
+        slab = None if landings is None else landings.slab
+        told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
+        small = together(() if landings is None else landings.budget, plan.target_error)
+        known = gravest_first((*plan.notices, *told, *small))
+        key, solver = self._key(tracked), None if airflow is None else self.pipeline.kind.solver
+        result = Result(
+            schema=SCHEMA,
+            scene=self.asked.tables(),
+            options=self.request,
+            plan=summary_of(plan),
+            funnel=self.poured,
+            airflow=airflow,
+            mesh=mesh,
+            flights=flights,
+            landings=landings,
+            warnings=tuple(notice.text for notice in known),
+            grades=tuple(notice.grade.value for notice in known),
+            seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
+            versions=versions(),
+            key=key,
+            provenance=provenance_in(self.folder, key) or provenance_of(scene, solver),
+            refinement=self.refinement,
+            folder=self.folder,
+        )
+        result = self._drawn(result, tracked, None if flown is None else flown.landings)
+        result.save()
+        return result
+
+    def _ahead(self) -> list[Callable[[], object]]:
+        """What another core makes while this one waits for the airflow; nothing on one core, or without such a wait."""
+        pipeline, until = self.pipeline, self.request.until
+        threads = cores() if pipeline.workers is None else pipeline.workers
+        if threads < 2 or until in ("funnel", "mesh") or pipeline.kind.at_once:
+            return []
+        spare = replace(pipeline, workers=threads - 1)
+
+        def solve(grid: int) -> object:
+            return spare.on_grid(grid).solution
+
+        solved: list[Callable[[], object]] = [
+            partial(solve, grid) for grid in range(1, len(pipeline.plan.airflow.scales))
+        ]
+        if until is not None:
+            return solved
+        return [*solved, *flights_ahead(spare), self._air_shown]  # flights wait for the steady airflow
+
+    def _air_shown(self) -> None:
+        """What the report tells and shows of the air alone, while the slab's first replicate has one core for itself;
+        by then this run's own field is there.
+        """
+        _ = self.pipeline.residence
+        if self.report:
+            field_files(self.pipeline, airflow_of(self.pipeline))
+
+    def _air(self) -> tuple[MeshSummary | None, Airflow | None]:
+        """The mesh and the airflow; None without air, and where the run stops before them."""
+        pipeline, scene, until = self.pipeline, self.pipeline.scene, self.request.until
+        if scene.air is None or until == "funnel":
+            return None, None
+        if until not in ("mesh", "airflow") and not pipeline.kind.at_once:
+            pipeline.compile_beside()
+        mesh = from_json(MeshSummary, pipeline.mesh_quality, "mesh.json")
+        if until == "mesh":
+            return mesh, None
+        airflow = airflow_of(pipeline)
+        momentum = _momentum(scene, airflow) if scene.body and airflow.cp_base is not None else None
+        return mesh, airflow.extended(grids=airflow_on_grids(pipeline), momentum=momentum)
+
+    def _flown(self, airflow: Airflow) -> Airflow:
+        """The airflow with what is known of the field that granules fly in."""
+        measured = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
+        told = airflow.extended(**measured, loading=loading_of(self.pipeline))
+        return with_residence(told, self.pipeline.residence)
+
+    def _flights(self, tracked: Tracked) -> FlightResults:
+        return FlightResults(tracked.fates, tracked.injected, impact_of(self.pipeline.scene, self.pipeline.plan))
+
+    def _landings(self, flights: Flights) -> LandingResults:
+        scene = self.pipeline.scene
+        separation, budget, inputs = _with_totals(scene, flights)
+        crowd = flights.crowd
+        alone = None if crowd is None else _with_totals(scene, replace(flights, crowd=None))[0]
+        slab = None if crowd is None else crowd_of(self.pipeline.plan, crowd)
+        wakes = flights.of(MODEL)
+        bracket = None if wakes is None else wakes.means(list(scene.bin))
+        unloaded = flights.of(UNLOADED)
+        effects = None if unloaded is None else unloaded.effects(separation.bins)
+        summary, parts = inputs_of(inputs)
+        separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
+        return LandingResults(separation, bracket, budget, alone, slab, effects, summary, parts)
+
+    def _key(self, tracked: Tracked | None) -> str:
+        """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""
+        scene = self.pipeline.scene  # flown without its air at rung none, fed by its funnel
+        order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
+        code = digest_files([Path(wakeflow.__file__).parent])
+        made_for = (self.asked.tables(), order, self.pipeline.plan.summary(), to_json(self.request))
+        crowd = self.pipeline.crowd_key if tracked and self.request.until is None else None
+        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, crowd, versions(), code)
+
+    def _drawn(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
+        """The result with the pictures of its report, which is drawn where it does not stand in the folder already; the
+        ``answer``'s landings, where there is one, stand in them.
+        """
+        from .. import report
+
+        folder, scene = self.folder, self.pipeline.scene
+        stands = key_in(folder) == result.key
+        if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
+            (folder / FILE).unlink(missing_ok=True)
+            report.clear_report(folder)
+            (folder / "granules.npz").unlink(missing_ok=True)
+        if tracked is not None:
+            landings = tracked.landings if answer is None else answer
+            granules = some_granules(scene, landings)
+            with atomic_write(folder / "granules.npz", "wb") as stream:
+                np.savez(stream, names=np.array(list(landings)), **granules)
+            wanted = self.request.until is None and self.report
+            if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
+                report_into(self.pipeline, tracked, landings, granules, result, pdf=self.pdf)
+            return replace(result, pictures=report.pictures_of(folder))
+        if self.request.until == "funnel" and self.poured is not None:
+            report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
+        return result
+
+
+def _with_totals(scene: Scene, flights: Flights) -> tuple[Separation, tuple[BudgetRow, ...], Inputs | None]:
+    """The shares of the granules of ``flights`` with all parts of their error in the intervals, and these parts."""
+    found = separate(scene, flights.landings)
+    budget, inputs = make_budget(flights, found), flights.inputs(found.fractions)
+    return totalled(found, budget, inputs, scene), budget, inputs
+
+
+def _momentum(scene: Scene, airflow: Airflow) -> MomentumModel:
+    """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
+    base pressure.
+    """
+    assert scene.air is not None
+    assert airflow.cp_base is not None
+    assert airflow.cp_base.value is not None
+    model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.air.direction)
+    return MomentumModel(model.front, model.drag(airflow.cp_base.value))
+
+
+def _divergence(pipeline: Pipeline) -> FieldDivergence:
+    return from_json(FieldDivergence, pipeline.divergence, "divergence")
+
+
+def _truncation(pipeline: Pipeline) -> FieldTruncation | None:
+    lost = pipeline.truncation
+    return None if lost is None else from_json(FieldTruncation, lost, "truncation")

@@ -1,0 +1,97 @@
+"""What a run leaves in its folder beside result.json: the report, the field's files, a sample of granules."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.sources import code_key
+from ..core.store import content_key
+from ..pipeline.pipeline import Pipeline
+from ..report.views import Result
+from ..results.airflow_summary import (
+    Airflow,
+)
+from ..results.solved_case import cells_of, forces_of
+from ..scene import Scene
+from .packages import versions
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Landings, Tracked
+    from ..report import Landed
+
+__all__ = ["field_files", "report_into", "some_granules"]
+
+
+def report_into(
+    pipeline: Pipeline,
+    tracked: Tracked,
+    answer: Mapping[str, Landings],
+    granules: Mapping[str, Any],
+    result: Result,
+    *,
+    pdf: bool,
+) -> None:
+    """Draw the report of a run into its folder; ``answer``: all landings, ``granules``: the sample of them that is
+    kept; ``pdf``: every figure as PDF too.
+    """
+    from ..report import Outcome, write_report
+
+    pipeline.listener("report", "drawing")
+    scene = pipeline.scene
+    landings = {name: _landed(landing) for name, landing in answer.items()}
+    flow = None if scene.air is None else pipeline.field[1]
+    shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
+    air = result.airflow
+    cells, history = (None, None) if air is None else (cells_of(pipeline), forces_of(pipeline, air))
+    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, granules, cells, history)
+    write_report(result.folder, outcome, field_files(pipeline, air), pdf=pdf)
+    pipeline.listener("report", "done")
+
+
+def field_files(pipeline: Pipeline, airflow: Airflow | None) -> Path | None:
+    """The folder in the cache with the field's files for ParaView, which all runs in this airflow share; None without
+    air.
+    """
+    from ..report.vtk import write_field
+
+    scene = pipeline.scene
+    if scene.air is None:
+        return None
+    upstream, flow = pipeline.field
+    asked = scene.numerics.snapshots, scene.symmetric
+    key = content_key("vtk", upstream, *asked, code_key("wakeflow.report.vtk.air"), versions()["pyvista"])
+
+    def work(part: Path) -> None:
+        write_field(part, flow, scene, airflow)
+
+    return pipeline.cache.make("vtk", key, work)
+
+
+def _landed(landing: Landings) -> Landed:
+    from ..report import Landed
+
+    return Landed(landing.position[:, 0], landing.position[:, 1], landing.mass_shares, landing.bin)
+
+
+def some_granules(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Any]:
+    """A fixed subsample of at most numerics.keep granules a fraction, as columns; shares use all of them."""
+    rows: dict[str, list[np.ndarray]] = {}
+    mass = scene.mass_shares()
+    for index, (name, landing) in enumerate(landings.items()):
+        count = len(landing.bin)
+        kept = np.unique(np.linspace(0, count - 1, min(count, scene.numerics.keep)).astype(int))
+        columns = {
+            "fraction": np.full(len(kept), index),
+            "weight": mass[name] * landing.mass_shares[kept] / landing.mass_shares[kept].sum(),
+            **{
+                field: getattr(landing, field)[kept]
+                for field in ("position", "bin", "diameter", "fate", "time", "impacts")
+            },
+        }
+        for field, values in columns.items():
+            rows.setdefault(field, []).append(values)
+    return {name: np.concatenate(parts) for name, parts in rows.items()}

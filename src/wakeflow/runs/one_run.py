@@ -1,0 +1,139 @@
+"""run(): one scene computed in one folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import SceneError
+from ..pipeline.cache import Listener, silent
+from ..planning.machine_rates import learn
+from ..planning.make import make_plan
+from ..progress import heard
+from ..refining.loop import refined
+from ..report.views import Result
+from ..results.budget import fly_again
+from ..results.refinement import Refinement
+from ..results.result import (
+    Request,
+)
+from ..results.source import Flights
+from ..scene import Scene
+from .answer import OneRun
+from .stages import one_thread_of_blas, stages_of
+
+if TYPE_CHECKING:
+    from ..planning.plan import Plan
+
+__all__ = ["help_along", "run", "run_once"]
+
+STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
+
+
+def run(
+    scene: Scene | Path | str,
+    out: Path | str | None = None,
+    *,
+    until: str | None = None,
+    rung: str | None = None,
+    force: Mapping[str, bool] | None = None,
+    target_error: float | None = None,
+    near: Path | str | None = None,
+    workers: int | None = None,
+    listener: Listener | None = None,
+    planned: Callable[[Plan], object] | None = None,
+    redraw: bool = False,
+    report: bool = True,
+    refine: bool = True,
+    crew: int = 1,
+) -> Result:
+    """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
+    file's name); finished stages come from the cache.
+
+    ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
+    ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. The steady airflow is solved
+    on from that of the run in the folder ``near``, whatever its mesh, speed or size, else from rest; the answer hangs
+    on it within what it may move once it counts as steady, and is kept apart. With a ``target_error`` the
+    scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
+    (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
+    time: ``print`` serves, and a notebook shows a bar by itself; ``planned(plan)`` hears before of what will be done.
+    ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
+    ``crew``: how many processes fly the scene's granules side by side, the others by :func:`help_along`.
+    Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
+    """
+    name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
+    asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
+    request = Request(until, rung, dict(force or {}), target_error, None if near is None else str(near))
+    listener, planned = heard(listener, planned)
+    once = partial(
+        run_once,
+        folder=folder,
+        request=request,
+        workers=workers,
+        listener=listener,
+        planned=planned,
+        redraw=redraw,
+        crew=crew,
+    )
+    if target_error is None or until is not None or not refine:
+        return once(asked, report=report)
+
+    plan = make_plan(asked, rung=rung, force=force, target_error=target_error)
+    found = refined(asked, target_error, partial(once, report=False), plan, listener)
+    return once(Scene.parse(found.scene), report=True, refinement=found.refinement) if report else found
+
+
+def run_once(
+    scene: Scene,
+    *,
+    folder: Path,
+    request: Request,
+    workers: int | None,
+    listener: Listener,
+    planned: Callable[[Plan], object],
+    redraw: bool,
+    report: bool,
+    crew: int = 1,
+    refinement: Refinement | None = None,
+    pdf: bool = False,
+) -> Result:
+    """Run a scene as it stands; ``refinement``: how its settings came about."""
+    from filelock import FileLock, Timeout
+
+    _check(scene, folder, request, workers)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / ".lock", timeout=0), one_thread_of_blas():
+            pipeline, poured = stages_of(scene, request, workers, listener, crew, planned)
+            result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
+            if workers is None and crew == 1 and request.near is None:  # all cores, from rest: as the plan expects it
+                spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
+                learn(pipeline.store.root, pipeline.plan.stages, spent)
+            return result
+    except Timeout:
+        raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
+
+
+def help_along(scene: Scene, request: Request, *, workers: int, crew: int) -> None:
+    """Fly what :func:`run` flies of a scene beside another process that runs it with the same ``crew``; each flies the
+    pieces that no other is at. Writes nothing but the cache.
+    """
+    with one_thread_of_blas():
+        pipeline, _ = stages_of(scene, request, workers, silent, crew)
+        fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
+
+
+def _check(scene: Scene, folder: Path, request: Request, workers: int | None) -> None:
+    """Raise SceneError where a run cannot be made as it was asked for."""
+    if request.until not in (None, *STOPS):
+        raise SceneError(f"until = {request.until!r}: choose funnel, mesh, airflow or tracks")
+    if request.until == "funnel" and scene.funnel is None:
+        raise SceneError("until = 'funnel': the scene has no [funnel] table")
+    if workers is not None and workers < 1:
+        raise SceneError(f"workers = {workers}: at least 1")
+    if request.near is not None and Path(request.near).resolve() == folder.resolve():
+        raise SceneError(f"--near {request.near}: is the run's own folder; name another run")
+    if folder.exists() and not folder.is_dir():
+        raise SceneError(f"--out {folder}: is a file; name a folder")

@@ -1,0 +1,90 @@
+"""The stages of a scene as a run asks for them: under its plan, fed by its funnel, near another's airflow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import SceneError
+from ..pipeline.cache import Listener, in_turn
+from ..pipeline.pipeline import Pipeline
+from ..planning.make import Planner
+from ..progress import unheard
+from ..results.funnel_summary import FunnelSummary, funnel_of
+from ..results.result import (
+    Request,
+    asked_in,
+)
+from ..scene import Scene
+
+if TYPE_CHECKING:
+    from ..planning.plan import Plan
+
+__all__ = ["one_thread_of_blas", "stages_of"]
+
+
+def one_thread_of_blas() -> AbstractContextManager[object]:
+    """Threads of the run's own share the cores; those of BLAS would wait for each other, and sum in their own order."""
+    from threadpoolctl import threadpool_limits
+
+    import_module("scipy.linalg")  # brings a BLAS of its own, and only what is loaded can be limited
+
+    limits: AbstractContextManager[object] = threadpool_limits(1, user_api="blas")
+    return limits
+
+
+def stages_of(
+    scene: Scene,
+    request: Request,
+    workers: int | None,
+    listener: Listener,
+    crew: int,
+    planned: Callable[[Plan], object] = unheard,
+) -> tuple[Pipeline, FunnelSummary | None]:
+    """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
+    the plan before.
+    """
+    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
+    plan = planner.plan(rung)
+    planned(plan)
+    beside = None if request.near is None else _neighbour(Path(request.near), (), in_turn(listener))
+    pipeline = Pipeline(
+        plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner, crew=crew, neighbour=beside,
+        seconds={} if beside is None else beside.seconds,
+    )  # fmt: skip
+    poured = funnel_of(pipeline.funnel)
+    if poured is not None and request.until != "funnel":
+        fed = _fed(scene, poured)
+        planner = planner.at(fed)  # the bounds on loading follow the rate
+        plan = planner.plan(rung)
+        pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+    return pipeline, poured
+
+
+def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pipeline:
+    """The stages of the run in ``folder``, which may have ended with its airflow; ``before``: those that start from it.
+
+    Raises SceneError where there is none, or where it starts from one of those itself.
+    """
+    here = folder.resolve()
+    if here in before:
+        raise SceneError(f"--near {folder}: that airflow starts from itself; name a run that was started from rest")
+    tables, request = asked_in(folder, whole=False)
+    further = None if request.near is None else _neighbour(Path(request.near), (*before, here), listener)
+    scene = Scene.parse(tables).fed()
+    plan = Planner(scene, request.force, request.target_error).plan(request.rung)
+    return Pipeline(plan.airflow.flown(scene), plan, listener, label="neighbour ", neighbour=further)
+
+
+def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
+    """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
+    if poured.rate is None and scene.feed.rate is None:
+        raise SceneError(
+            f"funnel: the flow stops with {poured.left} of {poured.beads} beads inside; widen "
+            "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
+        )
+    return scene.fed(None if poured.rate is None else poured.rate.value)
