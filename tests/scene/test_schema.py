@@ -16,7 +16,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.scene import Scene
 from wakeflow.scene.schema import scene_schema
 
-OF_MANY = ("sweep-*.toml", "search/*.toml")  # tables beside a scene's own
+OF_MANY = ("sweep-*.toml", "search-*.toml")  # tables beside a scene's own
 SCENES = sorted(path for path in CASES.rglob("*.toml") if not any(path.match(name) for name in OF_MANY))
 
 
