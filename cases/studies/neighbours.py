@@ -35,7 +35,7 @@ def moved(rest: wf.Result, near: wf.Result) -> tuple[float, float]:
     """The largest change of a share and half its interval there, in points."""
     first, second = rest.separation["fractions"], near.separation["fractions"]
     found = [
-        (abs(second[name][place]["value"] - share["value"]), 0.5 * (share["high"] - share["low"]))
+        (abs(second[name][place]["share"] - share["share"]), 0.5 * (share["high"] - share["low"]))
         for name, row in first.items()
         for place, share in row.items()
     ]

@@ -1,9 +1,9 @@
 """Where each fraction of granules lands behind a body in a vertical airflow, with one honest interval.
 
->>> import wakeflow as wf
->>> result = wf.run("machine.toml")                          # or wakeflow run machine.toml
->>> result.share("wheat", "outer-right")                     # value, low, high: 95 %
->>> result.plot.tracks()
+    import wakeflow as wf
+    result = wf.run("machine.toml")                          # or wakeflow run machine.toml
+    result.share("wheat", "outer-right")                     # value, low, high: 95 %
+    result.plot.tracks()
 
  1. Scene      what is asked: Scene.load(file), .replace({"air.speed": "7 m/s"}), .save(file)
  2. plan       what a scene needs, what is left out and by which bound, its cost: wf.plan(scene)

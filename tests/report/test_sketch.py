@@ -15,7 +15,8 @@ from support import CASES, shipped
 from wakeflow.report.sketch import draw_sketch
 from wakeflow.scene import Scene, units_written
 
-MACHINES = sorted(path for path in [*CASES.glob("*.toml"), *CASES.glob("paper/*.toml")] if "sweep" not in path.stem)
+FILES = [*CASES.glob("*.toml"), *CASES.glob("paper/*.toml")]
+MACHINES = sorted(path for path in FILES if path.stem.partition("-")[0] not in ("sweep", "search"))
 
 
 def _texts(figure: Figure) -> list[Annotation]:

@@ -205,6 +205,6 @@ def test_what_would_not_fit_on_the_disk_is_refused_before_anything_is_computed(
 ) -> None:
     monkeypatch.setattr("wakeflow.sweeps.compute.shutil.disk_usage", lambda place: SimpleNamespace(free=1000))
     here = Here()
-    with pytest.raises(SceneError, match=r"needs about .* GB .* wakeflow clean --keep"):
+    with pytest.raises(SceneError, match=r"needs about .* GB .*wakeflow clean --keep"):
         wf.sweep([shipped("vacuum", {"feed.count": 16})], tmp_path, scheduler=here)
     assert not here.calls

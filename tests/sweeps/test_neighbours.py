@@ -12,6 +12,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.results.result import Request
+from wakeflow.runs import report_again
 from wakeflow.sweeps import run_agenda
 from wakeflow.sweeps.agenda import make_agenda
 from wakeflow.sweeps.neighbours import starts
@@ -90,11 +91,11 @@ def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path) ->
     assert drag[1] == pytest.approx(drag[0], rel=2e-3)
     for name, row in rest.separation["fractions"].items():
         for place, share in row.items():
-            assert near.separation["fractions"][name][place]["value"] == pytest.approx(share["value"], abs=0.02)
+            assert near.separation["fractions"][name][place]["share"] == pytest.approx(share["share"], abs=0.02)
     assert near.key != rest.key
     options: dict[str, Any] = json.loads((tmp_path / "near" / "result.json").read_text())["options"]
     assert options["near"] == str(tmp_path / "first")
-    wf.report_again(tmp_path / "near")  # finds the airflow that was started so
+    report_again(tmp_path / "near")  # finds the airflow that was started so
 
 
 def test_a_start_that_cannot_be_is_one_line(tmp_path: Path) -> None:

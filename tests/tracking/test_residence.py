@@ -160,7 +160,7 @@ def test_turbulence_opens_a_closed_eddy() -> None:
         return np.stack([-(x[:, 1] + 0.25), x[:, 0]], axis=1) * 8.0
 
     field = field_of(eddy, n=4, low=-2, high=2, k=np.full(25, 1.0), dissipation=np.full(25, 10.0))
-    assert not found(field, count=64).closed
+    assert not found(field, count=256).closed
 
 
 def test_the_near_wake_begins_at_the_widest_place() -> None:
