@@ -57,6 +57,7 @@ def table_rows(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in kept]
 
 
+@pytest.mark.slow  # compiles the tracker in two caches of its own
 @pytest.mark.openfoam
 def test_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))  # put back what the study sets
