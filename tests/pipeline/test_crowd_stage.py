@@ -14,7 +14,7 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.pipeline.crowd_flight import SlabFlight, _grouped, load_crowd
+from wakeflow.pipeline.crowd_flight import SlabFlight, _grouped, load_crowd, step_of
 from wakeflow.pipeline.crowd_stage import SlabFound
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
@@ -83,6 +83,28 @@ def test_it_goes_on_where_it_stopped(tmp_path: Path) -> None:
     assert one.step == two.step
     for name in scene.fraction:
         np.testing.assert_array_equal(one.landings[name].position, two.landings[name].position)
+
+
+def test_all_fly_with_the_step_that_the_first_has_found(tmp_path: Path) -> None:
+    scene = fed(TRICKLE)
+    plan = make_plan(scene, force={COLLISIONS: True})
+    flight = SlabFlight(scene, plan, Realisations(None), 0.03, 0.2, 0.3, 1e-3)
+    flight.fly_all(tmp_path, 2)
+    (tmp_path / "given").mkdir()
+    replace(flight, step=step_of(tmp_path)).fly_all(tmp_path / "given", 2)
+    one, two = (load_crowd(folder, scene, 2) for folder in (tmp_path, tmp_path / "given"))
+    assert one.step == two.step
+    assert one.step_error < 1e-3
+    for name in scene.fraction:
+        np.testing.assert_array_equal(one.landings[name].position, two.landings[name].position)
+
+
+def test_a_first_replicate_that_fails_before_its_step_is_known_says_why(tmp_path: Path) -> None:
+    scene = fed(DENSE)
+    flight = SlabFlight(scene, make_plan(scene, force={COLLISIONS: True}), Realisations(None), 1.5e-3, 0.2, 0.3, 1e-3)
+    with pytest.raises(wf.SceneError, match="less than the largest granule"):
+        flight.fly_all(tmp_path, 2)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_weight_counts_as_so_many_granules() -> None:

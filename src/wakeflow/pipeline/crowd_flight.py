@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, as_completed, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,8 @@ SEVERAL = 3.0  # flights of a granule that landed late, within which one that me
 class SlabFlight:
     """How a slab of ``depth`` (m) is flown: ``start_up`` (s) until it is steady, at least ``operation`` (s) that count,
     in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step of its clock, or the ``step``
-    (s) itself; ``tell`` hears of progress. A replicate is one thread's work: ``workers`` fly at a time.
+    (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of progress. A replicate is one
+    thread's work: ``workers`` fly at a time.
     """
 
     scene: Scene
@@ -49,24 +50,38 @@ class SlabFlight:
     step: float | None = None
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
+    measured: Callable[[float], object] | None = None
 
     def fly_all(self, folder: Path, replicates: int) -> None:
         """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
-        left alone. Where no ``step`` is given the first finds that of the others.
+        left alone. Where no ``step`` is given the first finds that of the others, which wait for no more than that.
         """
-        others = self
-        if self.step is None:
-            self.keep(0, folder)
-            others = replace(self, step=step_of(folder))
         left = [number for number in range(replicates) if not _file(folder, number).exists()]
         pool = ThreadPoolExecutor(self.workers or cores())
         try:
-            jobs = [pool.submit(others.keep, number, folder) for number in left]
-            for done, job in enumerate(as_completed(jobs), replicates - len(left)):
+            jobs: list[Future[None]] = []
+            step = self.step
+            if step is None and 0 in left:
+                first, step = self._first(pool, folder)
+                jobs.append(first)
+                left.remove(0)
+            others = replace(self, step=step_of(folder) if step is None else step)
+            jobs += [pool.submit(others.keep, number, folder) for number in left]
+            for done, job in enumerate(as_completed(jobs), replicates - len(jobs)):
                 job.result()
                 self.tell(f"{done + 1} of {replicates} replicates")
         finally:
             pool.shutdown(cancel_futures=True)
+
+    def _first(self, pool: ThreadPoolExecutor, folder: Path) -> tuple[Future[None], float]:
+        """The first replicate's flight, and the step (s) that it has found."""
+        step: Future[float] = Future()
+        job = pool.submit(replace(self, measured=step.set_result).keep, 0, folder)
+        both: tuple[Future[Any], ...] = (step, job)
+        wait(both, return_when=FIRST_COMPLETED)
+        if not step.done():
+            job.result()  # raises: it failed before it knew
+        return job, step.result()
 
     def keep(self, number: int, folder: Path) -> None:
         """Fly one replicate and keep its landings in ``folder``, unless they are there already."""
@@ -156,6 +171,7 @@ class SlabFlight:
                 friction=rebound.friction,
                 tracers=stream.tracers,
                 step=self.step,
+                measured=self.measured,
             ),
         )
 

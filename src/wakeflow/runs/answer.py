@@ -128,7 +128,7 @@ class OneRun:
         threads = cores() if pipeline.workers is None else pipeline.workers
         if threads < 2 or until in ("funnel", "mesh") or pipeline.kind.at_once:
             return []
-        spare = replace(pipeline, workers=threads - 1)
+        spare = replace(pipeline)  # the two threads share what is in the cache, nothing else
 
         def solve(grid: int) -> object:
             return spare.on_grid(grid).solution
@@ -141,9 +141,7 @@ class OneRun:
         return [*solved, *flights_ahead(spare), self._air_shown]  # flights wait for the steady airflow
 
     def _air_shown(self) -> None:
-        """What the report tells and shows of the air alone, while the slab's first replicate has one core for itself;
-        by then this run's own field is there.
-        """
+        """What the report tells and shows of the air alone, as soon as this run's own field is there."""
         _ = self.pipeline.residence
         if self.report:
             field_files(self.pipeline, airflow_of(self.pipeline))

@@ -32,7 +32,6 @@ def one_thread_of_blas() -> AbstractContextManager[object]:
     from threadpoolctl import threadpool_limits
 
     import_module("scipy.linalg")  # brings a BLAS of its own, and only what is loaded can be limited
-
     limits: AbstractContextManager[object] = threadpool_limits(1, user_api="blas")
     return limits
 
@@ -51,9 +50,10 @@ def stages_of(
     planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
     plan = planner.plan(rung)
     planned(plan)
-    beside = None if request.near is None else _neighbour(Path(request.near), (), in_turn(listener))
+    one_at_a_time = in_turn(listener)
+    beside = None if request.near is None else _neighbour(Path(request.near), (), one_at_a_time)
     pipeline = Pipeline(
-        plan.airflow.flown(scene), plan, in_turn(listener), workers, planner=planner, crew=crew, neighbour=beside,
+        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, crew=crew, neighbour=beside,
         seconds={} if beside is None else beside.seconds,
     )  # fmt: skip
     poured = funnel_of(pipeline.funnel)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,8 @@ class Collisions:
     the two. ``tracers`` are fractions too fine and too many to be simulated one by one: those that fly are a sample;
     the crowd can hit them, with the efficiency of impaction (:mod:`wakeflow.laws.sphere_impaction`), and does not
     notice, nor do they meet each other. ``step`` (s) of the clock; None: as long as ``tolerance`` allows, found by
-    flights of a sample (docs/crowd.md). Raises SceneError for values out of range.
+    flights of a sample (docs/crowd.md); ``measured`` hears it then, before the crowd flies. Raises SceneError for
+    values out of range.
     """
 
     depth: float
@@ -35,6 +36,7 @@ class Collisions:
     tangential_restitution: Any = 0.0
     tracers: Sequence[int] = ()
     step: float | None = None
+    measured: Callable[[float], object] | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("depth", self.depth), ("step", self.step)):

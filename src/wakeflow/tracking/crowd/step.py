@@ -43,6 +43,8 @@ def fly_crowd(
     step, error = slab.collisions.step, np.nan
     if step is None:
         step, error = measured_step(slab, alone)
+        if slab.collisions.measured is not None:
+            slab.collisions.measured(step)
     told: dict[str, Any] = {"flown": 0, "steps": 0, "standing": []}
     if len(found):
         told = fly_slab(slab, found, step, seed, progress)
