@@ -14,7 +14,9 @@ import wakeflow as wf
 from support import CASES, DOCS, ROOT
 
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-SMALL = {"numerics.rung": "draft", "numerics.mesh_scale": 3.0, "feed.count": 64}  # instead of the minutes of a page
+SMALL = {  # instead of the minutes of a page: a trickle of granules that neither meet nor load the air
+    "numerics.rung": "draft", "numerics.mesh_scale": 3.0, "feed.count": 64, "feed.rate": "0.5 kg/hour",
+}  # fmt: skip
 # tests/test_extending.py, tests/test_tutorial.py, tests/report/test_plot.py (a finished run, read again)
 ELSEWHERE = {DOCS / f"{page}.md" for page in ("extending", "tutorial", "results")}
 PAGES = [ROOT / "README.md", *sorted(set(DOCS.glob("*.md")) - ELSEWHERE)]

@@ -24,20 +24,20 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 
-COUNT = 2048
+COUNT = 512
 # The slab's own runs are in tests/pipeline/test_crowd_stage.py, those of air that feels granules in test_air_loading.py
 ALONE = {"collisions": False, "air-loading": False}
 
 
 @pytest.fixture(scope="session")
 def rhombus_run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft"})
+    scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft", "numerics.mesh_scale": 2.0})
     return wf.run(scene, tmp_path_factory.mktemp("rhombus"), force=ALONE)
 
 
 @pytest.fixture(scope="session")
 def prism_run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = shipped("prism", {"feed.count": COUNT})
+    scene = shipped("prism", {"feed.count": COUNT, "numerics.mesh_scale": 2.0})
     return wf.run(scene, tmp_path_factory.mktemp("prism"), force=ALONE)
 
 
@@ -246,7 +246,7 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
     """Ctrl-C during the airflow: code 130, no result, no child left; the same command finishes from where it was."""
     command = [
         sys.executable, "-m", "wakeflow.cli", "run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"),
-        "--rung", "draft", "--set", "feed.count=64", "--until", "airflow", "--set", "air.speed=5.5",
+        "--rung", "draft", "--set", "feed.count=64", "--until", "airflow", "--set", "numerics.mesh_scale=1.5",
     ]  # fmt: skip
     env = {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
     case = tmp_path / "cache" / "airflow"
@@ -289,6 +289,7 @@ def test_dust_past_a_body_that_swings_sideways_flies_with_the_air(cases: Path, t
         "body.prism.width": 0.06,
         "body.prism.slope_angle": "68 deg",
         "air.speed": 4.5,
+        "numerics.mesh_scale": 2.0,
         "vibration": {"frequency": 25, "gamma": 8.0, "direction": "0 deg"},
         "feed.count": 256,
     }

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import t
+from scipy.stats import binomtest, t
 
 from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.results.measured import Measured
 from wakeflow.results.separation import separate, share_spreads
+from wakeflow.results.spread import wilson
 from wakeflow.scene import Scene
 
 DRAWS = 500  # of each case: 95 % is found as 95 +- 1.9 %
@@ -123,3 +124,9 @@ def test_parts_of_the_budget_add_up_to_the_interval(scene: Scene) -> None:
     for share, spread in zip(shares.values(), share_spreads(landing, 2), strict=True):
         assert spread.airflow > spread.sampling
         assert 0.5 * (share.high - share.low) == pytest.approx(spread.together)
+
+
+@pytest.mark.parametrize(("count", "total"), [(0, 1), (1, 1), (0, 4096), (1, 7), (200, 4096), (4096, 4096)])
+def test_wilsons_interval_is_scipys(count: int, total: int) -> None:
+    right = binomtest(count, total).proportion_ci(0.95, method="wilson")
+    np.testing.assert_allclose(wilson(count, total), (right.low, right.high), rtol=1e-12, atol=1e-15)

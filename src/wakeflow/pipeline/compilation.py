@@ -6,7 +6,7 @@ import contextlib
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 
 from ..core.errors import ProgramError
 from ..core.process import call_in_child, cores
@@ -16,6 +16,7 @@ from .stages import StageKey, StageTime
 __all__ = ["COMPILED", "Compilation"]
 
 COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+_here, _slab_here = Event(), Event()  # this process has the tracker; and the slab's kernel
 
 
 @dataclass
@@ -27,9 +28,9 @@ class Compilation:
 
     def begin(self, log: Path, *, slab: bool) -> None:
         """Have the tracker, and the ``slab``'s own kernel, compiled into their cache by other processes, where a core
-        is free for them.
+        is free for them and this process has not got it yet.
         """
-        if not self.children and cores() > 1:
+        if not self.children and cores() > 1 and not (_slab_here if slab else _here).is_set():
             self.children.append(_in_child("tracks:compile_tracker", log))
             if slab:
                 self.of_the_slab.append(_in_child("crowd_flight:compile_slab", log.with_name(f"{log.name}-slab")))
@@ -38,6 +39,7 @@ class Compilation:
         """Wait for the slab's kernel, where another process compiles it."""
         for child in self.of_the_slab:
             child.join()
+        _slab_here.set()
 
     def finish(self, cache: StageCache) -> None:
         """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
@@ -48,6 +50,7 @@ class Compilation:
         for child in self.children:
             child.join()
         compile_tracker()
+        _here.set()
         spent = time.monotonic() - started
         cache.seconds[COMPILED] = StageTime(spent, cached=False)
         cache.tell("compile", f"done ({spent:.1f} s)")

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     Paper = Path | str | Axes | AnyFigure
 
 __all__ = [
+    "BARS",
     "BODY",
     "INK",
     "MM",
@@ -63,6 +64,7 @@ BODY, INK, STREAM = "#8a8a8a", "#1a1a1a", "#0b7285"
 BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 MM = 1000.0
 DPI = 160
+MARGIN = 0.08  # inches around what is drawn
 SUFFIXES = (".png", ".svg", ".pdf", ".csv", ".npz")  # of a figure and its data
 LETTER = 0.6  # mean width of a letter over the font size
 TALLEST, WIDEST = 6.6, 5.6  # inches of a map
@@ -318,6 +320,9 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
         return
     path, root = Path(paper), figure.figure
     _unify(root)
+    root.draw_without_rendering()  # laid out once: a format would do it again, at twice the cost of its drawing
+    root.set_layout_engine(None)
+    drawn = root.get_tightbbox().padded(MARGIN)
     undated: dict[str, dict[str, Any] | None] = {".png": None, ".svg": {"Date": None}}
     if _pdf_too.get():
         undated[".pdf"] = {"CreationDate": None}
@@ -325,7 +330,7 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": path.stem, "pdf.fonttype": 42}):
         for suffix, metadata in undated.items():
             with atomic_write(path.with_suffix(suffix), "wb") as stream:
-                root.savefig(stream, format=suffix[1:], bbox_inches="tight", pad_inches=0.08, metadata=metadata)
+                root.savefig(stream, format=suffix[1:], bbox_inches=drawn, metadata=metadata)
     if data is not None:
         _save_data(path, {name: np.asarray(values) for name, values in data.items()})
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
-from .canvas import BODY, INK, MM, new_figure, text_width
+from .canvas import BARS, BODY, INK, MM, new_figure, text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
 FILES = ("png", "svg", "pdf")
 AIR, FEED = "#0b7285", "#c98500"
-BARS = (INK, "#7d7d7d")  # bins, in turn along a wall
 TALLEST, WIDEST = 5.4, 5.4  # inches of the machine itself
 SMALL, LINE = 8.0, 0.155  # points of the measures; inches of a line of them
 BESIDE = 0.35  # inches between the machine and what is written beside it

@@ -48,11 +48,17 @@ def _panel(axes: Axes, name: str, moves: Sequence[InputMove]) -> None:
         axes.barh(heads, changes, color=colour, height=0.62, label=label)
         axes.errorbar(changes, heads, xerr=errors, fmt="none", ecolor=INK, elinewidth=0.8, capsize=2)
     axes.axvline(0.0, color=INK, linewidth=0.8)
-    axes.set_title(f"{name}, {scale * moves[0].value:.3g} {'%' if part else unit}", fontsize=9, loc="left")
+    axes.set_title(f"{_said(name)}, {scale * moves[0].value:.3g} {'%' if part else unit}", fontsize=9, loc="left")
     axes.set_xlabel(f"change, {unit}", fontsize=8)
     axes.invert_yaxis()
     axes.tick_params(labelsize=7.5)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def _said(name: str) -> str:
+    """A quantity's name as a title: share.dust.middle is dust in middle."""
+    kind, *parts = name.split(".")
+    return " in ".join(parts) if kind == "share" else name
 
 
 def _share_range(panels: Sequence[Axes]) -> None:

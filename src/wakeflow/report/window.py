@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import SceneError
-from .canvas import BODY
+from .canvas import BARS, BODY
 from .colours import fraction_colours
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["look"]
 
 SIZE = (1200, 900)  # pixels
-BARS = ("#1a1a1a", "#7d7d7d")  # bins, in turn
 SLOWEST = 0.98  # of the tracks have ended at the slider's end
 TRACK, BAR = 2.0, 8.0  # pixels wide
 PALE = 0.5  # opacity of the air

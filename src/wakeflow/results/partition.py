@@ -21,7 +21,7 @@ from ..planning.plan import Plan
 from ..scene import RESERVED_BIN, Scene
 from .landing_results import PartitionCurve
 from .measured import Measured
-from .spread import LEVEL, student
+from .spread import student, wilson
 
 __all__ = ["partition_curves", "settling_velocities"]
 
@@ -142,16 +142,13 @@ def _shares(fed: Array, landed: Array, count: NDArray[np.int64]) -> tuple[Array,
     """Ratio of means over the samples, from masses (k, R) of every class and sample, with its 95 % interval; of a class
     that goes one way whole, Wilson's for its ``count`` (k,) of granules.
     """
-    from scipy.stats import binomtest
-
     share = landed.sum(axis=1) / fed.sum(axis=1)
     samples = fed.shape[1]
     off = (landed - share[:, None] * fed) / fed.mean(axis=1, keepdims=True)
     half = student(max(samples - 1, 1)) * off.std(axis=1, ddof=1 if samples > 1 else 0) / np.sqrt(samples)
     low, high = np.clip(share - half, 0.0, 1.0), np.clip(share + half, 0.0, 1.0)
     for i in np.flatnonzero((share <= 0.0) | (share >= 1.0)):
-        wilson = binomtest(round(share[i] * count[i]), int(count[i])).proportion_ci(LEVEL, method="wilson")
-        low[i], high[i] = wilson.low, wilson.high
+        low[i], high[i] = wilson(round(share[i] * count[i]), int(count[i]))
     return share, low, high
 
 

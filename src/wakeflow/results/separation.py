@@ -17,7 +17,7 @@ from ..pipeline.landings import Landings
 from ..scene import RESERVED_BIN, Scene
 from .landing_results import Separation
 from .measured import Measured, Share
-from .spread import LEVEL, Spread, Tally, cycles_of, spread_of
+from .spread import Spread, Tally, cycles_of, spread_of, wilson
 
 __all__ = ["purity_slopes", "separate", "share_interval", "share_spreads", "upper_limit"]
 
@@ -32,13 +32,10 @@ def share_interval(samples: Array, count: int, spread: Spread | None = None) -> 
     replicate: balanced samples may agree on a value that is off by that much. Where all agree on 0 or 1: Wilson's
     interval for ``count`` granules.
     """
-    from scipy.stats import binomtest
-
     value = float(np.mean(samples))
     replicates = len(samples)
     if np.ptp(samples) == 0.0 and value in (0.0, 1.0):
-        wilson = binomtest(round(value * count), count).proportion_ci(LEVEL, method="wilson")
-        return value, float(wilson.low), float(wilson.high)
+        return value, *wilson(round(value * count), count)
     found = spread or spread_of(samples[:, None] - value, np.zeros(replicates, dtype=np.int64), 0.0)
     half = found._replace(sampling=max(found.sampling, 0.5 * replicates / count)).together
     return value, max(0.0, value - half), min(1.0, value + half)
@@ -55,9 +52,7 @@ def share_spreads(landing: Landings, bins: int) -> list[Spread]:
 
 def upper_limit(count: int, total: int) -> float:
     """Upper 95 % limit (Wilson) of a share of which ``count`` of ``total`` were found."""
-    from scipy.stats import binomtest
-
-    return float(binomtest(count, total).proportion_ci(LEVEL, method="wilson").high)
+    return wilson(count, total)[1]
 
 
 def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:

@@ -20,10 +20,22 @@ from numpy.typing import NDArray
 from ..foam.statistics import student
 from ..pipeline.landings import Landings
 
-__all__ = ["LEVEL", "Spread", "Tally", "cycles_of", "spread_of", "student"]
+__all__ = ["LEVEL", "Spread", "Tally", "cycles_of", "spread_of", "student", "wilson"]
 
 Array = NDArray[np.float64]
 LEVEL = 0.95  # of every interval
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """The 95 % interval of a share of which ``count`` of ``total`` > 0 were found (Wilson 1927, J. Am. Stat. Assoc. 22,
+    209). scipy's binomtest gives it too, after a test that takes twenty times as long; a run asks for hundreds.
+    """
+    from scipy.special import ndtri
+
+    share, z2 = count / total, float(ndtri(0.5 * (1.0 + LEVEL))) ** 2
+    centre = (count + 0.5 * z2) / (total + z2)
+    half = np.sqrt(z2 * (total * share * (1.0 - share) + 0.25 * z2)) / (total + z2)
+    return (0.0 if count == 0 else float(centre - half)), (1.0 if count == total else float(centre + half))
 
 
 class Spread(NamedTuple):
