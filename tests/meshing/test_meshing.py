@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -79,6 +81,18 @@ def cell_areas(points: np.ndarray, cells: dict[str, np.ndarray]) -> np.ndarray:
     return np.concatenate(
         [0.5 * (a * np.roll(b, -1, axis=1) - np.roll(a, -1, axis=1) * b).sum(axis=1) for a, b in zip(x, y, strict=True)]
     )
+
+
+def test_reading_meshes_in_two_threads_leaves_standard_output_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    """It is the process's: who turns it aside for a moment in one thread may turn it aside for good."""
+    folder, _ = meshed(coarse(BODIES["rhombus"]))
+    before = sys.stdout
+    with ThreadPoolExecutor(2) as pool:
+        jobs = [pool.submit(read_mesh, folder / "mesh.msh") for _ in range(4)]
+        while not all(job.done() for job in jobs):
+            assert sys.stdout is before
+    assert all(len(job.result()) == 3 for job in jobs)
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize(("name", "rung"), list(itertools.product(BODIES, ["draft", "standard"])))

@@ -33,13 +33,9 @@ def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str,
     """The 2D mesh in a one-layer ``.msh``: points (n, 2) m, cells {"triangle": (m, 3), "quad": (m, 4)}, edges per
     patch.
     """
-    import contextlib
-    import io
-
     import meshio
 
-    with contextlib.redirect_stdout(io.StringIO()):  # meshio prints an empty line
-        mesh = meshio.read(path)
+    mesh = meshio.read(path, file_format="gmsh")  # left to guess, it prints an empty line to standard output
     tags = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
     cells: dict[str, NDArray[np.intp]] = {}
     boundary: dict[str, int] = {}
