@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from .core.errors import SceneError
 from .options import Axes, BothEnds, Fidelity, Folder, Forced, Held, Quiet, Settings, Shown, Target
-from .scene.overrides import changes_of, switches_of
+from .scene.overrides import changes_of, share_of, switches_of
 
 __all__ = ["MANY", "bins", "clean", "compare", "search", "sensitivity", "sweep"]
 
@@ -178,7 +178,7 @@ def bins(
 
 def _portion(option: str, text: str) -> float:
     try:
-        return float(text)
+        return share_of(text)
     except ValueError:
         raise SceneError(f"--purity {option!r}: write it as FRACTION=0.99, or FRACTION for every purity") from None
 

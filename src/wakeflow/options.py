@@ -38,7 +38,7 @@ Target = Annotated[
     ),
 ]
 Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
-Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; with --json the result alone.")]
+Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; where there is --json, that alone.")]
 
 Axes = Annotated[
     list[str],

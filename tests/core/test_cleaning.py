@@ -89,11 +89,24 @@ def test_clean_prints_and_keeps(
     assert main(["clean", "--keep", "much"]) == 2
 
 
-@pytest.mark.parametrize(("text", "size"), [("10GB", 1e10), ("500 MB", 5e8), ("12", 12.0), ("1.5k", 1500.0)])
+@pytest.mark.parametrize(
+    ("text", "size"), [("10GB", 1e10), ("500 MB", 5e8), ("12 B", 12.0), ("1.5k", 1500.0), ("0", 0.0)]
+)
 def test_sizes(text: str, size: float) -> None:
     assert bytes_of(text) == size
     with pytest.raises(SceneError, match="no size"):
         bytes_of(f"-{text}")
+
+
+def test_a_damaged_note_of_the_cost_stops_nothing(store: Store) -> None:
+    (store.root / "airflow" / "key1" / "seconds.json").write_text("")
+    assert [one.seconds for one in kept_stages(store.root)] == [0.0, None, 20.0, 30.0]
+
+
+def test_a_size_without_a_unit_is_refused() -> None:
+    """Whoever writes 10 means gigabytes, and would lose the whole cache."""
+    with pytest.raises(SceneError, match="with its unit"):
+        bytes_of("10")
 
 
 def test_a_link_is_one_file_and_a_copy_where_there_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

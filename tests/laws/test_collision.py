@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from support import CASES, DOCS
+from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import ImpactModel, bounce, collide, impact, impact_models
 
 BETA = np.pi / 4
@@ -180,3 +181,9 @@ def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
     assert all(row[4] <= 1.0 for row in rows)  # the derived form never does
     assert [row[6] for row in rows if row[:3] == [45.0, 0.5, 0.0]] == [1.25]
     assert sum(row[6] > 1.0 for row in rows) >= 3
+
+
+@pytest.mark.parametrize("angle", [60.0, -0.1, np.nan])
+def test_a_slope_angle_is_in_radians(angle: float) -> None:
+    with pytest.raises(SceneError, match=r"slope_angle \(rad\) = .*must be 0 to 1.5708"):
+        impact(angle, 1.4, 0.0, 0.5, 0.3)

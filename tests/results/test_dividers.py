@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,15 @@ def test_the_curve_falls_and_says_where_it_ends(run: wf.Result, capsys: pytest.C
     assert main(["bins", str(run.folder), "--purity", "wheat"]) == 0
     assert (run.folder / "figures" / "bins-wheat-floor.png").exists()
     assert len((run.folder / "bins-wheat-floor.csv").read_text().splitlines()) == len(levels) + 1
+
+
+def test_damaged_landings_are_said_with_their_cure(run: wf.Result, tmp_path: Path) -> None:
+    shutil.copy(run.folder / "result.json", tmp_path)
+    with pytest.raises(wf.SceneError, match="the run ended before its tracks"):
+        landed_along(tmp_path, "wheat", "floor")
+    (tmp_path / "granules.npz").write_bytes(b"PK no more")
+    with pytest.raises(wf.SceneError, match="damaged; wakeflow report"):
+        landed_along(tmp_path, "wheat", "floor")
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,8 @@ def test_the_command_prints_and_writes(
 
 
 def test_what_cannot_be_compared(runs: list[wf.Result], tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="give a list of runs"):
+        wf.compare("runs/vacuum")
     with pytest.raises(SceneError, match="at least two"):
         wf.compare(runs[:1])
     with pytest.raises(SceneError, match="given twice"):

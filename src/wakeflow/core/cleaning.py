@@ -13,8 +13,8 @@ from .errors import SceneError
 
 __all__ = ["KeptStage", "bytes_of", "kept_stages", "oldest_beyond", "remove_stages"]
 
-SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?)B?\s*", re.IGNORECASE)
-PREFIX = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
+SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(B|[kMGT]B?)\s*|\s*0\s*", re.IGNORECASE)  # a bare 10 may mean gigabytes
+PREFIX = {"": 1.0, "b": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,10 @@ def kept_stages(root: Path) -> list[KeptStage]:
     found = []
     for folder in folders:
         files = [path.stat() for path in folder.rglob("*") if path.is_file()]
-        noted = folder / "seconds.json"
-        seconds = float(json.loads(noted.read_text())) if noted.exists() else None
+        try:
+            seconds = float(json.loads((folder / "seconds.json").read_text()))
+        except (OSError, ValueError, TypeError):  # nobody noted them, or a damaged disk did
+            seconds = None
         manifest = (folder / "manifest.json").stat()
         size = sum(file.st_size for file in files if file.st_nlink == 1)
         found.append(KeptStage(folder.parent.name, folder, size, seconds, manifest.st_mtime))
@@ -83,5 +85,5 @@ def bytes_of(text: str) -> float:
     """
     found = SIZE.fullmatch(text)
     if found is None:
-        raise SceneError(f"{text!r} is no size; write it as 10GB or 500MB")
-    return float(found[1]) * PREFIX[found[2].lower()]
+        raise SceneError(f"{text!r} is no size; write it with its unit, as 10GB or 500MB")
+    return float(found[1] or 0) * PREFIX[(found[2] or "")[:1].lower()]

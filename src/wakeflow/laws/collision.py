@@ -36,6 +36,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 TINY = np.finfo(float).tiny
+STEEPEST = 1.5708  # rad, a vertical wall with room for round-off
 ROUGH = 1e300  # a larger friction counts as this one: an infinite friction times no impulse would not be a number
 
 
@@ -175,7 +176,7 @@ def impact(
     ``slope_angle`` (rad) is measured from the horizontal; the slope descends towards +x. ``restitution``: numbers, or a
     law of the approach speed. ``inertia`` is I / (m r^2): None for the paper's point mass, 0.4 for a sphere, 0.5 for a
     disc (``impact_models``); ``radius`` (m) gives the spin its size. All broadcast. With W = fall_speed + body_speed
-    <= 0 there is no impact and the velocity stays what it was.
+    <= 0 there is no impact and the velocity stays what it was. Raises SceneError for numbers out of range.
 
     >>> import numpy as np
     >>> np.round(impact(np.pi / 4, 1.4, 0.3, 0.5, 0.3).velocity, 4)
@@ -184,13 +185,14 @@ def impact(
     approach = np.maximum((np.asarray(fall_speed) + np.asarray(body_speed)) * np.cos(slope_angle), 0.0)
     at_approach = restitution_at(restitution, approach)
     for name, given, least, most in (
+        ("slope_angle (rad)", slope_angle, 0.0, STEEPEST),
         ("restitution", at_approach, 0.0, 1.0),
         ("friction", friction, 0.0, np.inf),
         ("inertia", 1.0 if inertia is None else inertia, TINY, np.inf),
         ("radius", 1.0 if radius is None else radius, TINY, np.inf),
     ):
         if not np.all((np.asarray(given) >= least) & (np.asarray(given) <= most)):
-            raise SceneError(f"{name} = {given}: must be {'positive' if least > 0 else f'{least:g} to {most:g}'}")
+            raise SceneError(f"{name} = {given!r}: must be {'positive' if least > 0 else f'{least:g} to {most:g}'}")
     arguments = (slope_angle, fall_speed, body_speed, at_approach, friction)
     mobility = 0.0 if inertia is None else 1.0 / np.asarray(inertia, dtype=float)
     arm = 1.0 if radius is None else np.asarray(radius, dtype=float)

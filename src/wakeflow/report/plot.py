@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
+from ..results.result import kept_granules
 from ..scene import Scene
 from ..scene.pictures import STANDARD_FIGURES
 from .outcome import Landed, Outcome, Track
@@ -94,8 +95,7 @@ def outcome_of(result: Result) -> Outcome:
         from ..field import FlowField
 
         field = FlowField.load(air)
-    with np.load(folder / "granules.npz") as data:
-        granules = {head: data[head] for head in data.files if head != "names"}
+    granules = {head: values for head, values in kept_granules(folder).items() if head != "names"}
     return Outcome(scene, field, _tracks(tracks), _landings(result, scene), result, {}, granules)
 
 

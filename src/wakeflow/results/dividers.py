@@ -24,7 +24,7 @@ from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..scene import Scene
 from .measured import Measured
-from .result import Result
+from .result import Result, kept_granules
 
 __all__ = ["Dividers", "Landed1D", "best_stretches", "cut", "dividers", "landed_along", "purities", "trade_off"]
 
@@ -104,16 +104,13 @@ def purities(run: Result | Path | str, fraction: str, on: str = "floor") -> list
 def landed_along(run: Result | Path | str, fraction: str, on: str) -> Landed1D:
     """The stored landings of a run on a line of its channel. Raises SceneError as :func:`dividers` does."""
     result = run if isinstance(run, Result) else Result.load(run)
-    scene, file = Scene.parse(result.scene), result.folder / "granules.npz"
+    scene = Scene.parse(result.scene)
     if fraction not in scene.fraction:
         known = list(scene.fraction)
         raise SceneError(f"no fraction {fraction!r}{did_you_mean(fraction, known)} (known: {', '.join(known)})")
-    if not file.exists():
-        raise SceneError(f"{result.folder} holds no granules.npz: the run ended before the tracks")
-    line = _line(scene, on)
-    with np.load(file) as data:
-        wanted = np.asarray(data["names"])[data["fraction"]] == fraction
-        position, mass = data["position"], data["weight"]
+    data, line = kept_granules(result.folder), _line(scene, on)
+    wanted = np.asarray(data["names"])[data["fraction"]] == fraction
+    position, mass = data["position"], data["weight"]
     place, distance = _along(line, position)
     here = distance <= ON_LINE
     lost = float(mass[wanted & ~here].sum())

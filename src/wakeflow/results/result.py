@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,6 +38,7 @@ __all__ = [
     "Result",
     "accessors",
     "asked_in",
+    "kept_granules",
     "key_in",
     "provenance_in",
     "refinement_in",
@@ -194,10 +196,7 @@ class Result:
         A pandas DataFrame where pandas is installed, else a dict of numpy arrays. Raises SceneError where the run ended
         before the tracks.
         """
-        if not (self.folder / GRANULES).exists():
-            raise SceneError(f"{self.folder} holds no granules: the run ended before their tracks")
-        with np.load(self.folder / GRANULES) as kept:
-            table = {name: kept[name] for name in kept.files}
+        table = kept_granules(self.folder)
         bins = np.array([*self._shares.bins], dtype=object)  # elsewhere is the last, and -1 in the file
         names = np.array(table["names"], dtype=object)
         x, y = table["position"].T
@@ -290,3 +289,17 @@ def key_in(folder: Path | str) -> str | None:
     except (SceneError, KeyError, TypeError):
         return None
     return key if isinstance(key, str) else None
+
+
+def kept_granules(folder: Path) -> dict[str, Any]:
+    """The arrays of granules.npz in a run's ``folder``, by name. Raises SceneError where there is none, or it is
+    damaged.
+    """
+    file = folder / GRANULES
+    if not file.exists():
+        raise SceneError(f"{folder} holds no {GRANULES}: the run ended before its tracks")
+    try:
+        with np.load(file) as data:
+            return {name: data[name] for name in data.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        raise SceneError(f"{file} is damaged; wakeflow report {folder} writes it anew") from None

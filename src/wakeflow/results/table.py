@@ -118,7 +118,7 @@ class ResultTable:
     def quantity(self, name: str) -> str:
         """``name``, where the table has such a number. Raises SceneError, naming the nearest, where it has not."""
         if name not in self.names:
-            raise SceneError(f"no quantity {name!r}{did_you_mean(name, list(self.names))} in this table")
+            raise SceneError(f"no quantity {name!r} in this table{did_you_mean(name, list(self.names))}")
         return name
 
     def write_csv(self, path: Path) -> None:

@@ -69,6 +69,8 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
 
     Raises SceneError with fewer than two, and where a folder holds no finished run.
     """
+    if isinstance(runs, Result | Path | str):
+        raise SceneError("give a list of runs to compare, as in compare([one, other])")
     found = [run if isinstance(run, Result) else Result.load(run) for run in runs]
     if len(found) < 2:
         raise SceneError("give at least two runs to compare")

@@ -80,7 +80,7 @@ class Sensitivity:
         """
         for name in quantities:
             if name not in self.by_quantity:
-                raise SceneError(f"no quantity {name!r}{did_you_mean(name, list(self.by_quantity))} in this table")
+                raise SceneError(f"no quantity {name!r} in this table{did_you_mean(name, list(self.by_quantity))}")
         every = {name: self.by_quantity[name] for name in quantities or self.main}
         return {name: [one for one in moves if one.reach > 0.0] or moves for name, moves in every.items()}
 
