@@ -93,6 +93,8 @@ def test_folders_of_runs_tell_variants_apart() -> None:
     scene = shipped("rhombus", {"air.speed": "7 m/s"})
     assert run_folder("rhombus", scene, [], {}) == "rhombus"
     assert run_folder("rhombus", scene, ["air.speed"], {"rung": "draft"}) == "rhombus+air.speed=7+rung=draft"
+    margins = [{"uncertainty.air.speed": margin} for margin in ("3 %", 3.0)]
+    assert [folder_name(one) for one in margins] == ["uncertainty.air.speed=3pct", "uncertainty.air.speed=3"]
     long = {f"fraction.f{number}.restitution": 0.1 for number in range(9)}
     assert len(folder_name(long)) <= 100
     assert folder_name(long) != folder_name({**long, "fraction.f8.restitution": 0.2})
