@@ -93,6 +93,7 @@ def test_plan_prints_for_people(
         ),
         (["run", "{cases}/vacuum.toml", "--out", "/proc/x"], "choose another --out"),
         (["run", "{cases}/vacuum.toml", "--workers", "0"], "at least 1"),
+        (["plan", "{cases}/vacuum.toml", "--workers", "-3"], "at least 1"),
         (["run"], "scene"),
         (["fly"], 'Unknown command "fly"'),
         (["new", "rombus"], "did you mean 'rhombus'?"),

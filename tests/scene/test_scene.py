@@ -244,12 +244,12 @@ def test_a_scene_is_utf_8_with_or_without_a_mark(encoding: str, readable: bool, 
     if readable:
         assert Scene.load(path) == Scene.load(cases / "vacuum.toml")
     else:
-        with pytest.raises(SceneError, match="scene.toml: not UTF-8; save it as UTF-8 in your editor"):
+        with pytest.raises(SceneError, match=r"scene\.toml: not UTF-8; save it as UTF-8 in your editor"):
             Scene.load(path)
 
 
 def test_missing_file_and_broken_toml(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="wakeflow new rhombus '.*/my none.toml'$"):
+    with pytest.raises(SceneError, match=r"wakeflow new rhombus '.*/my none\.toml'$"):
         Scene.load(tmp_path / "my none.toml")
     (tmp_path / "bad.toml").write_text("[air\nspeed=")
     with pytest.raises(SceneError, match="not valid TOML"):
