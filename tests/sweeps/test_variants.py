@@ -67,6 +67,8 @@ def test_a_sweep_that_nobody_could_read_is_refused_before_it_is_planned() -> Non
 
 
 def test_values_that_are_equal_are_one_scene() -> None:
+    margins = "fraction.soft.restitution={value = 0.1, uncertainty = 0.01},{value = 0.1, uncertainty = 0.02}"
+    assert len(asked_for(CASES / "vacuum.toml", [margins], "grid", None, 0)[0]) == 2
     for text, names in (("80 mm,0.08 m,90 mm", ["0.08", "0.09"]), ("0.08,0.08", ["0.08"])):
         found, _ = asked_for(CASES / "vacuum.toml", [f"feed.height={text}"], "grid", None, 0)
         assert [one.name for one in found] == [f"feed.height={name}" for name in names]

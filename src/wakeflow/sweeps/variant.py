@@ -50,8 +50,8 @@ def variants(
 
     ``over``: dotted keys, each a list of values or a range {"from": ..., "to": ..., "count": ...}; or texts as of
     ``--set``. ``design``: grid, list, one-at-a-time, or latin-hypercube and sobol with ``count`` scenes and a ``seed``.
-    ``fixed``: dotted keys that are the same in all. A variant that is no valid scene says so itself. Raises SceneError
-    where the axes or the design are wrong.
+    ``fixed``: dotted keys that are the same in all. ``listener`` hears how many are read. A variant that
+    is no valid scene says so itself. Raises SceneError where the axes or the design are wrong.
     """
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
     if not axes:
@@ -106,11 +106,12 @@ def _variant(
 
 
 def _distinct(found: Iterable[Variant]) -> list[Variant]:
-    """The variants without those whose inputs an earlier one has too, 80 mm and 0.08 m."""
+    """The variants without those whose scene is an earlier one's too, as of 80 mm and 0.08 m."""
     first: dict[str, Variant] = {}
     for one in found:
-        numbers = {key: float(f"{v:.{DIGITS}g}") if isinstance(v, float) else v for key, v in one.inputs.items()}
-        first.setdefault(repr(numbers), one)
+        whole = one.inputs if one.scene is None else flat(one.scene.tables())
+        rounded = {key: float(f"{v:.{DIGITS}g}") if isinstance(v, float) else v for key, v in whole.items()}
+        first.setdefault(repr(rounded), one)
     return list(first.values())
 
 
