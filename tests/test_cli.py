@@ -62,6 +62,9 @@ def test_plan_prints_for_people(
         (["run", "{cases}/aspirator.toml", "--rung", "none"], "without a body nothing is left"),
         (["run", "{cases}/rhombus.toml", "--rung", "best"], "Choose from"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed"], "KEY=VALUE"),
+        (["run", "{cases}/rhombus.toml", "--set", ".=3"], "'.=3': write it as KEY=VALUE"),
+        (["run", "{cases}/rhombus.toml", "--set", "air.speed = -3"], "air.speed = -3: too small"),
+        (["run", "{cases}/rhombus.toml", "--force", "lift"], "write it as TERM=on or TERM=off"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=-3"], "air.speed = -3"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=7", "m/s"], "with blanks: --set 'air.speed=7 m/s'"),
         (["run", "--set", "air.speed=7", "m/s", "{cases}/rhombus.toml", "--json"], "--set 'air.speed=7 m/s'"),
@@ -90,6 +93,7 @@ def test_plan_prints_for_people(
         ),
         (["run", "{cases}/vacuum.toml", "--out", "/proc/x"], "choose another --out"),
         (["run", "{cases}/vacuum.toml", "--workers", "0"], "at least 1"),
+        (["plan", "{cases}/vacuum.toml", "--workers", "-3"], "at least 1"),
         (["run"], "scene"),
         (["fly"], 'Unknown command "fly"'),
         (["new", "rombus"], "did you mean 'rhombus'?"),
@@ -116,10 +120,13 @@ def test_new_writes_a_scene_that_loads_and_keeps_what_is_there(
 
 
 @pytest.mark.parametrize("kind", scene_templates())
-def test_a_new_scene_names_itself(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_scene_names_itself(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["new", kind, "my machine.toml"]) == 0
     text, shipped = Path("my machine.toml").read_text(), scene_templates()[kind].read_text()
+    assert capsys.readouterr().out.endswith("run it with: wakeflow run 'my machine.toml'\n")
     assert "wakeflow run cases/" not in text
     assert text.count("wakeflow run 'my machine.toml'") == 1 + shipped.count(f"wakeflow run cases/{kind}.toml")
     assert text.startswith("# Look at it:  wakeflow plan 'my machine.toml'")

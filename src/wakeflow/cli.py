@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -113,7 +114,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
 
     target = path or Path(f"{kind}.toml")
     write_template(kind, target, overwrite=overwrite)
-    print(f"{target} written; run it with: wakeflow run {target}")
+    print(f"{target} written; run it with: wakeflow run {shlex.quote(str(target))}")
 
 
 @app.command

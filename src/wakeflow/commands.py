@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from .core.errors import SceneError
-from .options import Axes, BothEnds, Fidelity, Folder, Forced, Held, Quiet, Settings, Shown, Target
+from .options import Axes, BothEnds, Fidelity, Folder, Forced, Held, Processes, Quiet, Settings, Shown, Target, Threads
 from .scene.overrides import changes_of, share_of, switches_of
 
 __all__ = ["MANY", "bins", "clean", "compare", "search", "sensitivity", "sweep"]
@@ -27,7 +27,7 @@ def sweep(
     rung: Fidelity = None,
     force: Forced = [],  # noqa: B006
     target_error: Target = None,
-    workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
+    workers: Processes = None,
     scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
     neighbours: bool = False,
     report: bool = False,
@@ -36,7 +36,8 @@ def sweep(
 ) -> int:
     """Compute many scenes, each stage once, into one table: sweep.csv, scenes.csv and figures in one folder.
 
-    The same command goes on where an interrupted one ended. Exit code 1 where scenes failed; the table says why.
+    The same command goes on where an interrupted one ended. Exit code 1 where scenes failed, or of a dry run cannot be
+    planned; the table says why.
 
     Parameters
     ----------
@@ -57,26 +58,25 @@ def sweep(
         Only say how many scenes there are, what they share, and what they will cost.
     """
     from .core.process import cores
-    from .sweeps.compute import look_ahead
+    from .sweeps.compute import SweepEstimate, look_ahead
     from .sweeps.compute import sweep as compute
     from .sweeps.show import show_estimate, show_sweep
     from .sweeps.variant import asked_for
     from .terminal import live
 
-    found, name = asked_for(scene, settings, design, count, seed)
-    folder, switches = out or Path("runs", name), switches_of(force)
-    if dry_run:
-        seen = look_ahead(found, folder, rung=rung, force=switches, target_error=target_error, neighbours=neighbours)
-        show_estimate(seen, workers or cores())
-        return 0
+    how: dict[str, Any] = {"rung": rung, "force": switches_of(force), "target_error": target_error}
+    how["neighbours"] = neighbours
     with live(enabled=not quiet) as listener:
-        done = compute(
-            found, folder, scheduler=scheduler, workers=workers, rung=rung, force=switches, target_error=target_error,
-            neighbours=neighbours, report=report, listener=listener,
-        )  # fmt: skip
-    if not quiet:
-        show_sweep(done)
-    return SOME_FAILED if done.failed else 0
+        found, name = asked_for(scene, settings, design, count, seed, listener)
+        folder = out or Path("runs", name)
+        if not dry_run:
+            how |= {"scheduler": scheduler, "workers": workers, "report": report}
+        made = (look_ahead if dry_run else compute)(found, folder, listener=listener, **how)
+    if isinstance(made, SweepEstimate):
+        show_estimate(made, workers or cores())
+    elif not quiet:
+        show_sweep(made)
+    return SOME_FAILED if made.failed else 0
 
 
 def search(
@@ -85,7 +85,7 @@ def search(
     budget: Annotated[str | None, Parameter(help="Time of one core instead of the file's: '20 min'.")] = None,
     settings: Held = [],  # noqa: B006
     out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and what is held.")] = None,
-    workers: Annotated[int | None, Parameter(help="Processes on this machine; default one a core.")] = None,
+    workers: Processes = None,
     scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -192,7 +192,7 @@ def sensitivity(
     settings: Settings = [],  # noqa: B006
     rung: Fidelity = None,
     force: Forced = [],  # noqa: B006
-    workers: Annotated[int | None, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
+    workers: Annotated[Threads, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Say which input of a scene moves which number by how much: a table, sensitivity.csv and a tornado plot.

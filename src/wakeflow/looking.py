@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from .core.errors import SceneError
-from .options import Fidelity, Forced, Quiet, Settings, Stage, Target
+from .options import Fidelity, Forced, Quiet, Settings, Stage, Target, Threads
 from .scene.overrides import changes_of, switches_of
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def plan(
     show: Annotated[bool, Parameter(name="--open", negative="")] = False,
     out: Path | None = None,
     until: Stage | None = None,
-    workers: int | None = None,
+    workers: Threads = None,
     rung: Fidelity = None,
     settings: Settings = [],  # noqa: B006
     force: Forced = [],  # noqa: B006

@@ -11,8 +11,8 @@ from .scene.overrides import share_of
 from .scene.rungs import rungs
 
 __all__ = [
-    "Axes", "BothEnds", "Fidelity", "Folder", "Forced", "Held", "Quiet", "Settings", "Shown", "Stage", "Target",
-    "Threads",
+    "Axes", "BothEnds", "Fidelity", "Folder", "Forced", "Held", "Processes", "Quiet", "Settings", "Shown", "Stage",
+    "Target", "Threads",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -37,7 +37,17 @@ Target = Annotated[
         converter=lambda _, tokens: share_of(tokens[0].value),
     ),
 ]
-Threads = Annotated[int | None, Parameter(help="Threads of the tracker; default all cores.")]
+
+
+def _at_least_one(_: object, count: int | None) -> None:
+    if count is not None and count < 1:
+        raise ValueError("Must be at least 1.")
+
+
+Threads = Annotated[int | None, Parameter(validator=_at_least_one, help="Threads of the tracker; default all cores.")]
+Processes = Annotated[
+    int | None, Parameter(validator=_at_least_one, help="Processes on this machine; default one a core.")
+]
 Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; where there is --json, that alone.")]
 
 Axes = Annotated[

@@ -126,6 +126,11 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"bin.middle.to": "100 mm"}, "bin.middle and bin.inner-right overlap from 80 mm to 100 mm"),
         ({"bin.outer-right.to": 0.3}, "x from 0.135 m to 0.3 m, y from -0.2 m to -0.2 m (allowed: x within 0.2 m of 0"),
         ({"air.speed": "1,5 m/s"}, "air.speed = '1,5 m/s': a decimal point is written '.'"),
+        ({"uncertainty.air.speed": "300 %"}, "air.speed = '300 %': a number that is never negative is off by 100 %"),
+        ({"uncertainty.air.speed": "1 kg"}, "air.speed = '1 kg': needs a number in m/s or a string such as '0.1 m/s'"),
+        ({"uncertainty.body.rhombus.width": "1 mm"}, "uncertainty.body.rhombus.width: no number that takes an unc"),
+        ({"uncertainty.fraction.wheet.friction": 0.1}, "did you mean 'fraction.wheat.friction'? (which do: feed.width"),
+        ({"fraction": {}}, "fraction: needs at least 1 entry"),
     ],
 )
 def test_a_mistake_is_one_line_that_names_the_field(rhombus: Scene, change: dict, message: str) -> None:
@@ -179,6 +184,8 @@ def test_a_curtain_is_no_denser_than_its_granules(rhombus: Scene) -> None:
         rhombus.replace({"feed.rate": 1.001 * most})
     with pytest.raises(SceneError, match="'300 kg/hour' meant"):
         rhombus.replace({"feed.rate": 300})
+    with pytest.raises(SceneError, match=r"at most [\d.]+ t/h\)$"):  # with a unit it is no rate of another one
+        rhombus.replace({"feed.rate": "500 t/h"})
 
 
 def test_frequencies_and_shares_as_people_write_them(cases: Path) -> None:
@@ -230,9 +237,20 @@ def test_a_line_that_is_no_toml_is_mended(line: str, hint: str, tmp_path: Path) 
     assert str(caught.value).endswith(hint)
 
 
+@pytest.mark.parametrize(("encoding", "readable"), [("utf-8-sig", True), ("latin-1", False), ("utf-16", False)])
+def test_a_scene_is_utf_8_with_or_without_a_mark(encoding: str, readable: bool, cases: Path, tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(f"# Körner\n{(cases / 'vacuum.toml').read_text()}", encoding=encoding)
+    if readable:
+        assert Scene.load(path) == Scene.load(cases / "vacuum.toml")
+    else:
+        with pytest.raises(SceneError, match=r"scene\.toml: not UTF-8; save it as UTF-8 in your editor"):
+            Scene.load(path)
+
+
 def test_missing_file_and_broken_toml(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="wakeflow new"):
-        Scene.load(tmp_path / "none.toml")
+    with pytest.raises(SceneError, match=r"wakeflow new rhombus '.*/my none\.toml'$"):
+        Scene.load(tmp_path / "my none.toml")
     (tmp_path / "bad.toml").write_text("[air\nspeed=")
     with pytest.raises(SceneError, match="not valid TOML"):
         Scene.load(tmp_path / "bad.toml")

@@ -83,6 +83,12 @@ def test_the_shipped_search_is_read() -> None:
         (("least", "last"), "write { least"),
         (('{ from = "3 m/s", to = "7 m/s" }', "5"), "air.speed: needs from and to"),
         (("[search]", "[sweep]"), r"holds \[search\] only"),
+        (('"recovery.wheat"', '["recovery.hweat"]'), "no quantity 'recovery.hweat'; did you mean 'recovery.wheat'?"),
+        (("purity.outer-left", "purity.outer-lift"), "did you mean 'purity.outer-left.wheat'?"),
+        (("air.speed", "air.sped"), "within.air.sped: unknown key 'sped'; did you mean 'speed'?"),
+        (("body.rhombus", "body.hedge"), r"unknown key 'hedge' \(known: rhombus\)"),
+        (("feed.count", "feed.cuont"), "level.feed.cuont: unknown key 'cuont'; did you mean 'count'?"),
+        (('from = "3 m/s"', 'from = "9 m/s"'), "within.air.speed: from must be below to"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str, tmp_path: Path) -> None:

@@ -9,11 +9,12 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, shipped
+from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.scene.changes import differing, folder_name, run_folder
 from wakeflow.sweeps.axis import axes_of, axis_of_text
 from wakeflow.sweeps.design import designs
-from wakeflow.sweeps.variant import read_sweep_file
+from wakeflow.sweeps.variant import asked_for, read_sweep_file
 
 
 @pytest.mark.parametrize(
@@ -21,6 +22,9 @@ from wakeflow.sweeps.variant import read_sweep_file
     [
         ("air.speed=3,4,5", (3, 4, 5)),
         ("air.speed=3 m/s, 400 cm/s", ("3 m/s", "400 cm/s")),
+        ("air.speed = 20, 40 km/h", ("20 km/h", "40 km/h")),
+        ("air.turbulence=5,10 %", ("5 %", "10 %")),
+        ("vibration.frequency=1800 1/min,2000 1/min", ("1800 1/min", "2000 1/min")),
         ("air.speed=3:5:3 m/s", ("3.0 m/s", "4.0 m/s", "5.0 m/s")),
         ("air.speed=3 m/s:5 m/s:2", ("3.0 m/s", "5.0 m/s")),
         ("fraction.chaff.restitution=0.2:0.4:5", (0.2, 0.25, 0.3, 0.35, 0.4)),
@@ -33,10 +37,51 @@ def test_values_of_a_text(text: str, values: tuple[object, ...]) -> None:
     assert axis_of_text(text).values == values
 
 
-@pytest.mark.parametrize("text", ["air.speed", "=3", "air.speed=", "air.speed=3:5:1", "x=3 m/s:5 km/h:3", "x=4:4:3"])
-def test_a_text_that_is_no_axis(text: str) -> None:
-    with pytest.raises(SceneError):
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("air.speed", "write it as KEY=VALUES"),
+        ("=3", "write it as KEY=VALUES"),
+        ("air.speed=", "write it as KEY=VALUES"),
+        ("air.speed=3:5:1", "a count of at least 2"),
+        ("x=3 m/s:5 km/h:3", "both ends in one unit"),
+        ("x=4:4:3", "two different ends"),
+        ("air.speed=3:5:2.9 m/s", "the count, behind the second colon, is a whole number"),
+        ("air.speed=3:5:many", "is a whole number"),
+        ("air.speed=20, 5 km/h, 40", "the unit once, behind the last value, or behind each"),
+        ("air.speed=20, 5 m/s, 40 km/h", "the unit once, behind the last value, or behind each"),
+        ("feed.height=0.08:0.1:100000", "20000 scenes at most"),
+    ],
+)
+def test_a_text_that_is_no_axis(text: str, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
         axis_of_text(text)
+
+
+def test_a_sweep_that_nobody_could_read_is_refused_before_it_is_planned() -> None:
+    axes = [axis_of_text(f"{key}=1:2:200") for key in ("a", "b", "c")]
+    with pytest.raises(SceneError, match="a sweep of 8000000 scenes: 20000 at most"):
+        designs["grid"](axes, None, 0)
+    with pytest.raises(SceneError, match="32768 scenes"):
+        designs["sobol"](axes, 2**15, 0)
+
+
+def test_values_that_are_equal_are_one_scene() -> None:
+    margins = "fraction.soft.restitution={value = 0.1, uncertainty = 0.01},{value = 0.1, uncertainty = 0.02}"
+    assert len(asked_for(CASES / "vacuum.toml", [margins], "grid", None, 0)[0]) == 2
+    for text, names in (("80 mm,0.08 m,90 mm", ["0.08", "0.09"]), ("0.08,0.08", ["0.08"])):
+        found, _ = asked_for(CASES / "vacuum.toml", [f"feed.height={text}"], "grid", None, 0)
+        assert [one.name for one in found] == [f"feed.height={name}" for name in names]
+
+
+def test_a_dry_run_counts_and_fails_as_the_sweep_would(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["sweep", str(CASES / "vacuum.toml"), "--dry-run", "--out", str(tmp_path), "--workers"]
+    assert main([*command, "1", "--set", "feed.count=64"]) == 0
+    assert "1 scene: 0 airflows and 1 flight to compute" in capsys.readouterr().out
+    assert main([*command, "1", "--set", "fraction.soft.restitution=0.1,1.5"]) == 1
+    assert "restitution = 1.5: too large" in capsys.readouterr().out
+    assert main([*command, "0", "--set", "feed.count=64"]) == 2
+    assert "at least 1" in capsys.readouterr().err
 
 
 def test_axes_of_a_table_take_dotted_keys_and_units() -> None:
@@ -93,6 +138,8 @@ def test_folders_of_runs_tell_variants_apart() -> None:
     scene = shipped("rhombus", {"air.speed": "7 m/s"})
     assert run_folder("rhombus", scene, [], {}) == "rhombus"
     assert run_folder("rhombus", scene, ["air.speed"], {"rung": "draft"}) == "rhombus+air.speed=7+rung=draft"
+    margins = [{"uncertainty.air.speed": margin} for margin in ("3 %", 3.0)]
+    assert [folder_name(one) for one in margins] == ["uncertainty.air.speed=3pct", "uncertainty.air.speed=3"]
     long = {f"fraction.f{number}.restitution": 0.1 for number in range(9)}
     assert len(folder_name(long)) <= 100
     assert folder_name(long) != folder_name({**long, "fraction.f8.restitution": 0.2})

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pint import Unit
 
-__all__ = ["QUANTITY", "converted", "duration", "metres", "quantity", "say", "speaking", "split_quantity"]
+__all__ = ["QUANTITY", "converted", "duration", "metres", "quantity", "say", "speaking", "split_quantity", "spoken"]
 
 NUMBER = r"[-+\u2212]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+\u2212]?[0-9]+)?"  # U+2212: a typographer's minus
 UNIT = r"(?:1/)?[^\s\d.,;'\u2019_+*\u2212-].*"  # whatever could go on a number is none
 QUANTITY = rf"^\s*{NUMBER}\s*{UNIT}$"  # as a JSON schema says it
 _PARTS = re.compile(rf"\s*({NUMBER})\s*({UNIT}?)?\s*")
+_GRAD = re.compile(r"\bgrad\b", re.IGNORECASE)  # to pint a gradian, in German a degree
 _MARKED = re.compile(r"(?<=[0-9])[ ,'\u2019_](?=[0-9])")
 _SPOKEN: ContextVar[Mapping[str, str]] = ContextVar("spoken units")
 
@@ -39,6 +40,8 @@ def quantity(text: str, unit: str, example: str) -> float:
     groups.
     """
     parts = split_quantity(text)
+    if parts is not None and (grad := _GRAD.search(parts[1])):
+        raise ValueError(f"needs deg or gon: {grad[0]!r} may be a degree or a hundredth of a right angle")
     if parts is not None and parts[1]:
         try:
             return converted(parts[0], parts[1], unit)
@@ -102,12 +105,17 @@ def speaking(units: Mapping[str, str]) -> Iterator[None]:
         _SPOKEN.reset(before)
 
 
+def spoken(unit: str) -> str | None:
+    """The unit in which the user writes numbers in ``unit`` (of the SI); None where they write none."""
+    return _SPOKEN.get({}).get(unit)
+
+
 def say(value: float, unit: str, digits: int = 6) -> str:
     """A number in ``unit`` (of the SI) with the unit that the user writes, such as "95 deg"."""
-    spoken = _SPOKEN.get({}).get(unit, unit)
-    shown = value if spoken == unit else converted(value, unit, spoken)
+    wanted = spoken(unit) or unit
+    shown = value if wanted == unit else converted(value, unit, wanted)
     rounded = float(f"{shown:.{digits}g}")  # 140, not 1.4e+02
-    return f"{rounded:g} {spoken}".removesuffix(" 1")
+    return f"{rounded:g} {wanted}".removesuffix(" 1")
 
 
 def metres(value: float, digits: int = 6) -> str:

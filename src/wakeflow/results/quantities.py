@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, is_dataclass
-from typing import Any
+from typing import Any, get_args
 
 from ..core.record import columns
+from ..scene import RESERVED_BIN, Scene
+from .airflow_summary import Airflow
+from .funnel_summary import FunnelSummary
 from .landing_results import Separation
 from .measured import Measured, Share
 from .result import Result
 
-__all__ = ["SECONDS", "TableQuantity", "quantities_of"]
+__all__ = ["SECONDS", "TableQuantity", "names_for", "quantities_of"]
 
 SECONDS = "seconds"
 RENAMED = {"fractions": "share"}  # as the rows of the budget are called
@@ -53,6 +56,23 @@ def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
         found += _measured(result.funnel, "funnel.")
     spent = sum(stage.seconds for stage in result.seconds.values())
     return (*found, TableQuantity(SECONDS, "s", spent))
+
+
+def names_for(scene: Scene) -> list[str]:
+    """Every name that :func:`quantities_of` may give to a number of a scene's results, whatever its rung."""
+    bins = [*scene.with_top().bin, RESERVED_BIN]
+    landed = [
+        *(f"{RENAMED['fractions']}.{fraction}.{place}" for fraction in scene.fraction for place in bins),
+        *(f"purity.{place}.{fraction}" for place in bins for fraction in scene.fraction),
+        *(f"recovery.{name}" for name, fraction in scene.fraction.items() if fraction.targets),
+        *(f"throughput.{place}" for place in bins),
+    ]
+    found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
+    for prefix, kind, given in (("airflow", Airflow, scene.air), ("funnel", FunnelSummary, scene.funnel)):
+        if given is not None:
+            told = [one for one in columns(kind) if {Measured, float} & {one.kind, *get_args(one.kind)}]
+            found += [f"{prefix}.{one.key}" for one in told]
+    return found
 
 
 def _inside(record: Any, prefix: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:

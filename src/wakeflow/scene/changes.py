@@ -69,5 +69,5 @@ def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping
 def _text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
-    text = value if isinstance(value, str) else json.dumps(value)
+    text = re.sub(r"\s*%", "pct", value if isinstance(value, str) else json.dumps(value))
     return re.sub(r"[^A-Za-z0-9.,_-]+", "-", text).strip("-")

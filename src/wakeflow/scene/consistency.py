@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import contains, distance_between, edges, segments_cross
-from ..core.quantities import metres, say
+from ..core.quantities import metres, say, spoken
 from ..core.registry import did_you_mean
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
@@ -94,7 +94,8 @@ def _rate_can_fall(scene: SceneTables) -> Iterator[str]:
     densest = max(fraction.properties.density for fraction in scene.fraction.values())
     most = densest * speed * feed.width * feed.depth
     if feed.rate > most:
-        hint = f"; '{feed.rate:g} kg/hour' meant?" if feed.rate / 3600 <= most else ""
+        alone = spoken("kg/s") is None and feed.rate / 3600 <= most
+        hint = f"; '{str(feed.rate).removesuffix('.0')} kg/hour' meant?" if alone else ""
         curtain = f"a curtain of {metres(feed.width)} x {metres(feed.depth)} that falls at {say(speed, 'm/s', 3)}"
         allowed = f"(allowed: at most {say(most, 'kg/s', 3)})"
         yield f"feed.rate = {say(feed.rate, 'kg/s')}: {curtain} would be denser than its granules {allowed}{hint}"
@@ -239,7 +240,8 @@ def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
     known = [*(f"fraction.{name}.{key}" for name in scene.fraction for key in OF_FRACTION), *OF_SCENE]
     for key in scene.uncertainty:
         if key not in known:
-            yield f"uncertainty.{key}: no such number{did_you_mean(key, known)} (known: {', '.join(known)})"
+            able = f"{', '.join(OF_SCENE)}, and of a fraction {', '.join(OF_FRACTION)}"
+            yield f"uncertainty.{key}: no number that takes an uncertainty{did_you_mean(key, known)} (which do: {able})"
 
 
 CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (

@@ -32,6 +32,7 @@ WANTED = {  # pydantic's types of errors, in the user's words
     "list_type": "needs a list between [ ]",
     "string_pattern_mismatch": "a name begins with a letter and goes on with letters, digits, - and _, 41 at most",
 }
+SIZES = {"too_short": ("least", "min_length"), "too_long": ("most", "max_length")}
 TOO_LARGE = ("less_than", "less_than_equal")
 TABLE = ("model_type", "dict_type", "model_attributes_type")
 
@@ -92,6 +93,10 @@ def _place(error: ErrorDetails) -> Place:
 
 
 def _words(error: ErrorDetails) -> str:
+    if error["type"] in SIZES:
+        word, limit = SIZES[error["type"]]
+        count = error["ctx"][limit]
+        return f"needs at {word} {count} {'entry' if count == 1 else 'entries'}"
     text = error["msg"].removeprefix("Value error, ")
     return WANTED.get(error["type"], f"{text[0].lower()}{text[1:]}")
 

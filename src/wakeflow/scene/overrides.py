@@ -3,33 +3,41 @@
 from __future__ import annotations
 
 import json
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
-from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
-from ..core.quantities import QUANTITY, quantity
+from ..core.quantities import quantity
 from ..core.registry import did_you_mean
 
-__all__ = ["changed", "changes_of", "share_of", "switches_of", "unquoted", "unquoted_in"]
+__all__ = ["changed", "changes_of", "setting", "share_of", "switches_of", "unquoted"]
 
 
 def changes_of(settings: Sequence[str]) -> dict[str, Any]:
     """Dotted keys of a scene and their new values, from texts KEY=VALUE. Raises SceneError for any other text."""
-    return {key: _value(value) for key, value in (_split(text, "--set") for text in settings)}
+    return {key: _value(value) for key, value in (setting(text, "--set") for text in settings)}
 
 
 def switches_of(forced: Sequence[str]) -> dict[str, bool]:
     """Terms that are switched on or off, from texts TERM=on and TERM=off. Raises SceneError for any other text."""
     switches = {}
-    for term, state in (_split(text, "--force") for text in forced):
+    for term, state in (setting(text, "--force", "TERM=on or TERM=off") for text in forced):
         if state not in ("on", "off"):
             raise SceneError(f"--force {term}={state}: write on or off")
         switches[term] = state == "on"
     return switches
+
+
+def setting(text: str, option: str, form: str = "KEY=VALUE") -> tuple[str, str]:
+    """Key and value of an ``option``'s text, without blanks around them. Raises SceneError, naming the ``form``, for
+    any other text.
+    """
+    key, sign, value = (part.strip() for part in text.partition("="))
+    if not sign or not value or not all(key.split(".")):
+        raise SceneError(f"{option} {text!r}: write it as {form}")
+    return key, value
 
 
 def share_of(text: str) -> float:
@@ -78,21 +86,6 @@ def unquoted(words: Sequence[str]) -> str | None:
     return None
 
 
-def unquoted_in(path: Path, problem: str) -> str:
-    """A hint for the line of a scene file that is not TOML, as ``speed = 7 m/s`` and ``speed = 1,5`` are not; empty
-    where there is none. ``problem``: tomllib's message, which tells the line.
-    """
-    found = re.search(r"at line (\d+)", problem)
-    lines = path.read_text(encoding="utf-8").splitlines()
-    line = lines[int(found[1]) - 1] if found and int(found[1]) <= len(lines) else ""
-    key, sign, value = (part.strip() for part in line.partition("#")[0].partition("="))
-    if sign and re.fullmatch(r"[-+]?\d+,\d+", value):
-        return f"; write a decimal point: {key} = {value.replace(',', '.')}"
-    if sign and re.fullmatch(QUANTITY, value):
-        return f"; put quotes round a value with a unit: {key} = {value!r}"
-    return ""
-
-
 def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: dict[str, Any], name: str) -> None:
     """Raise SceneError where the tables at ``place`` have names of the user's, and one of them is nearly ``table``."""
     from .schema import at, named_tables  # the command line reads texts before it needs a scene
@@ -103,13 +96,6 @@ def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: dict[st
     if near := did_you_mean(table, known):
         hint = f"no {kind} {table!r}{near} (known: {', '.join(known)})"
         raise SceneError(f"{name}: {key}: {hint}; to add one, give it whole: {kind}.{table}={{...}}")
-
-
-def _split(text: str, option: str) -> tuple[str, str]:
-    key, sign, value = text.partition("=")
-    if not sign or not key:
-        raise SceneError(f"{option} {text!r}: write it as KEY=VALUE")
-    return key, value
 
 
 def _value(text: str) -> Any:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
+from ..core.toml import read_toml
 from ..laws.material import Material, materials, read_material
 
 __all__ = ["read_materials", "with_own_materials"]
@@ -18,11 +18,9 @@ SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shap
 def read_materials(path: Path) -> dict[str, Material]:
     """The materials of a file by their names. Raises SceneError, one line, where it is none."""
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = read_toml(path)
     except OSError as problem:
         raise SceneError(f"materials = {str(path)!r}: {problem.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
-        raise SceneError(f"{path}: not valid TOML: {problem}") from None
     found = {}
     for name, table in tables.items():
         if name in materials:

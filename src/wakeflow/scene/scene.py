@@ -7,7 +7,7 @@ a unit ("50 mm", "60 deg", "30 Hz") is converted.
 from __future__ import annotations
 
 import json
-import tomllib
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,13 @@ from pydantic import ValidationError
 
 from ..core.errors import SceneError
 from ..core.quantities import speaking
+from ..core.toml import read_toml
 from ..laws.constants import STANDARD_AIR
 from .bins import Bin
 from .consistency import CHECKS, OVER_THE_TOP
 from .doubts import doubts, with_units
 from .messages import explain, units_in
-from .overrides import changed, unquoted_in
+from .overrides import changed
 from .own_materials import with_own_materials
 from .uncertainty import with_uncertainty_table
 from .user_case import air_of, find_case
@@ -139,15 +140,12 @@ def units_written(path: Path | str) -> dict[str, str]:
 def _read(path: Path) -> dict[str, Any]:
     """The tables of a scene file, as they are written. Raises SceneError where it is none."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_toml(path)
     except FileNotFoundError:
-        raise SceneError(f"no scene file {str(path)!r}; make one with: wakeflow new rhombus {path.name}") from None
+        make = f"wakeflow new rhombus {shlex.quote(str(path))}"
+        raise SceneError(f"no scene file {str(path)!r}; make one with: {make}") from None
     except IsADirectoryError:
         raise SceneError(f"{path} is a folder; name a scene file") from None
-    except UnicodeDecodeError as problem:
-        raise SceneError(f"{path}: not a text file: {problem}") from None
-    except tomllib.TOMLDecodeError as problem:
-        raise SceneError(f"{path}: not valid TOML: {problem}{unquoted_in(path, str(problem))}") from None
 
 
 def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:

@@ -9,7 +9,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core.core_schema import DictSchema, NullableSchema, WithDefaultSchema
 
+from ..core.errors import SceneError
 from ..core.quantities import say
+from ..core.registry import did_you_mean
 from .whole import SceneTables
 
 __all__ = [
@@ -19,6 +21,7 @@ __all__ = [
     "described",
     "known_keys",
     "named_tables",
+    "refuse_unknown",
     "scene_schema",
     "unit_and_example",
     "values_in",
@@ -103,6 +106,21 @@ def described(place: Place, data: Any) -> Node:
 def named_tables(place: Place, data: Any) -> bool:
     """Whether ``place`` in a scene's ``data`` holds tables whose names are the user's, as [fraction] does."""
     return any("patternProperties" in one for one in _variants(described(place, data)))
+
+
+def refuse_unknown(key: str, data: Any, where: str) -> None:
+    """Raise SceneError where a dotted key leads to a table that a scene's ``data`` lacks, or to what no scene may hold;
+    ``where`` it is written, for the message. A star stands for every table.
+    """
+    place = tuple(key.split("."))
+    for end, part in enumerate(place):
+        above = place[:end]
+        if end < len(place) - 1 and part != "*" and named_tables(above, data):
+            known = list(at(data, above) or {}) if above[-1:] != ("*",) else [part]
+        else:
+            known = known_keys(described(above, data))
+        if known and part not in known:
+            raise SceneError(f"{where}: unknown key {part!r}{did_you_mean(part, known)} (known: {', '.join(known)})")
 
 
 def at(data: Any, place: Place) -> Any:

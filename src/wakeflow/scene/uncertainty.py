@@ -17,6 +17,7 @@ __all__ = ["OF_FRACTION", "OF_SCENE", "Margin", "margins", "with_uncertainty_tab
 
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
 VALUE, MARGIN, TABLE = "value", "uncertainty", "uncertainty"
+EITHER_SIGN = ("feed.position",)  # of what may be uncertain: only such a number can be off by more than itself
 # What may be uncertain, and the unit of each number
 OF_FRACTION = {
     "restitution": "1",
@@ -83,14 +84,23 @@ def _flat(table: Mapping[Any, Any], place: str) -> Iterator[tuple[str, Margin]]:
 
 
 def _margin(key: str, value: Any) -> Margin:
-    """An uncertainty as it is kept: a number of the SI, or a percentage as text."""
+    """An uncertainty as it is kept: a number of the SI, or a percentage as text. That of a number that takes none is
+    left as it is: the whole scene tells which numbers do.
+    """
+    if not _is_uncertain(key) and isinstance(value, str | int | float):
+        return value
     unit = OF_SCENE.get(key) or OF_FRACTION.get(key.rpartition(".")[2], "1")
     example = "5 %" if unit == "1" else f"0.1 {unit}"
     if isinstance(value, str):
         parts = split_quantity(value)
         if parts is not None and parts[1] == "%" and parts[0] >= 0.0:
+            if parts[0] > 100.0 and key not in EITHER_SIGN:
+                raise ValueError(f"{key} = {value!r}: a number that is never negative is off by 100 % at most")
             return f"{parts[0]:g} %"
-        value = quantity(value, unit, example)
+        try:
+            value = quantity(value, unit, example)
+        except ValueError as problem:
+            raise ValueError(f"{key} = {value!r}: {problem}") from None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):
         raise ValueError(f"{key} = {value!r}: needs a number that is not negative, or a part of the value: '5 %'")
     return float(value)

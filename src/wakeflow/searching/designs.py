@@ -20,7 +20,7 @@ from ..sweeps.compute import Sweep, executor_on, sweep
 from ..sweeps.variant import Variant, named
 from .history import DesignPoint, Evaluation, Expected
 from .loop import explore
-from .task import SearchTask, read_search_file
+from .task import FAN, SearchTask, read_search_file
 
 if TYPE_CHECKING:
     import distributed
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["FoundDesign", "Search", "search"]
 
 LEAST = 1.0  # s that a design costs, at least: planning, reading, writing
-FAN = "airflow.fan_power"
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,19 @@ from typing import Any
 
 from ..core.errors import SceneError
 from ..core.quantities import quantity
+from ..core.registry import did_you_mean
+from ..results.quantities import names_for
 from ..scene import Scene
 from ..scene.changes import flat
+from ..scene.schema import refuse_unknown
 from ..sweeps.axis import Axis, axes_of
 from ..sweeps.task_file import TaskFile
 
-__all__ = ["Goal", "QuantityLimit", "SearchTask", "read_search_file"]
+__all__ = ["FAN", "Goal", "QuantityLimit", "SearchTask", "read_search_file"]
 
 KNOWN = ("scene", "maximise", "minimise", "where", "within", "set", "level", "budget", "seed", "at_a_time")
 DIRECTIONS = {"maximise": 1, "minimise": -1}
+FAN = "airflow.fan_power"  # made of the pressure drop and the flow rate
 AT_A_TIME = 8  # designs that are proposed and computed together, unless the file says otherwise
 
 
@@ -75,7 +79,7 @@ def read_search_file(
     """The search of a file with a [search] table: docs/search.md. ``fixed``: keys of the scene that are the same in all
     designs at all levels, those to be searched too; ``budget``: instead of the file's own.
 
-    Raises SceneError where the file is no search.
+    Raises SceneError where the file is no search, and where it names quantities or keys that its scene does not have.
     """
     held = dict(fixed or {})
     with TaskFile.open(path, "search", KNOWN) as file:
@@ -83,7 +87,7 @@ def read_search_file(
         if not goals:
             raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
         levels = file.table.get("level", [{}])
-        return SearchTask(
+        task = SearchTask(
             Scene.load(file.scene, {**flat(file.inside("set")), **held}),
             tuple(_within(file, held)),
             tuple(goals),
@@ -93,6 +97,23 @@ def read_search_file(
             file.whole_number("seed") or 0,
             file.whole_number("at_a_time", least=1) or AT_A_TIME,
         )
+        _check_names(task)
+        return task
+
+
+def _check_names(task: SearchTask) -> None:
+    """Raise SceneError where a goal, a limit or a key to change is none of the scene: before anything is computed."""
+    known = names_for(task.scene) + ([FAN] if task.scene.air is not None else [])
+    for name in task.asked:
+        if name not in known:
+            example = f"recovery.{next(iter(task.scene.fraction))}"
+            raise SceneError(f"no quantity {name!r}{did_you_mean(name, known) or f' (as {example!r} is one)'}")
+    tables = task.scene.tables()
+    for key in (key for axis in task.within for key in axis.keys):
+        refuse_unknown(key, tables, f"search.within.{key}")
+    for level in task.levels:
+        for key in level:
+            refuse_unknown(key, tables, f"search.level.{key}")
 
 
 def _within(file: TaskFile, held: Mapping[str, Any]) -> list[Axis]:
@@ -100,6 +121,8 @@ def _within(file: TaskFile, held: Mapping[str, Any]) -> list[Axis]:
     axes = axes_of(file.inside("within"), "search.within")
     if fixed := [axis.key for axis in axes if len(axis.values) < 2]:
         raise SceneError(f"search.within.{fixed[0]}: needs from and to, or values; what is fixed is for search.set")
+    if down := [axis.key for axis in axes if axis.ends is not None and axis.ends[0] > axis.ends[1]]:
+        raise SceneError(f"search.within.{down[0]}: from must be below to")
     if parted := [axis.key for axis in axes if 0 < len(held.keys() & set(axis.keys)) < len(axis.keys)]:
         raise SceneError(f"{parted[0]}: keys that are tied are held together or not at all")
     free = [axis for axis in axes if not held.keys() & set(axis.keys)]

@@ -20,6 +20,7 @@ from ..core.lazy import cached_property
 from ..core.record import to_json
 from ..core.store import content_key, digest_files
 from ..pipeline.airflow_kinds import CaseAir
+from ..pipeline.cache import Listener, silent
 from ..pipeline.pipeline import Pipeline
 from ..planning.airflow_cost import ranks_for, typical_cells
 from ..planning.cost import airflow_cost
@@ -29,7 +30,7 @@ from ..results.result import Request
 from ..runs import versions
 from ..scene import Scene
 from .neighbours import starts
-from .variant import Variant
+from .variant import TOLD_EVERY, Variant
 from .work import Job, finished
 
 __all__ = ["Agenda", "Step", "make_agenda"]
@@ -129,6 +130,7 @@ def make_agenda(
     report: bool = False,
     workers: int = 1,
     neighbours: bool = False,
+    listener: Listener = silent,
 ) -> Agenda:
     """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing.
 
@@ -137,7 +139,9 @@ def make_agenda(
     """
     planned: list[_Planned] = []
     problems: dict[str, str] = {}
-    for variant in variants:
+    for number, variant in enumerate(variants, 1):
+        if number % TOLD_EVERY == 0:
+            listener("sweep", f"planning scene {number} of {len(variants)}")
         if variant.scene is None:
             problems[variant.name] = variant.problem
             continue

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import SceneError
-from ..scene.overrides import changes_of
+from ..core.quantities import split_quantity
+from ..scene.overrides import changes_of, setting
 
-__all__ = ["Axis", "axes_of", "axis_of_text"]
+__all__ = ["DIGITS", "MOST_SCENES", "Axis", "axes_of", "axis_of_text"]
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-UNIT = r"([^\d\s:,][^:,]*?)?"
-QUANTITY = re.compile(rf"\s*({NUMBER})\s*{UNIT}\s*")
-RANGE = re.compile(rf"\s*({NUMBER})\s*{UNIT}\s*:\s*({NUMBER})\s*{UNIT}\s*:\s*(\d+)\s*{UNIT}\s*")
+MOST_SCENES = 20_000  # of a sweep: planning these takes minutes, and a table of more is read by nobody
 DIGITS = 12  # of a value between two ends: 0.3, not 0.30000000000000004
 SCALES = ("linear", "log")
 HOW = "write values a,b,c or a range start:stop:count, as in air.speed=3:5:3 or feed.width='20 mm:40 mm:5'"
@@ -71,26 +68,42 @@ def _negative(value: Any) -> Any:
 
 
 def axis_of_text(text: str) -> Axis:
-    """The axis KEY=VALUES of ``--set``: values with commas between them, or start:stop:count; a unit may follow.
+    """The axis KEY=VALUES of ``--set``: values with commas between them, or start:stop:count; a unit may follow, that
+    of all numbers before it.
 
     >>> axis_of_text("air.speed=3:5:3 m/s").values
     ('3.0 m/s', '4.0 m/s', '5.0 m/s')
+    >>> axis_of_text("air.speed=20,40 km/h").values
+    ('20 km/h', '40 km/h')
     >>> axis_of_text("fraction.chaff.restitution=0.2,0.4").values
     (0.2, 0.4)
 
     Raises SceneError for any other text.
     """
-    key, sign, given = text.partition("=")
-    if not sign or not key or not given:
-        raise SceneError(f"--set {text!r}: write it as KEY=VALUES")
-    found = RANGE.fullmatch(given)
-    if found:
-        low, low_unit, high, high_unit, count, unit = found.groups()
-        last = (unit or high_unit or low_unit or "").strip()
-        if any(one and one.strip() != last for one in (low_unit, high_unit)):
+    key, given = setting(text, "--set", "KEY=VALUES")
+    low, high, *counts = [split_quantity(part) for part in given.split(":")] + [None] * 2
+    if low and high and len(counts) == 3:
+        if counts[0] is None or not counts[0][0].is_integer():
+            raise SceneError(f"--set {text!r}: the count, behind the second colon, is a whole number; {HOW}")
+        count, unit = counts[0]
+        last = unit or high[1] or low[1]
+        if any(one and one != last for one in (low[1], high[1])):
             raise SceneError(f"--set {text!r}: both ends in one unit, please")
-        return _range(key, float(low), float(high), int(count), last)
-    return Axis(key, tuple(changes_of([f"{key}={piece.strip()}"])[key] for piece in _pieces(given)))
+        return _range(key, low[0], high[0], int(count), last)
+    return Axis(key, tuple(changes_of([f"{key}={piece}"])[key] for piece in _in_units(text, _pieces(given))))
+
+
+def _in_units(text: str, pieces: Sequence[str]) -> list[str]:
+    """The values of a list, numbers alone with the unit that follows the last of them. Raises SceneError where units
+    stand behind others but not behind all.
+    """
+    parts = [split_quantity(piece) for piece in pieces]
+    units = [part[1] for part in parts if part is not None]
+    if len(units) < len(pieces) or not any(units) or all(units):
+        return list(pieces)
+    if any(units[:-1]):
+        raise SceneError(f"--set {text!r}: write the unit once, behind the last value, or behind each value")
+    return [*(f"{piece} {units[-1]}" for piece in pieces[:-1]), pieces[-1]]
 
 
 def _pieces(text: str) -> list[str]:
@@ -109,7 +122,7 @@ def _pieces(text: str) -> list[str]:
             pieces.append("")
         else:
             pieces[-1] += letter
-    return pieces
+    return [piece.strip() for piece in pieces]
 
 
 def axes_of(table: Mapping[str, Any], where: str) -> list[Axis]:
@@ -155,16 +168,18 @@ def _table_range(key: str, table: Mapping[str, Any], where: str) -> Axis:
 def _quantity(where: str, value: Any) -> tuple[float, str]:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value), ""
-    found = QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    found = split_quantity(value) if isinstance(value, str) else None
     if found is None:
         raise SceneError(f"{where} = {value!r}: give a number, or one with a unit such as '5 m/s'")
-    return float(found[1]), (found[2] or "").strip()
+    return found
 
 
 def _range(key: str, low: float, high: float, count: int, unit: str, *, log: bool = False) -> Axis:
     """``count`` values from ``low`` to ``high``, both taken. Raises SceneError where there is no such range."""
     if count < 2 or not math.isfinite(low) or not math.isfinite(high) or low == high:
         raise SceneError(f"{key} = {low:g}:{high:g}:{count}: needs two different ends and a count of at least 2; {HOW}")
+    if count > MOST_SCENES:
+        raise SceneError(f"{key} = {low:g}:{high:g}:{count}: a sweep has {MOST_SCENES} scenes at most")
     if log and min(low, high) <= 0:
         raise SceneError(f"{key}: a range on scale log needs ends above 0")
     axis = Axis(key, (), (low, high), unit, log)

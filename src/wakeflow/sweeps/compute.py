@@ -17,7 +17,7 @@ from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.store import cache_root
 from ..core.workers import Workers
-from ..pipeline.cache import Listener
+from ..pipeline.cache import Listener, silent
 from ..progress import heard
 from ..report.views import Result
 from ..results.quantities import quantities_of
@@ -112,10 +112,11 @@ def look_ahead(
     force: Mapping[str, bool] | None = None,
     target_error: float | None = None,
     neighbours: bool = False,
+    listener: Listener = silent,
 ) -> SweepEstimate:
     """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
-    found = _variants(scenes)
-    agenda = make_agenda(found, Path(out), Request(None, rung, dict(force or {}), target_error), neighbours=neighbours)
+    found, request = _variants(scenes), Request(None, rung, dict(force or {}), target_error)
+    agenda = make_agenda(found, Path(out), request, neighbours=neighbours, listener=listener)
     airflows = sum(step.airflow for step in agenda.steps)
     flights = len(agenda.steps) - airflows
     before = len(found) - flights - len(agenda.problems)
@@ -164,8 +165,9 @@ def sweep(
             with executor_on(scheduler, count, folder) as executor:
                 workers, threads = _hands(executor)
                 agenda = make_agenda(
-                    found, folder, request, threads=threads, report=report, workers=workers, neighbours=neighbours
-                )
+                    found, folder, request, threads=threads, report=report, workers=workers, neighbours=neighbours,
+                    listener=listener,
+                )  # fmt: skip
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, found, agenda)
                 do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)

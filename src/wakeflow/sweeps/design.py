@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..core.errors import SceneError
 from ..core.registry import Registry
-from .axis import Axis
+from .axis import MOST_SCENES, Axis
 
 __all__ = ["Design", "designs"]
 
@@ -23,6 +24,7 @@ def full_grid(axes: Sequence[Axis], count: int | None, seed: int) -> list[Change
     """Every combination; the last axis changes fastest."""
     del seed
     _no_count("grid", count)
+    _few_enough(math.prod(len(axis.values) for axis in axes))
     return [_changes(axes, row) for row in itertools.product(*(axis.values for axis in axes))]
 
 
@@ -32,6 +34,7 @@ def listed(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
     del seed
     _no_count("list", count)
     lengths = {axis.key: len(axis.values) for axis in axes}
+    _few_enough(max(lengths.values(), default=0))
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{key} {length}" for key, length in lengths.items())
         raise SceneError(f'design = "list": every key needs as many values as the others ({told})')
@@ -43,6 +46,7 @@ def one_at_a_time(axes: Sequence[Axis], count: int | None, seed: int) -> list[Ch
     """The scene as it is, then every key alone at each of its values."""
     del seed
     _no_count("one-at-a-time", count)
+    _few_enough(1 + sum(len(axis.values) for axis in axes))
     return [{}, *(axis.changes(value) for axis in axes for value in axis.values)]
 
 
@@ -55,6 +59,7 @@ def latin_hypercube(axes: Sequence[Axis], count: int | None, seed: int) -> list[
 
     if count is None or count < 2:
         raise SceneError('design = "latin-hypercube": give count, the number of scenes, at least 2')
+    _few_enough(count)
     return _drawn(axes, qmc.LatinHypercube(len(axes), rng=seed).random(count))
 
 
@@ -67,6 +72,7 @@ def sobol(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
 
     if count is None or count < 2 or count & (count - 1):
         raise SceneError('design = "sobol": give count, the number of scenes, as a power of two (8, 16, 32 ...)')
+    _few_enough(count)
     return _drawn(axes, qmc.Sobol(len(axes), scramble=True, rng=seed).random(count))
 
 
@@ -76,6 +82,11 @@ def _drawn(axes: Sequence[Axis], places: Any) -> list[Changes]:
 
 def _changes(axes: Sequence[Axis], row: Sequence[Any]) -> Changes:
     return {key: one for axis, value in zip(axes, row, strict=True) for key, one in axis.changes(value).items()}
+
+
+def _few_enough(scenes: int) -> None:
+    if scenes > MOST_SCENES:
+        raise SceneError(f"a sweep of {scenes} scenes: {MOST_SCENES} at most; give fewer values, or draw a --count")
 
 
 def _no_count(design: str, count: int | None) -> None:

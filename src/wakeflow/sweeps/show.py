@@ -35,14 +35,19 @@ def show_estimate(estimate: SweepEstimate, workers: int) -> None:
 
     console = Console()
     before = f", {estimate.finished} finished before" if estimate.finished else ""
-    spent = duration(estimate.seconds / workers)
+    spent, alone = duration(estimate.seconds / workers), duration(estimate.seconds)
     lines = [
-        f"{estimate.scenes} scenes{before}: {estimate.airflows} airflows and {estimate.flights} flights to compute",
-        f"about {spent} on {workers} cores ({duration(estimate.seconds)} of one), {estimate.disk / 1e6:.0f} MB of disk",
+        f"{_counted(estimate.scenes, 'scene')}{before}: {_counted(estimate.airflows, 'airflow')} and "
+        f"{_counted(estimate.flights, 'flight')} to compute",
+        f"about {spent} on {_counted(workers, 'core')} ({alone} of one), {estimate.disk / 1e6:.0f} MB of disk",
         *(f"! {name}: {reason}" for name, reason in estimate.failed.items()),
     ]
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def show_sweep(found: Sweep) -> None:
@@ -82,7 +87,7 @@ def show_table(table: ResultTable) -> None:
     console = Console()
     console.print(drawn)
     if len(table.entries) > MOST_ROWS:
-        console.print(f"{len(table.entries) - MOST_ROWS} more scenes are in the file")
+        console.print(f"more in the file: {_counted(len(table.entries) - MOST_ROWS, 'scene')}")
 
 
 def show_comparison(found: RunComparison) -> None:

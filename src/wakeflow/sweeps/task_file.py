@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
+from ..core.toml import read_toml
 
 __all__ = ["TaskFile", "holds_task"]
 
@@ -75,8 +75,6 @@ def holds_task(path: Path | str, kind: str) -> bool:
 
 def _read(path: Path) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_toml(path)
     except (FileNotFoundError, IsADirectoryError):
         raise SceneError(f"no file {str(path)!r}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise SceneError(f"{path}: not valid TOML: {problem}") from None

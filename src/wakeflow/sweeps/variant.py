@@ -8,16 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
+from ..pipeline.cache import Listener, silent
 from ..scene import Scene
 from ..scene.changes import differing, flat, folder_name
 from ..scene.overrides import changes_of
-from .axis import Axis, axes_of, axis_of_text
+from .axis import DIGITS, Axis, axes_of, axis_of_text
 from .design import designs
 from .task_file import TaskFile, holds_task
 
-__all__ = ["Variant", "asked_for", "named", "of_scenes", "read_sweep_file", "variants"]
+__all__ = ["TOLD_EVERY", "Variant", "asked_for", "named", "of_scenes", "read_sweep_file", "variants"]
 
 KNOWN = ("scene", "design", "count", "seed", "over", "set")
+TOLD_EVERY = 100  # scenes between words about how many are read or planned
 UNCHANGED = "base"  # name of a scene in which nothing was changed
 
 
@@ -42,13 +44,14 @@ def variants(
     count: int | None = None,
     seed: int = 0,
     fixed: Mapping[str, Any] | None = None,
+    listener: Listener = silent,
 ) -> list[Variant]:
     """``scene``, or the one in a file, changed along axes.
 
     ``over``: dotted keys, each a list of values or a range {"from": ..., "to": ..., "count": ...}; or texts as of
     ``--set``. ``design``: grid, list, one-at-a-time, or latin-hypercube and sobol with ``count`` scenes and a ``seed``.
-    ``fixed``: dotted keys that are the same in all. A variant that is no valid scene says so itself. Raises SceneError
-    where the axes or the design are wrong.
+    ``fixed``: dotted keys that are the same in all. ``listener`` hears how many are read. A variant that
+    is no valid scene says so itself. Raises SceneError where the axes or the design are wrong.
     """
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
     if not axes:
@@ -62,11 +65,16 @@ def variants(
     axes = [axis for axis in axes if len(axis.values) > 1]
     load: Callable[[dict[str, Any]], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
     load(before)  # a base that is wrong is the caller's mistake, not a variant's
-    return named([_variant(load, before, changes, axes) for changes in designs[design](axes, count, seed)])
+    rows, found = designs[design](axes, count, seed), []
+    for number, changes in enumerate(rows, 1):
+        if number % TOLD_EVERY == 0:
+            listener("sweep", f"reading scene {number} of {len(rows)}")
+        found.append(_variant(load, before, changes, axes))
+    return named(found)
 
 
 def asked_for(
-    file: Path, settings: Sequence[str], design: str, count: int | None, seed: int
+    file: Path, settings: Sequence[str], design: str, count: int | None, seed: int, listener: Listener = silent
 ) -> tuple[list[Variant], str]:
     """The scenes of a sweep file, or of a scene file changed by ``settings``; and a name for the folder: the file's,
     with the keys of the settings. Of a sweep file settings are values that all scenes have.
@@ -75,9 +83,9 @@ def asked_for(
     """
     keys = [axis_of_text(text).key for text in settings]
     if holds_task(file, "sweep"):
-        found = read_sweep_file(file, changes_of(settings))
+        found = read_sweep_file(file, changes_of(settings), listener)
     else:
-        found = variants(file, settings, design=design, count=count, seed=seed)
+        found = _distinct(variants(file, settings, design=design, count=count, seed=seed, listener=listener))
     return found, "+".join((file.stem, *keys))
 
 
@@ -95,6 +103,16 @@ def _variant(
         inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{one}.")}
         inputs |= inside or ({one: changes[one]} if one in changes else {})
     return Variant("", inputs, scene)
+
+
+def _distinct(found: Iterable[Variant]) -> list[Variant]:
+    """The variants without those whose scene is an earlier one's too, as of 80 mm and 0.08 m."""
+    first: dict[str, Variant] = {}
+    for one in found:
+        whole = one.inputs if one.scene is None else flat(one.scene.tables())
+        rounded = {key: float(f"{v:.{DIGITS}g}") if isinstance(v, float) else v for key, v in whole.items()}
+        first.setdefault(repr(rounded), one)
+    return list(first.values())
 
 
 def named(found: Sequence[Variant]) -> list[Variant]:
@@ -134,15 +152,18 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
     return named([Variant(*row) for row in zip(names, rows, members, strict=True)])
 
 
-def read_sweep_file(path: Path | str, fixed: Mapping[str, Any] | None = None) -> list[Variant]:
+def read_sweep_file(
+    path: Path | str, fixed: Mapping[str, Any] | None = None, listener: Listener = silent
+) -> list[Variant]:
     """The scenes of a sweep file: [sweep] with scene (a path beside the file), design, count, seed, and the tables
     [sweep.over] of keys to change and [sweep.set] of keys that are the same in all; ``fixed`` overrides the latter.
 
     Raises SceneError where the file is no sweep.
     """
     with TaskFile.open(path, "sweep", KNOWN) as file:
-        return variants(
+        found = variants(
             file.scene, file.inside("over"), design=file.table.get("design", "grid"),
             count=file.whole_number("count"), seed=file.whole_number("seed") or 0,
-            fixed={**flat(file.inside("set")), **(fixed or {})},
+            fixed={**flat(file.inside("set")), **(fixed or {})}, listener=listener,
         )  # fmt: skip
+        return _distinct(found)
