@@ -17,6 +17,7 @@ import numpy as np
 import wakeflow as wf
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
+from wakeflow.report.colours import fraction_colours
 from wakeflow.results.separation import separate
 
 SPEEDS = (3.0, 3.25, 3.5, 4.0, 4.5, 4.8, 4.9, 5.5, 6.0, 6.5, 7.0, 7.1, 7.2, 7.3, 7.4, 7.5, 7.6, 7.7, 7.8, 8.0, 9.0)
@@ -78,7 +79,7 @@ def draw(path: Path, names: list[str], rows: list[Any], base: wf.Scene) -> None:
     figure, axes = pyplot.subplots(figsize=(8.4, 3.6))
     axes.axvspan(4.85, 7.04, color="#e6ebf1", label="published window, 4.85 to 7.04 m/s")
     speeds = np.linspace(2.4, 9.0, 400)
-    for name, colour in zip(names, ("#b8860b", "#2e7d32", "#1565c0"), strict=True):
+    for name, colour in fraction_colours(list(names)).items():
         axes.plot(speeds, [100 * expected(base, name, u) for u in speeds], color=colour, linewidth=1.2)
         axes.plot(
             [r[0] for r in rows], [100 * r[2][name][0] for r in rows], "o", color=colour, markersize=4, label=name

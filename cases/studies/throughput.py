@@ -21,6 +21,7 @@ import wakeflow as wf
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.bounds import COLLISIONS, LOADING
 from wakeflow.planning.make import make_plan
+from wakeflow.report.colours import fraction_colours
 from wakeflow.report.words import percent
 from wakeflow.results.landing_results import Separation
 from wakeflow.results.measured import Measured
@@ -95,7 +96,7 @@ def draw(path: Path, found: dict[str, tuple[wf.Scene, list[Point]]]) -> None:
     for axes, (title, (scene, rows)) in zip(panels[0], found.items(), strict=True):
         met = rows[1:]
         left = 0.5 * met[0].rate
-        for name, colour in zip(scene.fraction, ("#1565c0", "#2e7d32", "#b8860b", "#6a1b9a"), strict=False):
+        for name, colour in fraction_colours(list(scene.fraction)).items():
             if not scene.fraction[name].targets:
                 continue
             shares = [row.recovery(name) for row in rows]

@@ -527,7 +527,7 @@ def test_the_budgets_share_covers_granules_that_are_shifted(draft: Scene, kind: 
 
 
 def test_terms_that_are_small_alone_are_named_when_they_are_not_together() -> None:
-    parts = [BudgetPart(t, 0.012, kind="left-out") for t in ("lift", "buoyancy")]
+    parts = [BudgetPart(t, e, kind="left-out") for t, e in (("lift", 0.012), ("buoyancy", 0.0119))]
     parts += [BudgetPart("magnus", 0.9, kind="not-computed"), BudgetPart("mesh")]
     rows = [BudgetRow("share.chaff.inner.left", None, tuple(parts), BudgetTotal(None, 0.0))]
     (told,) = together(rows, 0.01)
@@ -535,6 +535,13 @@ def test_terms_that_are_small_alone_are_named_when_they_are_not_together() -> No
     assert "inner.left by 1.2 points" in told.text
     assert told.text.endswith("most by lift, [force] lift = 'on'")
     assert together(rows, 0.013) == []
+
+
+def test_of_terms_that_are_alike_none_is_blamed() -> None:
+    """Several that move a share by the least that the granules can show: computing one of them would help nothing."""
+    parts = tuple(BudgetPart(t, 0.04, kind="left-out") for t in ("brownian", "basset-history"))
+    (told,) = together([BudgetRow("share.straw.light", None, parts, BudgetTotal(None, 0.0))], 0.01)
+    assert told.text.endswith("feed.count")
 
 
 def test_ends_at_the_channels_walls_let_nothing_out(draft: Scene) -> None:

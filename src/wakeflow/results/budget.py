@@ -6,7 +6,7 @@ The sources are registered objects (:mod:`wakeflow.results.sources`); their part
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..core.graded import Notice, less_sure
@@ -80,7 +80,17 @@ class _Sum:
 
     error: float
     place: str
-    most: str
+    cure: str
+
+
+def _cure(small: Mapping[str, float]) -> str:
+    """What makes the sum of ``small`` errors by term smaller: the largest one computed, or, where several are the least
+    that so few granules can show, more of them.
+    """
+    most = max(small, key=lambda term: small[term])
+    if sum(error >= small[most] for error in small.values()) > 1:
+        return "more granules tell less of it: feed.count"
+    return f"most by {most}, [force] {most} = 'on'"
 
 
 def together(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
@@ -91,11 +101,11 @@ def together(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
         error = TYPICAL * sum(small.values())
         name, _, place = row.quantity.removeprefix("share.").partition(".")
         if error > max(target, worst[name].error if name in worst else 0.0):
-            worst[name] = _Sum(error, place, max(small, key=lambda source: small[source]))
+            worst[name] = _Sum(error, place, _cure(small))
     return [
         less_sure(
             f"{name}: the terms left out could change its share in {found.place} by {100 * found.error:.2g} points "
-            f"together, more than the {100 * target:.2g} asked for; most by {found.most}, [force] {found.most} = 'on'"
+            f"together, more than the {100 * target:.2g} asked for; {found.cure}"
         )
         for name, found in worst.items()
     ]

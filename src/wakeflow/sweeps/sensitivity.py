@@ -183,7 +183,8 @@ def _own_interval(key: str, result: Result) -> Axis:
     known = {} if result.landings is None else result.landings.inputs or {}
     if key not in known:
         raise SceneError(
-            f"{key} has no interval of its own{did_you_mean(key, list(known))}; give its ends: --over {key}=LOW,HIGH"
+            f"--over {key}: no number of this run with an interval of its own{did_you_mean(key, list(known))}; of any "
+            f"other key of the scene give the ends: --over KEY=LOW,HIGH"
         )
     return Axis(key, (known[key].low, known[key].high))
 

@@ -110,7 +110,7 @@ def show_comparison(found: RunComparison) -> None:
         if quantity in names:
             table.add_row(quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others))
     table.caption, table.caption_justify = "bold: zero lies outside of the 95 % interval", "left"
-    Console().print(table)
+    Console().print(table if table.row_count else f"no number of {first} stands in another of these runs")
 
 
 def _difference(one: Difference) -> str:
