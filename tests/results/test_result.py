@@ -21,6 +21,7 @@ from wakeflow.report.csv import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUM
 from wakeflow.results.airflow_summary import Airflow, SuctionZone
 from wakeflow.results.plan_summary import summary_of
 from wakeflow.results.result import MeshSummary, Result
+from wakeflow.runs import report_again
 
 PAGE = Path(__file__).parents[2] / "docs" / "results.md"
 
@@ -88,6 +89,8 @@ def test_a_run_that_ended_early_has_no_shares(tmp_path: Path, cases: Path) -> No
     assert Result.load(tmp_path).to_json() == result.table
     with pytest.raises(SceneError, match="the run ended before them"):
         result.share("soft", "near")
+    with pytest.raises(SceneError, match="without --until"):
+        report_again(tmp_path)
 
 
 def test_a_plans_summary_is_read_back(cases: Path) -> None:

@@ -258,8 +258,8 @@ def asked_in(folder: Path | str, *, whole: bool = True) -> tuple[dict[str, Any],
     table = _read(folder)
     try:
         scene, options = table["scene"], table["options"]
-        if whole:
-            table["separation"]
+        if whole and "separation" not in table:
+            raise SceneError(f"the run in {folder} ended before its shares; run its scene again without --until")
         return scene, Request(None, options["rung"], options["force"], options.get("target_error"), options.get("near"))
     except (KeyError, TypeError):
         raise _unfinished(folder) from None
