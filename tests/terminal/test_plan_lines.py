@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from support import shipped
 from wakeflow.cli import main
+from wakeflow.core.graded import Grade
 from wakeflow.core.resources import scene_templates
+from wakeflow.planning.make import make_plan
 
 LABELS = ("machine", "air", "feed", "flown with", "left out", "costs")
 NARROW = 80  # columns
@@ -71,3 +74,11 @@ def test_without_a_screen_the_drawing_is_named(
         monkeypatch.delenv(name, raising=False)
     assert main(["plan", str(cases / "vacuum.toml"), "--open"]) == 0
     assert capsys.readouterr().out.endswith("no screen to open it on: runs/vacuum-plan.png\n")
+
+
+@pytest.mark.parametrize(("size", "first"), [("7 mm", False), ("30 mm", True)])
+def test_a_granule_as_large_as_the_body_is_the_first_doubt(size: str, first: bool) -> None:
+    """It is told whatever else is doubtful: no granule of that size is a point in the air."""
+    told = make_plan(shipped("rhombus", {"fraction.wheat.size": size})).notices[0]
+    assert ("treated as points" in told.text) == first
+    assert (told.grade is Grade.VOID) == first

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ..core.graded import Notice, less_sure
+from ..core.graded import Notice, less_sure, void
 from ..funnel import summary
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
@@ -26,6 +26,7 @@ __all__ = ["missing_lines", "used_lines", "warning_lines"]
 
 LARGE = 0.95  # mass quantile that stands for a fraction's large granules
 POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
+HARDLY = 0.5  # size above which calling it one makes the answer void; chosen
 LIFTED = {LOADING: COUPLING, COLLISIONS: INDEPENDENT}  # the assumption that no longer strains where a term is computed
 FASTER = 0.9  # factor on a sphere's drag below which data look wrong; chosen: drag laws scatter by some 5 %
 
@@ -179,7 +180,8 @@ def warning_lines(
     for name, fraction in scene.fraction.items():
         size = float(fraction.diameters(np.array([LARGE]))[0])
         if size > POINT * scene.width:
-            yield less_sure(
+            doubt = void if size > HARDLY * scene.width else less_sure
+            yield doubt(
                 f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
                 f"treated as points in the air; check fraction.{name}.size"
             )
