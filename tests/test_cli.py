@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+import wakeflow as wf
 from wakeflow.cli import app, main
 from wakeflow.core.errors import SceneError
 from wakeflow.core.resources import scene_templates
@@ -179,3 +181,8 @@ def test_a_new_command_is_one_function(cases: Path, capsys: pytest.CaptureFixtur
         assert "Print how many fractions a scene has." in capsys.readouterr().out
     finally:
         del app["count"]
+
+
+def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == wf.__version__ == version("wakeflow")

@@ -121,6 +121,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version(__name__)
     if name not in _HOME:
         raise AttributeError(f"module 'wakeflow' has no attribute {name!r}")
     module, _, attribute = _HOME[name].partition(":")

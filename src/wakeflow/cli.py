@@ -34,9 +34,9 @@ for _command in (*LOOKING, *MANY):
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    from . import __version__
 
-    return version("wakeflow")
+    return str(__version__)
 
 
 app.version = _version
