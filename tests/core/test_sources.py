@@ -25,6 +25,9 @@ from wakeflow.planning.make import make_plan
 STAGES = {**CODE, "funnel": FUNNEL, "kernel": ("wakeflow.tracking.kernel.loop",)}
 
 
+SOME = 20  # modules of a stage that are touched: its key reads all of them each time
+
+
 @pytest.fixture
 def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A copy of the sources that may be edited; keys are made of it."""
@@ -41,7 +44,7 @@ def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: 
     before = sources.code_key(*STAGES[stage])
     closure = sources.closure(*STAGES[stage])
     assert set(STAGES[stage]) <= closure
-    for module in closure:
+    for module in sorted(closure)[:: max(1, len(closure) // SOME)]:  # other ones for every stage
         base = copied.joinpath(*module.split(".")[1:])
         path = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
         text = path.read_text()
