@@ -183,8 +183,8 @@ def _own_interval(key: str, result: Result) -> Axis:
     known = {} if result.landings is None else result.landings.inputs or {}
     if key not in known:
         raise SceneError(
-            f"--over {key}: no number of this run with an interval of its own{did_you_mean(key, list(known))}; of any "
-            f"other key of the scene give the ends: --over KEY=LOW,HIGH"
+            f"--over {key}: no number of this run with an interval of its own; of any other key of the scene give its "
+            f"ends, --over KEY=LOW,HIGH{did_you_mean(key, list(known))}"
         )
     return Axis(key, (known[key].low, known[key].high))
 
