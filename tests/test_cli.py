@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import wakeflow as wf
+from support import CASES
 from wakeflow.cli import app, main
 from wakeflow.core.errors import SceneError
 from wakeflow.core.resources import scene_templates
@@ -181,6 +182,15 @@ def test_a_new_command_is_one_function(cases: Path, capsys: pytest.CaptureFixtur
         assert "Print how many fractions a scene has." in capsys.readouterr().out
     finally:
         del app["count"]
+
+
+def test_a_vacuum_is_not_told_to_resolve_a_wake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["run", str(CASES / "vacuum.toml"), "--set", "feed.count=256", "--out", str(tmp_path)]
+    assert main(command) == 0
+    told = capsys.readouterr().out
+    assert "hangs most on" in told
+    assert "Measure these" in told
+    assert "3d" not in told
 
 
 def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:

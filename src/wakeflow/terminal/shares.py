@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = ["alone_table", "measure_next", "separation_table"]
 
-NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }; of wake.*: numerics.rung = '3d'."
+NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }"
+NEXT_OF_WAKE = "of wake.*: numerics.rung = '3d'"
 TOLD_FROM = 0.1  # part of a share's variance from which an unknown number is told
 MOST_TOLD = 4  # numbers that are told under the answer
 
@@ -48,13 +49,14 @@ def separation_table(result: Result, separation: Separation) -> Table:
 
 def measure_next(result: Result) -> list[str]:
     """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
-    told = []
+    told, wake = [], False
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
         known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM][:MOST_TOLD]
         if known:
             inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
             told.append(f"{name} in {place} hangs most on (points each): {inputs}")
-    return [*told, NEXT] if told else []
+            wake |= any(key.startswith("wake.") for key, _ in known)
+    return [*told, f"{NEXT}; {NEXT_OF_WAKE}." if wake else f"{NEXT}."] if told else []
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:
