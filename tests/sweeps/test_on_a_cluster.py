@@ -106,13 +106,14 @@ def test_a_worker_killed_while_its_solver_runs_leaves_no_orphan_and_the_same_tab
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache" / "numba").symlink_to(cache_root() / "numba")
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
-    solvers: list[list[psutil.Process]] = []
+    solvers: list[dict[psutil.Process, str]] = []  # with their folders, at every look
 
     def watch() -> None:
         """Kill the worker of the first solver that is found; note every look at the solvers."""
         while not (tmp_path / "there" / "sweep.csv").exists():
             now = [one for one in psutil.process_iter(["name", "cwd"]) if one.info["name"] == "simpleFoam"]
-            mine = [one for one in now if Path(one.info["cwd"] or "/").is_relative_to(tmp_path)]
+            folders = {one: one.info["cwd"] or "/" for one in now}
+            mine = {one: folder for one, folder in folders.items() if Path(folder).is_relative_to(tmp_path)}
             if mine and not solvers:
                 time.sleep(2.0)  # some iterations into it
                 running.worker_at_work().kill()
@@ -124,7 +125,8 @@ def test_a_worker_killed_while_its_solver_runs_leaves_no_orphan_and_the_same_tab
     thread.start()
     wf.sweep(found, tmp_path / "there", rung="draft", scheduler=running.address)
     thread.join()
-    assert max(map(len, solvers)) == 1
-    assert len({one.pid for seen in solvers for one in seen}) >= 2
+    assert all(len(set(seen.values())) == len(seen) for seen in solvers)  # never two in one folder
+    killed = next(iter(solvers[0].values()))
+    assert len({one.pid for seen in solvers for one, folder in seen.items() if folder == killed}) >= 2
     assert not any(one.is_running() for seen in solvers for one in seen)
     assert rows(tmp_path / "here") == rows(tmp_path / "there")
