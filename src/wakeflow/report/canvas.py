@@ -320,7 +320,7 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
         return
     path, root = Path(paper), figure.figure
     _unify(root)
-    root.draw_without_rendering()  # laid out once: a format would do it again, at twice the cost of its drawing
+    root.draw_without_rendering()  # laid out once, not again for every format
     root.set_layout_engine(None)
     drawn = root.get_tightbbox().padded(MARGIN)
     undated: dict[str, dict[str, Any] | None] = {".png": None, ".svg": {"Date": None}}

@@ -28,7 +28,8 @@ LEVEL = 0.95  # of every interval
 
 def wilson(count: int, total: int) -> tuple[float, float]:
     """The 95 % interval of a share of which ``count`` of ``total`` > 0 were found (Wilson 1927, J. Am. Stat. Assoc. 22,
-    209). scipy's binomtest gives it too, after a test that takes twenty times as long; a run asks for hundreds.
+    209). scipy's binomtest gives it too, after a test that nobody asks for; a run needs hundreds of
+    intervals.
     """
     from scipy.special import ndtri
 
