@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import shipped
+from support import ALONE, shipped
 from wakeflow.cli import main
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import Flight
@@ -25,8 +25,6 @@ from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 
 COUNT = 512
-# The slab's own runs are in tests/pipeline/test_crowd_stage.py, those of air that feels granules in test_air_loading.py
-ALONE = {"collisions": False, "air-loading": False}
 
 
 @pytest.fixture(scope="session")

@@ -3,8 +3,8 @@
 .venv/bin/python cases/studies/throughput.py [docs/pictures/throughput.png] [--scene NAME] [--rung RUNG] [--count N]
 
 Scenes are those of cases/ that have a feed rate; without --scene the rhombus, the prism and the labyrinth. The first
-row has each granule alone in air that does not feel it. The slab flies at every rate, even where the plan would leave
-collisions out; the air feels the granules where the plan wants it.
+row has each granule alone in air that does not feel it, by the forces of the slab: without history force. The slab
+flies at every rate, even where the plan would leave collisions out; the air feels the granules where the plan wants it.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from wakeflow.results.separation import separate
 CASES = Path(__file__).parents[1]
 RATES = (10.0, 50.0, 125.0, 500.0, 1000.0)  # kg/h
 HOUR = 3600.0
+HISTORY = "basset-history"  # which granules that meet leave out
 QUICK: dict[str, Any] = {"feed.count": 16, "numerics.target_error": 0.5, "collisions.depth": "20 mm"}
 
 
@@ -56,7 +57,7 @@ class Point:
 def points(scene: wf.Scene, rates: Sequence[float], rung: str | None = None) -> list[Point]:
     """The separation of granules alone in air that does not feel them, then at each of the ``rates`` (kg/h)."""
     found: list[Point] = []
-    alone = Pipeline(scene, make_plan(scene, rung=rung, force={COLLISIONS: False, LOADING: False}))
+    alone = Pipeline(scene, make_plan(scene, rung=rung, force={COLLISIONS: False, LOADING: False, HISTORY: False}))
     found.append(Point(0.0, separate(scene, alone.tracks().landings), dict.fromkeys(scene.fraction, 0.0)))
     for rate in rates:
         fed = scene.replace({"feed.rate": rate / HOUR})

@@ -241,6 +241,19 @@ def test_the_plan_prints_and_writes_a_bound_for_every_fraction(
     assert "above 0" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("error", ["1%", True, None.__class__])
+def test_an_accuracy_that_is_no_number_is_refused(error: Any, draft: Scene) -> None:
+    with pytest.raises(SceneError, match="a number, 0"):
+        make_plan(draft, target_error=error)
+
+
+def test_granules_lighter_than_the_air_are_doubted(draft: Scene) -> None:
+    plan = make_plan(draft.replace({"fraction.dust.density": 0.7}), force={"basset-history": False})
+    (doubt,) = [notice.text for notice in plan.notices if "lighter than the air" in notice.text]
+    assert doubt.startswith("dust: 0.7 kg/m3")
+    assert "'0.7 g/cm3'" in doubt
+
+
 def test_fine_dust_slips_between_the_airs_molecules(draft: Scene) -> None:
     scene = draft.replace({"fraction.dust.size": "1 um", "feed.count": 64})
     plan = make_plan(scene)

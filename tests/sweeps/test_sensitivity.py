@@ -123,6 +123,16 @@ def test_a_wrong_key_is_one_line(over: str, said: str, folder: Path) -> None:
         wf.sensitivity(folder, over=[over], scheduler=Here())
 
 
+@pytest.mark.parametrize(
+    ("over", "said"),
+    [("feed.heigth=80 mm,120 mm", "unknown key; did you mean 'height'"), ("feed.height=1:2:x", "--over")],
+)
+def test_a_wrong_key_of_a_scene_is_told_before_it_is_run(over: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(wf.SceneError, match=said):
+        wf.sensitivity(shipped("vacuum", SETTINGS), tmp_path, over=[over], rung="none")
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_run_in_which_nothing_is_unknown_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = Path(__file__).parents[2] / "cases" / "vacuum.toml"
     keys = [f"fraction.{name}.{key}" for name in ("soft", "hard") for key in ("restitution", "friction", "size")]

@@ -66,13 +66,18 @@ class _Gap:
 
 
 def first_contact(
-    fall_speed: Array, normal: Array, passing: Array, motion: Motion | None, pull: Array | float = 0.0
+    fall_speed: Array,
+    normal: Array,
+    passing: Array,
+    motion: Motion | None,
+    pull: Array | float = 0.0,
+    halvings: int = HALVINGS,
 ) -> tuple[Array, Array]:
     """When granules first meet a slope that follows ``motion``, (n,) s, and the wall's velocity then, (n, 2) m/s.
 
     ``passing`` (n,) s: when each would touch the slope at rest, with ``fall_speed`` (n,) m/s straight down, which grows
     by ``pull`` (n,) m/s2; ``normal`` (n, 2) of the slope, upward. The first root of the distance along the normal is
-    looked for from above all crests on, in pieces that are short against the vibration.
+    looked for from above all crests on, in pieces that are short against the vibration, each halved ``halvings`` times.
     """
     if motion is None or not motion.moves or not len(passing):
         return passing.copy(), np.zeros((len(passing), 2))
@@ -85,7 +90,7 @@ def first_contact(
         met = (gap.at(to, left) <= 0) | (high >= last[left])
         begin[left[met]], end[left[met]] = low[met], to[met]
         left, low = left[~met], high[~met]
-    time = _end_of(gap.at, np.arange(len(passing)), begin, end, above=True)
+    time = _end_of(gap.at, np.arange(len(passing)), begin, end, above=True, halvings=halvings)
     return time, motion.at(time)[1]
 
 
@@ -101,7 +106,7 @@ def _lowest(gap: _Gap, i: Index, low: Array, high: Array) -> Array:
 
 
 def _end_of(
-    value: Callable[[Array, Index], Array], i: Index, low: Array, high: Array, *, above: bool, halvings: int = HALVINGS
+    value: Callable[[Array, Index], Array], i: Index, low: Array, high: Array, *, above: bool, halvings: int
 ) -> Array:
     """The time within (low, high) up to which a value is above zero, or not above; (n,), by bisection."""
     return halved_all(lambda time: (value(time, i) > 0) == above, low, high, halvings)[1]

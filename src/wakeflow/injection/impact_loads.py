@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 SIZES = 8  # equal shares of a fraction's mass
 PLACES = 24  # of each half of the curtain, others for every size
 PHASES = 64  # of the vibration's period
+HALVINGS = 30  # of a piece of it: 4e-10 rad, far below what the samples know of the sums
 UPWARD = 1e-12  # part of a unit normal above which a face looks up: round-off
 
 
@@ -119,7 +120,7 @@ def _sample(scene: Scene, name: str, plan: FractionPlan, outline: Array) -> _Str
         if scene.vibration is not None and meets.any():
             passing = scene.vibration.period * phase[meets]
             pull = np.nan_to_num((later[meets] ** 2 - fall[meets] ** 2) / (2.0 * swing), nan=0.0)
-            time, wall[meets] = first_contact(fall[meets], normal[meets], passing, motion, pull)
+            time, wall[meets] = first_contact(fall[meets], normal[meets], passing, motion, pull, HALVINGS)
             fall[meets] += pull * (time - passing)
         parts.append((_slope_below(outline, x), fall, normal, wall))
     slopes, *columns = (np.concatenate(column) for column in zip(*parts, strict=True))

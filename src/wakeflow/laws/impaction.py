@@ -92,7 +92,7 @@ class Wedge:
         """log(U dz/dw) at the potential w / (U H), a dimensionless complex number with 0 <= Im <= 1."""
         s = np.exp(math.pi * (np.minimum(w.real, DOWN) + 1j * np.clip(w.imag, 1e-12, 1.0)))
         far = (self.channel / (self.channel - self.half)) ** (-1.0 / self._power)
-        return np.asarray(self._power * (np.log(1.0 - far * s) - np.log(1.0 - s)))
+        return np.asarray(self._power * np.log((1.0 - far * s) / (1.0 - s)))  # Im s >= 0: on one branch
 
     def label(self, z: Complex) -> Complex:
         """w / (U H), from far upstream, where w = U z but for a constant, straight down to z."""

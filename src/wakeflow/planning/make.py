@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from pathlib import Path
 from typing import NamedTuple
 
@@ -91,6 +92,8 @@ def make_plan(
 def _accuracy(scene: Scene, asked: float | None) -> float:
     """The error of a share that is asked for, instead of the scene's own. Raises SceneError for one that is none."""
     target = scene.numerics.target_error if asked is None else asked
+    if isinstance(target, bool) or not isinstance(target, Real):
+        raise SceneError(f"target_error = {target!r}: a number, 0.01 for one percent of a fraction")
     if not 0.0 < target <= LARGEST_ERROR:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
     return target
@@ -108,6 +111,10 @@ class Planner:
     force: Mapping[str, bool] = field(default_factory=dict)
     target_error: float | None = None
     _made: dict[str | None, Plan] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def keep(self, rung: str | None, plan: Plan) -> None:
+        """Take the ``plan`` that was made for a ``rung`` elsewhere."""
+        self._made[rung] = plan
 
     def plan(self, rung: str | None = None) -> Plan:
         """The plan of a ``rung``; None: the scene's own. Raises SceneError as :func:`make_plan` does."""

@@ -189,6 +189,12 @@ def warning_lines(
             yield less_sure(
                 f"{name}: material data of low confidence; measure yours and set fraction.{name}.terminal_velocity"
             )
+        density = float(fraction.properties.density)
+        if scene.air is not None and density < scene.air.density:
+            yield less_sure(
+                f"{name}: {density:.3g} kg/m3, lighter than the air ({scene.air.density:.3g}), so that it rises; check "
+                f"fraction.{name}.density ('{density:.3g} g/cm3' if that was meant)"
+            )
         plan = fractions[name]
         if plan.drag_scale < FASTER:
             yield less_sure(

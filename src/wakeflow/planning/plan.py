@@ -37,8 +37,16 @@ DRAWS = 64  # of everything that is not known exactly; their regression has some
 SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 
 
+class _Sendable:
+    """A dataclass whose read-only mappings, which pickle refuses, are sent to another process as plain ones."""
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        values = (getattr(self, one.name) for one in fields(self))  # type: ignore[arg-type]
+        return type(self), tuple(dict(one) if isinstance(one, MappingProxyType) else one for one in values)
+
+
 @dataclass(frozen=True)
-class FractionPlan:
+class FractionPlan(_Sendable):
     """How one fraction is computed, and the scales that decide it (SI units, of the median size)."""
 
     mode: str  # injected | resolved
@@ -91,7 +99,7 @@ class StageCost:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(_Sendable):
     """What will be computed and what will not: complete when it is made, and not changed afterwards."""
 
     airflow: AirflowPlan

@@ -98,15 +98,16 @@ def run_once(
     crew: int = 1,
     refinement: Refinement | None = None,
     pdf: bool = False,
+    made: Plan | None = None,
 ) -> Result:
-    """Run a scene as it stands; ``refinement``: how its settings came about."""
+    """Run a scene as it stands; ``refinement``: how its settings came about; ``made``: its plan, where there is one."""
     from filelock import FileLock, Timeout
 
     _check(scene, folder, request, workers)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0), one_thread_of_blas():
-            pipeline, poured = stages_of(scene, request, workers, listener, crew, planned)
+            pipeline, poured = stages_of(scene, request, workers, listener, crew, planned, made)
             result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
             if workers is None and crew == 1 and request.near is None:  # all cores, from rest: as the plan expects it
                 spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
@@ -116,12 +117,12 @@ def run_once(
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
 
 
-def help_along(scene: Scene, request: Request, *, workers: int, crew: int) -> None:
+def help_along(scene: Scene, request: Request, made: Plan, *, workers: int, crew: int) -> None:
     """Fly what :func:`run` flies of a scene beside another process that runs it with the same ``crew``; each flies the
-    pieces that no other is at. Writes nothing but the cache.
+    pieces that no other is at, under the plan that was ``made``. Writes nothing but the cache.
     """
     with one_thread_of_blas():
-        pipeline, _ = stages_of(scene, request, workers, silent, crew)
+        pipeline, _ = stages_of(scene, request, workers, silent, crew, made=made)
         fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
 
 

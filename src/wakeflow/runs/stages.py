@@ -43,11 +43,14 @@ def stages_of(
     listener: Listener,
     crew: int,
     planned: Callable[[Plan], object] = unheard,
+    made: Plan | None = None,
 ) -> tuple[Pipeline, FunnelSummary | None]:
     """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
-    the plan before.
+    the plan before, which may have been ``made`` elsewhere.
     """
     planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
+    if made is not None:
+        planner.keep(rung, made)
     plan = planner.plan(rung)
     planned(plan)
     one_at_a_time = in_turn(listener)

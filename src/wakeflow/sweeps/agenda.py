@@ -201,8 +201,8 @@ class _Jobs:
     idle: int  # workers for each scene
 
     def of(self, one: _Planned, folder: str, *, report: bool, crew: int = 1) -> Job:
-        tracked = one.plan.flown_by == "tracker"
-        return Job(one.scene.tables(), one.request, self.out / folder, one.stamp, tracked, self.threads, report, crew)
+        tables, threads = one.scene.tables(), self.threads
+        return Job(tables, one.request, self.out / folder, one.stamp, one.plan, threads, report, crew)
 
     def crew(self, one: _Planned, seconds: float) -> int:
         """How many workers fly a scene that takes so long."""

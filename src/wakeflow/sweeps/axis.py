@@ -67,9 +67,9 @@ def _negative(value: Any) -> Any:
     return -value
 
 
-def axis_of_text(text: str) -> Axis:
-    """The axis KEY=VALUES of ``--set``: values with commas between them, or start:stop:count; a unit may follow, that
-    of all numbers before it.
+def axis_of_text(text: str, option: str = "--set") -> Axis:
+    """The axis KEY=VALUES of an ``option``: values with commas between them, or start:stop:count; a unit may follow,
+    that of all numbers before it.
 
     >>> axis_of_text("air.speed=3:5:3 m/s").values
     ('3.0 m/s', '4.0 m/s', '5.0 m/s')
@@ -80,20 +80,21 @@ def axis_of_text(text: str) -> Axis:
 
     Raises SceneError for any other text.
     """
-    key, given = setting(text, "--set", "KEY=VALUES")
+    key, given = setting(text, option, "KEY=VALUES")
     low, high, *counts = [split_quantity(part) for part in given.split(":")] + [None] * 2
     if low and high and len(counts) == 3:
         if counts[0] is None or not counts[0][0].is_integer():
-            raise SceneError(f"--set {text!r}: the count, behind the second colon, is a whole number; {HOW}")
+            raise SceneError(f"{option} {text!r}: the count, behind the second colon, is a whole number; {HOW}")
         count, unit = counts[0]
         last = unit or high[1] or low[1]
         if any(one and one != last for one in (low[1], high[1])):
-            raise SceneError(f"--set {text!r}: both ends in one unit, please")
+            raise SceneError(f"{option} {text!r}: both ends in one unit, please")
         return _range(key, low[0], high[0], int(count), last)
-    return Axis(key, tuple(changes_of([f"{key}={piece}"])[key] for piece in _in_units(text, _pieces(given))))
+    pieces = _in_units(f"{option} {text!r}", _pieces(given))
+    return Axis(key, tuple(changes_of([f"{key}={piece}"])[key] for piece in pieces))
 
 
-def _in_units(text: str, pieces: Sequence[str]) -> list[str]:
+def _in_units(where: str, pieces: Sequence[str]) -> list[str]:
     """The values of a list, numbers alone with the unit that follows the last of them. Raises SceneError where units
     stand behind others but not behind all.
     """
@@ -102,7 +103,7 @@ def _in_units(text: str, pieces: Sequence[str]) -> list[str]:
     if len(units) < len(pieces) or not any(units) or all(units):
         return list(pieces)
     if any(units[:-1]):
-        raise SceneError(f"--set {text!r}: write the unit once, behind the last value, or behind each value")
+        raise SceneError(f"{where}: write the unit once, behind the last value, or behind each value")
     return [*(f"{piece} {units[-1]}" for piece in pieces[:-1]), pieces[-1]]
 
 

@@ -131,13 +131,13 @@ def sensitivity(
 
     Raises SceneError where nothing is unknown and nothing named, or a key is wrong.
     """
+    if not isinstance(scene, Result) and not (isinstance(scene, Path | str) and Path(scene).is_dir()):
+        _ends(_axes(over), Scene.of(scene))  # what is wrong with a key is said before anything is computed
     result = _finished(scene, out, rung, force, partial(run, workers=workers, listener=listener, planned=planned))
     folder = result.folder if out is None else Path(out)
     moves, axes, failed = regressed_moves(result.landings), _axes(over, result), {}
     if axes:
-        ends = {axis.key: [axis.values[0], axis.values[-1]] for axis in axes}
-        found = variants(Scene.parse(result.scene), ends, design="one-at-a-time")
-        pairs = {axis.key: _pair(axis, found[1 + 2 * i : 3 + 2 * i]) for i, axis in enumerate(axes)}
+        found, pairs = _ends(axes, Scene.parse(result.scene))
         done = sweep(
             found, folder / SWEPT, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
             workers=workers, figures=False, listener=listener,
@@ -168,12 +168,16 @@ def _finished(
     return scene if isinstance(scene, Result) else Result.load(scene)
 
 
-def _axes(over: Mapping[str, Any] | Sequence[str], result: Result) -> list[Axis]:
-    """What is to be changed. A key without values goes to the ends of its own interval in the run."""
+def _axes(over: Mapping[str, Any] | Sequence[str], result: Result | None = None) -> list[Axis]:
+    """What is to be changed. A key without values goes to the ends of its own interval in the run, and is passed over
+    before there is one.
+    """
     if isinstance(over, Mapping):
         found = axes_of(over, "sensitivity")
     else:
-        found = [axis_of_text(text) if "=" in text else _own_interval(text, result) for text in over]
+        found = [axis_of_text(text, "--over") for text in over if "=" in text]
+        if result is not None:
+            found += [_own_interval(text, result) for text in over if "=" not in text]
     if alone := [axis.key for axis in found if len(axis.values) < 2]:
         raise SceneError(f"{alone[0]}: give its two ends, as in --over {alone[0]}=LOW,HIGH")
     return found
@@ -187,6 +191,15 @@ def _own_interval(key: str, result: Result) -> Axis:
             f"ends, --over KEY=LOW,HIGH{did_you_mean(key, list(known))}"
         )
     return Axis(key, (known[key].low, known[key].high))
+
+
+def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, tuple[_End, _End]]]:
+    """The scene as it is, then with each input at both of its ends; and which these are, by the input's key."""
+    if not axes:
+        return [], {}
+    ends = {axis.key: [axis.values[0], axis.values[-1]] for axis in axes}
+    found = variants(scene, ends, design="one-at-a-time")
+    return found, {axis.key: _pair(axis, found[1 + 2 * i : 3 + 2 * i]) for i, axis in enumerate(axes)}
 
 
 def _pair(axis: Axis, ends: Sequence[Variant]) -> tuple[_End, _End]:

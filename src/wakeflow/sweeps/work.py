@@ -16,8 +16,11 @@ from typing import Any
 from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
 from ..core.store import cache_root
+from ..pipeline.cache import silent
+from ..planning.plan import Plan
+from ..progress import unheard
 from ..results.result import FILE, Request, Result
-from ..runs import help_along, run
+from ..runs import help_along, run_once
 from ..scene import Scene
 
 __all__ = ["Job", "JobEnd", "finished", "fly_scene", "help_fly", "solve_airflow_of"]
@@ -29,16 +32,16 @@ CRASH = "failure.log"  # the traceback of a failure that is nobody's wrong input
 
 @dataclass(frozen=True)
 class Job:
-    """One scene to compute: plain ``tables``, how it is asked for, its folder, and the ``stamp`` of all that it was
-    made for; whether the compiled tracker flies it (``tracked``), on how many ``threads``, by how many processes
-    (``crew``); whether a ``report`` is due.
+    """One scene to compute: plain ``tables``, how it is asked for, its folder, the ``stamp`` of all that it was made
+    for, and its ``plan``; on how many ``threads``, by how many processes (``crew``) it is flown; whether a ``report``
+    is due.
     """
 
     tables: Mapping[str, Any]
     request: Request
     folder: Path
     stamp: str
-    tracked: bool = True
+    plan: Plan
     threads: int = 1
     report: bool = False
     crew: int = 1
@@ -92,7 +95,7 @@ def help_fly(job: Job) -> JobEnd:
     """Fly part of a scene's granules beside the process that computes it to its end."""
     if finished(job.folder, job.stamp) is None:
         _compile()
-        help_along(Scene.parse(job.tables), job.asked, workers=job.threads, crew=job.crew)
+        help_along(Scene.parse(job.tables), job.asked, job.plan, workers=job.threads, crew=job.crew)
     return JobEnd()
 
 
@@ -105,15 +108,13 @@ def _alone(folder: Path) -> AbstractContextManager[object]:
 
 
 def _tried(job: Job, until: str | None) -> JobEnd:
-    asked = job.asked
     try:
         (job.folder / STAMP).unlink(missing_ok=True)
-        if job.tracked and until is None:
+        if job.plan.flown_by == "tracker" and until is None:
             _compile()
-        run(
-            Scene.parse(job.tables), job.folder, until=until, rung=asked.rung, force=asked.force,
-            target_error=asked.target_error, near=asked.near, workers=job.threads, report=job.report, refine=False,
-            crew=job.crew,
+        run_once(
+            Scene.parse(job.tables), folder=job.folder, request=replace(job.asked, until=until), workers=job.threads,
+            listener=silent, planned=unheard, redraw=False, report=job.report, crew=job.crew, made=job.plan,
         )  # fmt: skip
     except ProgramError as problem:
         _note(job.folder, f"{problem}\n{problem.tail}\n")

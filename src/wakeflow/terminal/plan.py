@@ -116,7 +116,9 @@ def _air(plan: Plan, scene: Scene) -> str:
 
 
 def _feed(scene: Scene) -> str:
-    rate = "no rate given" if scene.feed.rate is None else say(scene.feed.rate, "kg/s")
+    rate = say(scene.feed.mass_flow, "kg/s")
+    if scene.feed.rate is None:
+        rate = f"no rate given ({rate} where one is needed)"
     shares = ", ".join(f"{name} {share:.3g} %" for name, share in _percent(scene))
     return f"{rate}: {shares}; {scene.feed.count} granules of each fly"
 
@@ -153,7 +155,8 @@ def _cost(plan: Plan) -> str:
     spent = _parts(stages)
     whole = wall_seconds(stages, cores())
     told = [f"{part} {duration(time)}" for part, time in spent.items() if time >= WORTH_TELLING * sum(spent.values())]
-    learned = f"as its last {runs} run{'s' if runs > 1 else ''} took" if runs else "not measured on this machine yet"
+    lately = "run" if runs == 1 else f"{runs} runs"
+    learned = f"as its last {lately} took" if runs else "not measured on this machine yet"
     cost = plan.estimate
     return (
         f"about {duration(whole)}, {learned} ({', '.join(told)}); {cost['memory'] / 1e9:.1f} GB of memory, "
