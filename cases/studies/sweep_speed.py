@@ -48,7 +48,9 @@ def _two_against_one(what: str, name: str, base: Mapping[str, Any], over: Mappin
 
 def _feeds(tiny: bool) -> None:
     """Wall time on one worker against the run time of every stage, each counted once."""
-    scene = wf.Scene.load(CASES / "rhombus.toml", {"numerics.mesh_scale": 3.0 if tiny else 1.5, "feed.count": 256 if tiny else 512})
+    scene = wf.Scene.load(
+        CASES / "rhombus.toml", {"numerics.mesh_scale": 3.0 if tiny else 1.5, "feed.count": 256 if tiny else 512}
+    )
     speeds, heights = (2, 2) if tiny else (5, 20)
     over = {
         "air.speed": {"from": 4.0, "to": 6.0, "count": speeds},

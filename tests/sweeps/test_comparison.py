@@ -11,6 +11,9 @@ from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.report.words import percent
+from wakeflow.results.quantities import TableQuantity
+from wakeflow.results.table import DONE, FAILED, Entry, ResultTable
+from wakeflow.sweeps.show import show_table
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +79,21 @@ def test_what_cannot_be_compared(runs: list[wf.Result], tmp_path: Path) -> None:
         wf.compare([runs[0], runs[0]])
     with pytest.raises(SceneError, match="holds no finished run"):
         wf.compare([runs[0], tmp_path])
+
+
+@pytest.mark.parametrize("width", [30, 60, 200])
+def test_a_wide_table_is_parted_where_it_fits_no_more(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    shares = tuple(
+        TableQuantity(f"share.wheat.bin-{i}", "1", 0.1 * i, 0.1 * i - 0.05, 0.1 * i + 0.07) for i in range(8)
+    )
+    entries = [Entry(f"{speed}", {"air.speed": speed}, DONE, "", shares) for speed in (3.0, 4.5)]
+    show_table(ResultTable([*entries, Entry("5", {"air.speed": 5.0}, FAILED, "its reason")]))
+    lines = capsys.readouterr().out.splitlines()
+    assert all(len(line) <= width for line in lines)
+    assert [sum(f"bin-{i}" in line for line in lines) for i in range(8)] == [1] * 8  # whole and once
+    parts = sum("4.5" in line for line in lines)  # the inputs stand in each
+    assert parts == 1 if width == 200 else parts > 1
+    assert sum(FAILED in line for line in lines) == parts

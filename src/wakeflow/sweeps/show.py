@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ..core.cleaning import KeptStage
 from ..core.quantities import duration
@@ -12,7 +12,7 @@ from ..results.difference import Difference
 from ..results.dividers import Dividers, cut
 from ..results.measured import Measured
 from ..results.quantities import TableQuantity
-from ..results.table import DONE, ResultTable
+from ..results.table import DONE, Entry, ResultTable
 from .comparison import RunComparison
 from .compute import Sweep, SweepEstimate
 
@@ -27,6 +27,9 @@ __all__ = [
 ]
 
 MOST_ROWS = 50  # of a table on a terminal; all are in the file
+GAP = 2  # letters between columns
+
+Column = tuple[str, ...]  # its head and its cells
 
 
 def show_estimate(estimate: SweepEstimate, workers: int) -> None:
@@ -62,32 +65,55 @@ def show_sweep(found: Sweep) -> None:
 
 
 def show_table(table: ResultTable) -> None:
-    """Print a row a scene: its inputs and the quantities that it is made for, with half their 95 % intervals."""
+    """Print a row a scene: its inputs and the quantities that it is made for, with half their 95 % intervals; where not
+    all columns fit beside each other, in several tables.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
-    names = main_quantities(table)
-    drawn = Table(
-        title="percent, with 95 % interval",
-        title_justify="left",
-        pad_edge=False,
-        collapse_padding=True,
-        box=SIMPLE_HEAD,
+    shown, names = table.entries[:MOST_ROWS], main_quantities(table)
+    inputs = list(zip(_heads(table), *(_inputs(table, entry) for entry in shown), strict=True))
+    numbers = list(
+        zip((name.replace(".", "\n") for name in names), *(_cells(names, one) for one in shown), strict=True)
     )
-    heads = _heads(table)
-    for head in heads:
-        drawn.add_column(head, justify="right", overflow="fold")
-    for name in names:
-        drawn.add_column(name.replace(".", "\n"), justify="right", overflow="fold")
-    for entry in table.entries[:MOST_ROWS]:
-        inputs = [entry.name] if heads == ["scene"] else [_text(entry.inputs.get(key)) for key in table.inputs]
-        cells = [_cell(entry.by_name.get(name)) for name in names]
-        drawn.add_row(*inputs, *(cells if entry.state == DONE else [entry.state] * len(names)))
-    console = Console()
-    console.print(drawn)
+    console, title = Console(), "percent, with 95 % interval"
+    for columns in _fitting(inputs, numbers, console.width):
+        drawn = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
+        for head, *_ in columns:
+            drawn.add_column(head, justify="right", overflow="fold")
+        for row in zip(*(cells for _, *cells in columns), strict=True):
+            drawn.add_row(*row)
+        console.print(drawn)
+        title = ""
     if len(table.entries) > MOST_ROWS:
         console.print(f"more in the file: {_counted(len(table.entries) - MOST_ROWS, 'scene')}")
+
+
+def _inputs(table: ResultTable, entry: Entry) -> list[str]:
+    return [_text(entry.inputs.get(key)) for key in table.inputs] or [entry.name]
+
+
+def _cells(names: Sequence[str], entry: Entry) -> list[str]:
+    return [_cell(entry.by_name.get(name)) if entry.state == DONE else entry.state for name in names]
+
+
+def _fitting(inputs: list[Column], numbers: list[Column], room: int) -> Iterator[list[Column]]:
+    """The columns of each table: the inputs, and of the numbers as many as fit into so many letters, one at least."""
+    left = [*numbers]
+    while True:
+        columns, used = [*inputs], sum(map(_width, inputs))
+        while left and (len(columns) == len(inputs) or used + _width(left[0]) <= room):
+            used += _width(left[0])
+            columns.append(left.pop(0))
+        yield columns
+        if not left:
+            return
+
+
+def _width(column: Column) -> int:
+    """Letters of a column and of the gap before it."""
+    return max(len(line) for cell in column for line in cell.split("\n")) + GAP
 
 
 def show_comparison(found: RunComparison) -> None:

@@ -99,7 +99,7 @@ def _machine(scene: Scene) -> str:
 
 def _round(number: float) -> str:
     """A count that is known to two digits: 1700."""
-    return f"{float(f'{number:.2g}'):.0f}"
+    return "less than one" if 0.0 < number < 0.5 else f"{float(f'{number:.2g}'):.0f}"
 
 
 def _widths(scene: Scene) -> dict[str, float]:
