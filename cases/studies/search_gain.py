@@ -2,7 +2,7 @@
 
 .venv/bin/python cases/studies/search_gain.py [--seeds 3] [--budget 20] [--only rhombus]
 
-Two shipped scenes without their air, which the chain flies in parts of a second: a design's levels differ in how many
+Shipped scenes without their air, which the chain flies in parts of a second: a design's levels differ in how many
 granules are flown, and its cost is their number, so that the table is the same on every machine. What each way
 recommends is flown once more with many granules. A recommendation that then breaks a limit by more than half a
 point counts as 0.
@@ -70,6 +70,23 @@ PROBLEMS = (
         ),
         "recovery.wheat",
         (QuantityLimit("purity.outer-left.wheat", least=0.98), QuantityLimit("purity.outer-right.wheat", least=0.98)),
+    ),
+    Problem(
+        "wheat-straw-dust",
+        (
+            between("body.rhombus.slope_angle", 35.0, 55.0, "deg"),
+            between("feed.height", 60.0, 140.0, "mm"),
+            between("vibration.frequency", 20.0, 45.0, "Hz"),
+            between(
+                "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to", 10.0, 85.0, "mm"
+            ),
+            between(
+                "bin.inner-right.to = bin.outer-right.from = -bin.inner-left.from = -bin.outer-left.to",
+                90.0, 180.0, "mm",
+            ),
+        ),
+        "recovery.straw",
+        (QuantityLimit("recovery.wheat", least=0.9),),
     ),
 )  # fmt: skip
 WAYS: dict[str, tuple[tuple[int, ...], Proposer]] = {
