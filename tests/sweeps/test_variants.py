@@ -66,6 +66,12 @@ def test_a_sweep_that_nobody_could_read_is_refused_before_it_is_planned() -> Non
         designs["sobol"](axes, 2**15, 0)
 
 
+def test_a_key_with_a_star_is_one_number() -> None:
+    found = wf.variants(CASES / "rhombus.toml", ["body.*.width=40,50 mm", "fraction.*.impact=paper,sphere"])
+    assert [one.inputs["body.*.width"] for one in found] == [0.04, 0.04, 0.05, 0.05]
+    assert [one.inputs["fraction.*.impact"] for one in found] == ["paper", "sphere"] * 2
+
+
 def test_values_that_are_equal_are_one_scene() -> None:
     margins = "fraction.soft.restitution={value = 0.1, uncertainty = 0.01},{value = 0.1, uncertainty = 0.02}"
     assert len(asked_for(CASES / "vacuum.toml", [margins], "grid", None, 0)[0]) == 2

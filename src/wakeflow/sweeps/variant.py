@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,9 @@ def _variant(
     for one in (key for axis in axes for key in axis.keys):
         # a value that is a table, such as a law of restitution, is more than one input; one that is not set is none
         inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{one}.")}
+        if "*" in one:  # all that it stands for have one value
+            values = [value for key, value in set_now.items() if fnmatchcase(key, one)]
+            inside = {one: values[0]} if values else {}
         inputs |= inside or ({one: changes[one]} if one in changes else {})
     return Variant("", inputs, scene)
 
