@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.lazy import cached_property
 from ..laws.collision import approach_speed, collide
 from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxation_time, slip_correction
@@ -129,9 +130,15 @@ class _Kind:
 
     def relax(self, slip: Array) -> Array:
         """Relaxation times (n, m) s of the n sizes at slips (n, m) m/s."""
+        reynolds, slowest = self._scales
+        return slowest / drag_laws[self.law].factor(reynolds * slip, self.sphericity)
+
+    @cached_property
+    def _scales(self) -> tuple[Array, Array]:
+        """Reynolds numbers (n, 1) at 1 m/s, and relaxation times (n, 1) s at no slip."""
         d = np.array(self.diameters)[:, None]
-        factor = drag_laws[self.law].factor(self.air_density * slip * d / self.viscosity, self.sphericity)
-        return relaxation_time(d, self.density, self.viscosity) * slip_correction(d) / (self.scale * factor)
+        still = relaxation_time(d, self.density, self.viscosity) * slip_correction(d) / self.scale
+        return self.air_density * d / self.viscosity, still
 
 
 @lru_cache(maxsize=256)
@@ -181,10 +188,11 @@ def _landing(scene: Scene, name: str, kind: _Kind, contacts: Met) -> Array:
         way, after = relaxed(v, air + kind.pull * tau, tau, step, np.exp(-step / tau))
         away = front.away(z + way)
         meets = front.inside(z + way) & (z.real < front.depth) | (np.abs(away) < rim * CLOSE)
-        normal = front.away(z)
         part = np.where(way.real > 0.0, np.clip((floor - z.real) / np.maximum(way.real, 1e-300), 0.0, 1.0), 1.0)
-        z = np.where(meets, z, z + part * way)
-        v = np.where(meets, _bounced(scene, name, rim, v, normal / np.maximum(np.abs(normal), 1e-300)), after)
+        if meets.any():
+            normal = front.away(z)
+            after = np.where(meets, _bounced(scene, name, rim, v, normal / np.maximum(np.abs(normal), 1e-300)), after)
+        z, v = np.where(meets, z, z + part * way), after
         if np.all(z.real >= floor * (1.0 - 1e-12)):
             break
     wall = 0.5 * scene.channel.width
