@@ -14,6 +14,7 @@ from support import shipped
 from wakeflow.pipeline import tracks
 from wakeflow.pipeline.draws import DrawStage
 from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.make import make_plan
 from wakeflow.results.result import Request
 from wakeflow.runs import help_along, run
 
@@ -41,7 +42,7 @@ def test_each_of_a_crew_flies_what_no_other_is_at(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(DrawStage, "_fly_some", fly_some)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "shared"))
     with ThreadPoolExecutor(2) as pool:
-        helper = pool.submit(help_along, scene, Request(None, None, {}, None), workers=1, crew=2)
+        helper = pool.submit(help_along, scene, Request(None, None, {}, None), make_plan(scene), workers=1, crew=2)
         both = pool.submit(run, scene, tmp_path / "two", report=False, workers=1, crew=2)
         helper.result()
         found = both.result()
