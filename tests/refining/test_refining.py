@@ -15,7 +15,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.pipeline.stages import StageTime
 from wakeflow.planning.make import make_plan
-from wakeflow.refining.choice import choose, reachable
+from wakeflow.refining.choice import choose, choose_surely, reachable
 from wakeflow.refining.cost import expected_seconds
 from wakeflow.refining.knobs import applied, cheapest, finer, finest_of, knobs, own_settings
 from wakeflow.refining.prediction import expected_half, expected_part
@@ -67,6 +67,9 @@ def test_what_no_setting_lowers_stays() -> None:
     assert expected_part(BudgetPart("mesh", 0.04, note="two grids"), meshed, halved) == pytest.approx(0.01)
     hidden = BudgetPart("mesh", 0.04, note="statistical half width 0.1 is not below a third")
     assert expected_part(hidden, meshed, halved) == 0.04  # more granules, not finer cells
+    crowded = replace(meshed, slab=1024)
+    assert expected_part(hidden, crowded, replace(crowded, slab=2**17)) == 0.04  # grids are compared by granules alone
+    assert expected_part(hidden, crowded, replace(crowded, granules=4096)) == pytest.approx(0.04 / 4**0.6)
     wake = replace(NOW, averaging=0.05)
     told = BudgetPart("airflow-statistics", 0.03, 1.0, "measured")
     assert expected_part(told, wake, replace(wake, averaging=0.025)) == pytest.approx(0.015)
@@ -85,6 +88,18 @@ def test_the_cheapest_settings_are_chosen_that_meet_the_target() -> None:
     chosen = choose(coarse, SPENT, NOW, NOW, 0.03)
     assert chosen.settings.tolerance < NOW.tolerance
     assert chosen.half <= 0.03
+
+
+def test_nothing_is_bought_for_a_margin_that_nothing_brings() -> None:
+    """What no setting lowers leaves room for the target, but not for nine tenths of it."""
+    rows = [row(sampling(0.05), BudgetPart("airflow-model", 0.0185, 1.0, "companion"))]
+    assert reachable(rows, NOW, 0.02) == rows
+    chosen = choose_surely(rows, SPENT, NOW, 0.02)
+    assert 0.018 < chosen.half <= 0.02
+    assert chosen.settings == choose(rows, SPENT, NOW, NOW, 0.02).settings
+    assert chosen.seconds < 0.01 * choose(rows, SPENT, NOW, NOW, 0.018).seconds
+    easy = [row(sampling(0.05))]
+    assert choose_surely(easy, SPENT, NOW, 0.02).half <= 0.018
 
 
 def test_a_dear_knob_is_turned_only_where_the_cheap_one_does_not_serve() -> None:

@@ -16,8 +16,9 @@ from .cost import expected_seconds
 from .knobs import finest_of, knobs
 from .prediction import expected_half
 
-__all__ = ["Choice", "choose", "reachable"]
+__all__ = ["Choice", "choose", "choose_surely", "reachable"]
 
+MARGIN = 0.9  # of the target that is aimed at: what is expected is itself an estimate
 LEAST_GAIN = 1e-12  # of the squares of shares: less is nothing
 QUICKEST = 1e-3  # s: a step that costs nothing still costs that
 
@@ -63,6 +64,16 @@ def choose(
     chosen = _thrifty(rows, now, chosen, way, target)
     half = max((expected_half(row, now, chosen) for row in rows), default=0.0)
     return Choice(chosen, half, expected_seconds(spent, now, chosen))
+
+
+def choose_surely(
+    rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: KnobSettings, target: float
+) -> Choice:
+    """The cheapest settings, from those of ``now`` on, that are expected to stay within MARGIN of the ``target``; where
+    what no setting lowers comes too near to it for that, to meet the target itself, and not whatever could be bought.
+    """
+    sure = choose(rows, spent, now, now, MARGIN * target)
+    return sure if sure.half <= MARGIN * target else choose(rows, spent, now, now, target)
 
 
 def _thrifty(

@@ -17,7 +17,7 @@ from ..results.landing_results import BudgetRow
 from ..results.refinement import KnobSettings, Refinement, RefinementRound
 from ..results.result import Result
 from ..scene import Scene
-from .choice import Choice, choose, reachable
+from .choice import Choice, choose_surely, reachable
 from .cost import expected_seconds
 from .knobs import applied, cheapest, finer, knobs, own_settings
 from .prediction import expected_half
@@ -26,7 +26,6 @@ from .unmet import told_unmet, what_to_measure
 __all__ = ["refined"]
 
 MOST_ROUNDS = 6
-MARGIN = 0.9  # of the target that is aimed at: what is expected is itself an estimate
 STAGE = "target error"  # as the listener hears of it
 
 
@@ -105,7 +104,7 @@ class _Way:
         can = reachable(rows, now, self.target)
         chosen = now
         if _largest(can) > self.target:
-            chosen = choose(can, spent, now, now, MARGIN * self.target).settings
+            chosen = choose_surely(can, spent, now, self.target).settings
         if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
             chosen = finer(chosen, self.own)
         if len(self.rounds) == 1:

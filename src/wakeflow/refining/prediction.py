@@ -75,7 +75,7 @@ def _of_mesh(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     if now.mesh_scale is None or then.mesh_scale is None:
         return part.error
     if part.note is not None and part.note.startswith(NOISE):
-        return part.error * _sampled(now, then)
+        return float(part.error * (now.granules / then.granules) ** RATE)  # grids are compared by granules alone
     return float(part.error * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER)
 
 
