@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..core.quantities import split_quantity
 from ..report.words import NO_VALUE, percent
 from ..results.measured import Measured
 from ..results.quantities import TableQuantity
@@ -55,4 +56,7 @@ def _cell(one: TableQuantity | None) -> str:
 
 
 def _value(value: object) -> str:
+    """A value to four digits, with its unit."""
+    if isinstance(value, str) and (parts := split_quantity(value)):
+        return f"{parts[0]:.4g} {parts[1]}".strip()
     return f"{value:.4g}" if isinstance(value, float) else str(value)
