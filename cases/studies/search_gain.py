@@ -45,6 +45,9 @@ def between(key: str, low: float, high: float, unit: str) -> Axis:
     return Axis(key, (f"{low} {unit}", f"{high} {unit}"), (low, high), unit)
 
 
+OUTER = between(
+    "bin.inner-right.to = bin.outer-right.from = -bin.inner-left.from = -bin.outer-left.to", 90.0, 180.0, "mm"
+)
 PROBLEMS = (
     Problem(
         "vacuum",
@@ -63,10 +66,7 @@ PROBLEMS = (
             between("body.rhombus.slope_angle", 35.0, 55.0, "deg"),
             between("feed.height", 60.0, 140.0, "mm"),
             between("vibration.frequency", 20.0, 45.0, "Hz"),
-            between(
-                "bin.inner-right.to = bin.outer-right.from = -bin.inner-left.from = -bin.outer-left.to",
-                90.0, 180.0, "mm",
-            ),
+            OUTER,
         ),
         "recovery.wheat",
         (QuantityLimit("purity.outer-left.wheat", least=0.98), QuantityLimit("purity.outer-right.wheat", least=0.98)),
@@ -80,10 +80,7 @@ PROBLEMS = (
             between(
                 "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to", 10.0, 85.0, "mm"
             ),
-            between(
-                "bin.inner-right.to = bin.outer-right.from = -bin.inner-left.from = -bin.outer-left.to",
-                90.0, 180.0, "mm",
-            ),
+            OUTER,
         ),
         "recovery.straw",
         (QuantityLimit("recovery.wheat", least=0.9),),
