@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from wakeflow.core.store import Store
 from wakeflow.foam.statistics import student
@@ -15,9 +16,20 @@ from wakeflow.pipeline.stages import StageKey
 from wakeflow.pipeline.track_stage import Companion
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
+from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.planning.wake import Wake
-from wakeflow.results.companions import Comparison, Grid, compared, differences, mesh_error, shedding_noise
+from wakeflow.results.companions import (
+    Comparison,
+    Grid,
+    compared,
+    difference_noise,
+    differences,
+    mesh_error,
+    shedding_noise,
+)
 from wakeflow.scene import Scene
+
+Array = NDArray[np.int64]
 
 
 @pytest.fixture
@@ -51,22 +63,49 @@ def test_differences_are_from_the_answers_own_share() -> None:
 
 
 def test_a_share_that_converges_at_second_order_has_its_mesh_error() -> None:
-    """Shares 0.3 + C h^2 on three grids with little noise between replicates: the interval holds 0.3.
+    """Shares 0.3 + C h^2 on three grids: the interval holds 0.3, whatever the replicates scatter by, since the same
+    granules fly on all of them.
 
     The answer's own grid is the finest, and last.
     """
-    noise = np.array([-1e-5, 1e-5, -1e-5, 1e-5])
+    scatter = np.array([-0.1, 0.1, -0.1, 0.1])
     shares = {
-        Grid(place, n): {"chaff": (0.3 + 50.0 / n + noise)[:, None]} for place, n in ((1, 2000), (2, 900), (0, 4500))
+        Grid(place, n): {"chaff": (0.3 + 50.0 / n + scatter)[:, None]} for place, n in ((1, 2000), (2, 900), (0, 4500))
     }
     found = mesh_error(Comparison(shares, 1.0), "chaff", 0)
     assert found.kind == "richardson"
     assert found.order == pytest.approx(2.0, abs=0.05)
     assert found.low <= 0.3 <= found.high
-    shedding = {grid: {"chaff": np.array([0.01])} for grid in shares}  # each wake in time is a sample of its own
-    assert mesh_error(Comparison(shares, 1.0, shedding), "chaff", 0).kind == "range-statistics"
-    loud = {n: {"chaff": s["chaff"] + 1000 * noise[:, None]} for n, s in shares.items()}
-    assert mesh_error(Comparison(loud, 1.0), "chaff", 0).kind == "range-statistics"
+    others = [grid for grid in shares if grid.place]
+    quiet, loud = ({grid: {"chaff": np.array([half])} for grid in others} for half in (1e-4, 0.01))
+    assert mesh_error(Comparison(shares, 1.0, quiet), "chaff", 0) == found
+    assert mesh_error(Comparison(shares, 1.0, loud), "chaff", 0).kind == "range-statistics"
+
+
+def landings(places: Array, cycle: NDArray[np.uint16] | None = None) -> Landings:
+    """Granules that ended in bins of the numbers ``places`` (COMPARED, n)."""
+    zero = np.zeros(places.size)
+    return Landings(
+        position=np.zeros((places.size, 2)), bin=places.ravel(), replicate=np.indices(places.shape)[0].ravel(),
+        diameter=zero, fate=zero.astype(np.int8), time=zero, impacts=zero.astype(int),
+        realisation=zero.astype(np.uint8), cycle=zero.astype(np.uint16) if cycle is None else cycle,
+    )  # fmt: skip
+
+
+def test_the_noise_of_a_difference_is_of_granules_that_change_their_bin() -> None:
+    """Half of the granules in either bin: where none moves, one in 2000 is what is unknown, not the sampling's 2 %."""
+    count = 500
+    before = np.tile(np.arange(count) % 2, (COMPARED, 1))
+    same = difference_noise(landings(before), landings(before), 2)
+    np.testing.assert_allclose(same, SIGMAS * np.sqrt(2.0) / (COMPARED * count + 2), rtol=1e-12)
+    chance = np.random.default_rng(1)
+    share, halves, moved = 0.05, [], []
+    for _ in range(200):  # 5 % of bin 0 move to bin 1: the interval holds that in 95 % of the samples
+        after = np.where((before == 0) & (chance.random(before.shape) < 2 * share), 1, before)
+        halves.append(difference_noise(landings(before), landings(after), 2)[1])
+        moved.append(np.mean(after == 1) - np.mean(before == 1))
+    held = np.abs(np.array(moved) - share) <= halves
+    assert 0.91 <= held.mean() <= 0.99
 
 
 def test_grids_are_compared_beside_what_their_finite_sheddings_leave() -> None:
@@ -74,17 +113,14 @@ def test_grids_are_compared_beside_what_their_finite_sheddings_leave() -> None:
 
     def landed(shares: tuple[float, ...]) -> Landings:
         count, cycles = 400, len(shares)
-        replicate, cycle = (part.ravel() for part in np.indices((COMPARED, cycles * count))[:2])
+        cycle = np.indices((COMPARED, cycles * count))[1].ravel()
         cycle, within = cycle // count, cycle % count
         inside = within < np.array(shares)[cycle] * count
-        zero = np.zeros(len(cycle))
-        return Landings(
-            position=np.zeros((len(cycle), 2)), bin=np.where(inside, 0, -1), replicate=replicate, diameter=zero,
-            fate=zero.astype(np.int8), time=zero, impacts=zero.astype(int), realisation=zero.astype(np.uint8),
-            cycle=cycle.astype(np.uint16),
-        )  # fmt: skip
+        return landings(np.where(inside, 0, -1).reshape(COMPARED, -1), cycle.astype(np.uint16))
 
     np.testing.assert_allclose(shedding_noise(landed((0.3, 0.3, 0.3, 0.3)), 1), 0.0, atol=1e-12)
     wide = shedding_noise(landed((0.5, 0.0, 0.5, 0.0)), 1)
     expected = student(3) * np.std([0.5, 0.0, 0.5, 0.0], ddof=1) / 2
     np.testing.assert_allclose(wide, expected)
+    quiet, loud = landed((0.3, 0.3, 0.3, 0.3)), landed((0.5, 0.0, 0.5, 0.0))
+    assert np.all(difference_noise(quiet, loud, 1) > wide)  # each wake in time is a sample of its own

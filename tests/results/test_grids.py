@@ -123,8 +123,18 @@ def test_noise_above_a_third_of_the_difference_forbids_extrapolation() -> None:
     assert loud.kind == "range-statistics"
     assert (loud.low, loud.high) == pytest.approx((0.999, 1.162))
     assert "0.011" in loud.why
-    assert estimate([1, 2], [1.0, 1.1], [0.0, 0.05]).kind == "range-statistics"
-    assert estimate([1, 2], [1.0, 1.0], [1e-3, 1e-3]).kind == "range-statistics"
+
+
+def test_of_two_grids_noise_is_added_to_what_they_differ_by() -> None:
+    """No step where the difference drops below its noise: the error never grows as the noise falls."""
+    halves = [estimate([1.0, 1.5], [2.0, 2.1], [0.0, noise]) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
+    bands = [found.high - found.value for found in halves]
+    gci = 3 * 0.1 / (1.5**2 - 1)
+    assert bands == pytest.approx([np.hypot(gci, noise) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)])
+    assert [found.extrapolated is None for found in halves] == [True, True, False, False, False]
+    assert all(found.why.startswith("statistical half width") for found in halves[:2])
+    same = estimate([1.0, 1.5], [1.0, 1.0], [1e-3, 1e-3])
+    assert same.high - same.value == pytest.approx(np.hypot(1e-3, 1e-3))
 
 
 def test_statistical_intervals_are_inside_the_band() -> None:

@@ -16,6 +16,7 @@ from math import sqrt
 from ..core.registry import Registry
 from ..planning.plan import COMPARED, REPLICATES
 from ..planning.unknowns import SIGMAS
+from ..results.grid_convergence import HIDES
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow
 from ..results.refinement import KnobSettings
 from ..results.total import numerical
@@ -25,7 +26,6 @@ __all__ = ["expected_half", "expected_part", "predictions"]
 RATE = 0.6  # of sampling with the number of granules; assumed
 STEP_RATE = 1.0  # of the share that finer steps put into another bin, with the tolerance
 MESH_ORDER = 2.0  # of the schemes
-NOISE = "statistical"  # a mesh part's note begins so where sampling hides what the grids differ by
 
 Prediction = Callable[[BudgetPart, KnobSettings, KnobSettings], float]
 predictions: Registry[Prediction] = Registry("prediction of a part of the budget")
@@ -74,7 +74,7 @@ def _of_mesh(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     assert part.error is not None
     if now.mesh_scale is None or then.mesh_scale is None:
         return part.error
-    if part.note is not None and part.note.startswith(NOISE):
+    if part.note is not None and part.note.startswith(HIDES):
         return float(part.error * (now.granules / then.granules) ** RATE)  # grids are compared by granules alone
     return float(part.error * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER)
 

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.record import from_json, to_json
-from ..foam.statistics import student
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
 from ..planning.plan import COMPARED
+from ..planning.unknowns import SIGMAS
 from ..planning.wake import Wake
 from ..scene import RESERVED_BIN
 from .airflow_summary import Airflow, GridStudy, airflow_of
@@ -38,6 +38,7 @@ __all__ = [
     "airflow_on_grids",
     "airflows",
     "compared",
+    "difference_noise",
     "differences",
     "finer_steps",
     "grids",
@@ -68,13 +69,13 @@ Key = TypeVar("Key", bound=Wake | Grid)
 class Comparison(Generic[Key]):
     """Shares by wake or by grid, the answer's own last, and the run time (s) of the others.
 
-    ``shedding``: half of the 95 % interval (bins + 1,) that a finite number of sheddings leaves of a fraction's shares,
-    where the airflows are samples apart: their difference is then no smaller thing than that.
+    ``noise``: half of the 95 % interval (bins + 1,) that a finite number of granules and of sheddings leaves of what a
+    fraction's shares differ from the answer's by, where that is known.
     """
 
     shares: dict[Key, Shares]
     seconds: float
-    shedding: dict[Key, dict[str, Array]] = field(default_factory=dict)
+    noise: dict[Key, dict[str, Array]] = field(default_factory=dict)
 
     def means(self, bins: list[str]) -> dict[str, dict[str, dict[str, float]]]:
         """Mean shares {fraction: {bin: {wake or grid: share}}}."""
@@ -100,9 +101,19 @@ def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:
     return {name: compared(landings[name]).counts(len(pipeline.scene.bin)) for name in landings}
 
 
-def _shedding(pipeline: Pipeline, tracked: Tracked) -> dict[str, Array]:
-    landings, bins = {name: compared(tracked.landings[name]) for name in tracked.landings}, len(pipeline.scene.bin)
-    return {name: shedding_noise(landing, bins) for name, landing in landings.items()}
+def difference_noise(own: Landings, other: Landings, bins: int) -> Array:
+    """Half of the 95 % interval (bins + 1,) of what each share differs by between two flights of the same granules.
+
+    Of the granules, from how many changed into the bin and out of it (Bonett & Price 2012, J. Educ. Behav. Stat. 37,
+    479, for proportions of paired samples; meant for independent granules, so it is wide for balanced ones). Of the
+    sheddings, those of both flights: each wake in time is a finite sample of its own.
+    """
+    places = np.array([*range(bins), -1])[:, None]
+    here, there, size = own.bin == places, other.bin == places, len(own.bin) + 2
+    into, out_of = (np.sum(moved, axis=1) + 1.0 for moved in (there & ~here, here & ~there))
+    variance = (into + out_of - (into - out_of) ** 2 / size) / size**2
+    sheddings = (shedding_noise(landing, bins) for landing in (own, other))
+    return np.asarray(np.sqrt(SIGMAS**2 * variance + sum(half**2 for half in sheddings)))
 
 
 def shedding_noise(landing: Landings, bins: int) -> Array:
@@ -156,7 +167,13 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
     seconds = sum(other.spent(stage) for other in others for stage in ("airflow", "tracks"))
     flown[_grid(own)] = tracked
     shares = {grid: shares_of(pipeline, found) for grid, found in flown.items()}
-    return Comparison(shares, seconds, {grid: _shedding(pipeline, found) for grid, found in flown.items()})
+    first, bins = {name: compared(landing) for name, landing in tracked.landings.items()}, len(pipeline.scene.bin)
+    noise = {
+        grid: {name: difference_noise(first[name], compared(found.landings[name]), bins) for name in first}
+        for grid, found in flown.items()
+        if found is not tracked
+    }
+    return Comparison(shares, seconds, noise)
 
 
 def _grid(pipeline: Pipeline) -> Grid:
@@ -166,16 +183,14 @@ def _grid(pipeline: Pipeline) -> Grid:
 
 
 def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> GridEstimate:
-    """A share with its mesh error, from :func:`grids`. Its noise on each grid are the 95 % half widths over the
-    replicates and over the sheddings: each grid's wake in time is a finite sample of its own.
+    """A share with its mesh error, from :func:`grids`. The same granules fly on all grids: what is noise is the noise
+    of differences from the answer's own share, whose sampling is another part of the budget.
     """
-    values = [shares[name][:, place] for shares in comparison.shares.values()]
-    noise = [float(student(len(v) - 1) * v.std(ddof=1) / np.sqrt(len(v))) for v in values]
-    if comparison.shedding:
-        sheddings = (found[name][place] for found in comparison.shedding.values())
-        noise = [float(np.hypot(one, other)) for one, other in zip(noise, sheddings, strict=True)]
-    sizes = [grid.cells**-0.5 for grid in comparison.shares]
-    return estimate(sizes, [float(v.mean()) for v in values], noise)
+    values = [float(shares[name][:, place].mean()) for shares in comparison.shares.values()]
+    noise = [
+        float(comparison.noise[grid][name][place]) if grid in comparison.noise else 0.0 for grid in comparison.shares
+    ]
+    return estimate([grid.cells**-0.5 for grid in comparison.shares], values, noise)
 
 
 def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:

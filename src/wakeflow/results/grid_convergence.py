@@ -4,7 +4,8 @@ After Celik, Ghia, Roache & Freitas 2008 (J. Fluids Eng. 130, 078001), ASME V&V 
 Comput. Phys. 262, 104). The index is meant as a 95 % band round the finest grid's value. It holds for values that
 approach their limit from one side at a plausible order; an observed order above the schemes' own is an accident of
 three grids and enters as the formal one. Where values oscillate or move apart the band is three times their range to
-either side; where their statistical error hides the differences only the range is reported.
+either side; where their statistical error hides the differences of three grids only the range is reported. Two grids
+have one difference, which is taken for the mesh's, its statistical error beside it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from itertools import pairwise
 from ..core.errors import SceneError
 from ..core.roots import halved
 
-__all__ = ["GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
+__all__ = ["HIDES", "GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
 
 SAFETY = 1.25  # factor of the GCI from three grids (Roache)
 SAFETY_TWO = 3.0  # from two grids, the order assumed
@@ -25,7 +26,8 @@ LEAST_RATIO = 1.1  # of cell sizes: nearer grids differ by their irregularities 
 LEAST_ORDER, ABOVE_FORMAL = 0.5, 0.5  # orders from 0.5 to the formal one plus 0.5 are plausible
 OF_RANGE = 3.0  # half bands over the range, where no order is seen (Eca & Hoekstra's procedure)
 OF_RANGE_ABOVE = 1.25  # the same where values settle faster than the schemes can (likewise)
-NOISE = 1 / 3  # largest statistical half width over a grid difference that still lets the difference count
+NOISE = 1 / 3  # largest statistical half width over a difference of three grids that still lets the order count
+HIDES = "statistical half width"  # how ``why`` begins where that is what the error is made of
 TINY = 1e-14  # relative: values that agree so well are one value
 
 
@@ -101,8 +103,9 @@ def estimate(
     """The finest grid's value with its mesh error, from two grids or the three finest of more, in any sequence.
 
     ``sizes``: cell edges, in any unit (:func:`cell_size`); ``half_widths``: statistical 95 % half widths of the values,
-    in their unit; ``formal``: the schemes' order. Raises SceneError for fewer than two grids, or cells whose sizes
-    are nearer to each other than a factor of 1.1.
+    in their unit, or, of values from one sample, those of their differences from the finest's, with 0 for its own;
+    ``formal``: the schemes' order. Raises SceneError for fewer than two grids, or cells whose sizes are nearer to each
+    other than a factor of 1.1.
     """
     noise = [0.0] * len(values) if half_widths is None else [abs(float(h)) for h in half_widths]
     if not len(sizes) == len(values) == len(noise):
@@ -117,10 +120,12 @@ def estimate(
     if max(differences) <= TINY * scale and not any(e):
         return GridEstimate(f[0], f[0], f[0], None, "two-grid" if len(f) == 2 else "richardson", "all grids agree",
                             extrapolated=f[0], gci_fine=0.0, gci_coarse=0.0)  # fmt: skip
+    if len(f) == 2:
+        return _two(h, f, e, formal)
     if max(e) >= NOISE * min(differences) and any(e):
-        why = f"statistical half width {max(e):.2g} is not below a third of the grid difference {min(differences):.2g}"
+        why = f"{HIDES} {max(e):.2g} is not below a third of the grid difference {min(differences):.2g}"
         return _range(f, e, why)
-    return _two(h, f, e, formal) if len(f) == 2 else _three(h, f, e, formal)
+    return _three(h, f, e, formal)
 
 
 def _finest_first(sizes: Sequence[float], values: Sequence[float], count: int) -> tuple[list[float], list[float]]:
@@ -157,8 +162,12 @@ def _three(h: list[float], f: list[float], e: list[float], formal: float) -> Gri
 
 def _two(h: list[float], f: list[float], e: list[float], formal: float) -> GridEstimate:
     fine = SAFETY_TWO * abs(f[1] - f[0]) / ((h[1] / h[0]) ** formal - 1)
-    half = math.hypot(fine, e[0])
+    noise = math.hypot(*e)
+    half = math.hypot(fine, noise)
     why = f"two grids, order {formal:g} assumed, three times the difference to the extrapolated value"
+    if noise >= (difference := abs(f[1] - f[0])):  # as likely chance as the mesh: nothing to extrapolate
+        why = f"{HIDES} {noise:.2g} is not below the grid difference {difference:.2g}: {why}, and that half width"
+        return GridEstimate(f[0], f[0] - half, f[0] + half, None, "two-grid", why, gci_fine=fine)
     return GridEstimate(f[0], f[0] - half, f[0] + half, None, "two-grid", why,
                         extrapolated=extrapolate(h, f, formal), gci_fine=fine)  # fmt: skip
 

@@ -163,7 +163,7 @@ def _polygon(chance: Chance) -> Tables:
 
 
 def _in_air(scene: Tables, chance: Chance, flow: str, low: float, high: float, *, turbulent: bool) -> StoredFlow:
-    scene["force"] = dict(SINGLE)
+    scene["force"] = dict(SINGLE) | ({"lift": True} if flow == "cells" else {})  # no plan can know their shear
     return StoredFlow(flow, _between(chance, low, high), scene["air"]["turbulence"] if turbulent else 0.0)
 
 
