@@ -73,6 +73,19 @@ def test_at_equal_cost_two_levels_beat_one_and_random_points() -> None:
     assert mean["both"] < 0.5 * min(mean["fine"], mean["random"]), mean
 
 
+def test_the_scene_as_it_stands_is_the_first_design_at_every_level() -> None:
+    scene = shipped("vacuum")
+    axes = tuple(
+        Axis(key, (0.0, 2.0 * own), (0.0, 2.0 * own))
+        for key, own in (("feed.height", scene.feed.height), ("feed.width", scene.feed.width))
+    )
+    history = explore(SearchTask(scene, axes, (Goal("good"),), 300.0, levels=({}, {"fine": 1})), hill)
+    assert [next(iter(made)) for made in history.found] == [pytest.approx((0.5, 0.5))] * 2
+    low = tuple(Axis(axis.key, axis.values, (0.0, 0.5 * axis.values[1] - 1e-3)) for axis in axes)
+    outside = SearchTask(scene, low, (Goal("good"),), 300.0)
+    assert outside.as_it_stands is None
+
+
 def test_the_same_search_takes_the_same_steps() -> None:
     once, again = (explore(task(200.0), hill) for _ in range(2))
     assert [list(made) for made in once.found] == [list(made) for made in again.found]

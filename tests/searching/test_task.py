@@ -69,6 +69,9 @@ def test_the_shipped_search_is_read() -> None:
     assert [goal.quantity for goal in task.goals] == ["recovery.wheat", "recovery.dust"]
     assert set(task.scene.fraction) == {"dust", "straw", "wheat"}
     assert len(task.within) == 4
+    stands = [axis.at(place) for axis, place in zip(task.within, task.as_it_stands or (), strict=True)]
+    assert stands == ["5.0 m/s", "45.0 deg", "80.0 mm", "135.0 mm"]
+    assert read_search_file(file, {"air.speed": "2 m/s"}).as_it_stands is not None  # no axis any more
     with pytest.raises(SceneError, match="tied"):
         read_search_file(file, {"bin.middle.to": "80 mm"})
 
@@ -116,10 +119,16 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
     assert best.quantities["recovery.wheat"].value == found.result.landings.separation.recovery["wheat"].value
     assert best.changes["bin.middle.from"] == f"-{best.changes['bin.inner-right.from']}"
     assert best.name in {one.name for one in found.front}
+    own = found.as_it_stands
+    assert own is not None
+    assert list(own.changes.values())[:2] == ["100.0 mm", "80.0 mm"]
+    assert own.quantities["recovery.wheat"].value <= best.quantities["recovery.wheat"].value
     table = (tmp_path / "level-2" / "sweep.csv").read_bytes()
     calls = len(here.calls)
     assert wf.search(task, tmp_path, scheduler=here) == found
     assert len(here.calls) == calls
     assert (tmp_path / "level-2" / "sweep.csv").read_bytes() == table
     show_search(found)
-    assert "recommended, the first" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "recommended, the first" in told
+    assert "as it" in told

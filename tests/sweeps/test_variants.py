@@ -12,7 +12,7 @@ from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.scene.changes import differing, folder_name, run_folder
-from wakeflow.sweeps.axis import axes_of, axis_of_text
+from wakeflow.sweeps.axis import Axis, axes_of, axis_of_text
 from wakeflow.sweeps.design import designs
 from wakeflow.sweeps.variant import asked_for, read_sweep_file
 
@@ -183,3 +183,22 @@ def test_a_wrong_sweep_file_is_one_line(text: str, message: str, tmp_path: Path)
     with pytest.raises(SceneError, match=message) as caught:
         read_sweep_file(tmp_path / "sweep.toml")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("axis", "held", "place"),
+    [
+        (Axis("air.speed", (), (3.0, 7.0), "m/s"), {"air.speed": 5.0}, 0.5),
+        (Axis("air.speed", (), (10.8, 25.2), "km/hour"), {"air.speed": 5.0}, 0.5),
+        (Axis("air.speed", (), (1.0, 100.0), "m/s", log=True), {"air.speed": 10.0}, 0.5),
+        (Axis("air.speed", ("4 m/s", "5 m/s")), {"air.speed": 5.0}, 0.75),
+        (Axis("air.speed", ("4 m/s", "6 m/s")), {"air.speed": 5.0}, None),
+        (Axis("air.speed", (), (3.0, 4.0), "m/s"), {"air.speed": 5.0}, None),
+        (Axis("air.speed", (), (3.0, 7.0), "m/s"), {}, None),
+        (Axis("air.direction", ("up", "down")), {"air.direction": "up"}, 0.25),
+        (Axis("-bin.a.from = bin.b.to", (), (50.0, 90.0), "mm"), {"bin.a.from": -0.08, "bin.b.to": 0.08}, 0.75),
+        (Axis("-bin.a.from = bin.b.to", (), (50.0, 90.0), "mm"), {"bin.a.from": -0.08, "bin.b.to": 0.07}, None),
+    ],
+)
+def test_an_axis_knows_where_a_scene_stands(axis: Axis, held: dict[str, object], place: float | None) -> None:
+    assert axis.where(held) == pytest.approx(place)

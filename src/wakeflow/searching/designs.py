@@ -46,7 +46,8 @@ class FoundDesign:
 @dataclass(frozen=True)
 class Search:
     """What a search found: the ``recommended`` design, the ``front`` of those that no other beats in all goals, and
-    ``rivals``, which within the intervals may be as good; ``tried`` designs and core-seconds spent by level.
+    ``rivals``, which within the intervals may be as good; the scene ``as_it_stands``, where it lies within the axes and
+    could be computed; ``tried`` designs and core-seconds spent by level.
     """
 
     task: SearchTask
@@ -56,6 +57,7 @@ class Search:
     rivals: tuple[FoundDesign, ...]
     tried: tuple[int, ...]
     seconds: tuple[float, ...]
+    as_it_stands: FoundDesign | None = None
 
     def __repr__(self) -> str:
         """What is recommended, out of how many."""
@@ -98,7 +100,9 @@ def search(
     tried = tuple(len(made) for made in history.found)
     seconds = tuple(history.seconds(level) for level in range(len(asked.levels)))
     front, rivals = (tuple(map(design, places)) for places in (history.front(), history.rivals()))
-    return Search(asked, Path(out), design(best), front, rivals, tried, seconds)
+    own = asked.as_it_stands
+    stands = None if own is None or own not in history.found[-1] or own not in known else design(own)
+    return Search(asked, Path(out), design(best), front, rivals, tried, seconds, stands)
 
 
 @dataclass

@@ -1,4 +1,5 @@
-"""Which designs to try next: balanced points first, then those that optuna's estimators of what is good propose.
+"""Which designs to try next: the scene as it stands and balanced points first, then those that optuna's estimators of
+what is good propose.
 
 The tree-structured Parzen estimator (Bergstra et al. 2011, NIPS 24, 2546; of several goals: Ozaki et al. 2022, J.
 Artif. Intell. Res. 73, 1209) takes goals in any number, limits, and designs that are being computed.
@@ -11,6 +12,7 @@ from collections.abc import Callable
 
 from ..core.errors import SceneError
 from .history import DesignPoint, History
+from .task import SearchTask
 
 __all__ = ["Proposer", "at_random", "by_estimator"]
 
@@ -21,10 +23,17 @@ HOPELESS = 1e6  # excess of a design that cannot be computed
 
 
 def at_random(history: History, count: int) -> list[DesignPoint]:
-    """Points of a scrambled Sobol' sequence, from where the history ends."""
+    """Points of a scrambled Sobol' sequence, from where the history ends; the first is the scene as it stands."""
+    task, before = history.task, len(history.found[0])
+    own = [] if task.as_it_stands is None else [task.as_it_stands]
+    if before < len(own):
+        return own + _balanced(task, 0, count - len(own))
+    return _balanced(task, before - len(own), count)
+
+
+def _balanced(task: SearchTask, before: int, count: int) -> list[DesignPoint]:
     from scipy.stats import qmc
 
-    task, before = history.task, len(history.found[0])
     sequence = qmc.Sobol(len(task.within), rng=task.seed)
     if before:
         sequence.fast_forward(before)

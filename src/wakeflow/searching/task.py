@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
+from ..core.lazy import cached_property
 from ..core.quantities import quantity
 from ..core.registry import did_you_mean
 from ..results.quantities import names_for
@@ -65,6 +66,14 @@ class SearchTask:
     levels: tuple[Mapping[str, Any], ...] = field(default_factory=lambda: ({},))
     seed: int = 0
     at_a_time: int = AT_A_TIME
+
+    @cached_property
+    def as_it_stands(self) -> tuple[float, ...] | None:
+        """Where the scene as it stands lies along the axes; None where it lies outside of them."""
+        tables = flat(self.scene.tables())
+        places = [axis.where(tables) for axis in self.within]
+        known = tuple(place for place in places if place is not None)
+        return known if len(known) == len(places) else None
 
     @property
     def asked(self) -> list[str]:

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import SceneError
-from ..core.quantities import split_quantity
+from ..core.quantities import converted, split_quantity
+from ..scene.messages import unit_of
 from ..scene.overrides import changes_of, setting
 
 __all__ = ["DIGITS", "MOST_SCENES", "Axis", "axes_of", "axis_of_text"]
 
 MOST_SCENES = 20_000  # of a sweep: planning these takes minutes, and a table of more is read by nobody
 DIGITS = 12  # of a value between two ends: 0.3, not 0.30000000000000004
+ALIKE = 1e-9  # relative: numbers that differ by less are one, written in two units
 SCALES = ("linear", "log")
 HOW = "write values a,b,c or a range start:stop:count, as in air.speed=3:5:3 or feed.width='20 mm:40 mm:5'"
 
@@ -56,6 +58,39 @@ class Axis:
         number = low * (high / low) ** place if self.log else low + (high - low) * place
         rounded = float(f"{number:.{DIGITS}g}")
         return f"{rounded!r} {self.unit}" if self.unit else rounded
+
+    def where(self, tables: Mapping[str, Any]) -> float | None:
+        """The place, from 0 to 1, of the value that a scene's flat ``tables`` (SI) hold; None where it lies outside or
+        among no listed ones, or where tied keys differ.
+        """
+        if any(key not in tables for key in self.keys):
+            return None
+        units = {key: unit_of(key) for key in self.keys}
+        if self.ends is None:
+            same = (i for i, value in enumerate(self.values) if self._held(value, tables, units))
+            found = next(same, None)
+            return None if found is None else (found + 0.5) / len(self.values)
+        low, high = (_si(end, self.unit, units[self.keys[0]]) for end in self.ends)
+        own = -tables[self.keys[0]] if self._tied[0].startswith("-") else tables[self.keys[0]]
+        place = math.log(own / low) / math.log(high / low) if self.log and own > 0.0 else (own - low) / (high - low)
+        return place if 0.0 <= place <= 1.0 and self._held(self.at(place), tables, units) else None
+
+    def _held(self, value: Any, tables: Mapping[str, Any], units: Mapping[str, str]) -> bool:
+        """Whether the flat ``tables`` hold what a ``value`` makes of a scene."""
+        for key, wanted in self.changes(value).items():
+            parts = split_quantity(wanted) if isinstance(wanted, str) else None
+            number = _si(*parts, units[key]) if parts and units[key] else wanted
+            own = tables[key]
+            if isinstance(own, int | float) and isinstance(number, int | float):
+                if not math.isclose(own, number, rel_tol=ALIKE, abs_tol=0.0):
+                    return False
+            elif own != number:
+                return False
+        return True
+
+
+def _si(number: float, unit: str, wanted: str) -> float:
+    return converted(number, unit, wanted) if unit and wanted else number
 
 
 def _negative(value: Any) -> Any:

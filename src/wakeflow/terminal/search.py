@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ..core.quantities import split_quantity
 from ..report.words import NO_VALUE, percent
@@ -12,6 +12,8 @@ from ..searching.designs import FoundDesign, Search
 from .shares import measure_next
 
 __all__ = ["show_search"]
+
+AS_IT_STANDS = "the scene as it stands"
 
 
 def show_search(found: Search) -> None:
@@ -25,15 +27,28 @@ def show_search(found: Search) -> None:
     goals = ", ".join(map(str, task.goals))
     table = Table(title=f"designs for {goals}", title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
     keys = [axis.keys[0] for axis in task.within]
+    table.add_column("")
     for head in keys + asked:
         table.add_column(head.replace(".", "\n"), justify="right", overflow="fold")
-    for design in (best, *(one for one in found.front if one.name != best.name)):
+    for label, design in _labelled(found):
         cells = [_cell(design.quantities.get(name)) for name in asked]
-        table.add_row(*(_value(design.changes[key]) for key in keys), *cells)
+        table.add_row(label, *(_value(design.changes[key]) for key in keys), *cells)
     console = Console()
     console.print(table)
     for line in [*_verdict(found, best), *measure_next(found.result), f"results: {found.folder}"]:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _labelled(found: Search) -> Iterator[tuple[str, FoundDesign]]:
+    """The recommended design, the others on the front, and the scene as it stands, each once."""
+    best, own = found.recommended, found.as_it_stands
+    name = None if own is None else own.name
+    yield "recommended" if best.name != name else f"recommended: {AS_IT_STANDS}", best
+    for design in found.front:
+        if design.name != best.name:
+            yield "on the front" if design.name != name else f"on the front: {AS_IT_STANDS}", design
+    if own is not None and name not in {best.name, *(design.name for design in found.front)}:
+        yield AS_IT_STANDS if own.allowed else f"{AS_IT_STANDS}, beyond the limits", own
 
 
 def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
