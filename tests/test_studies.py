@@ -11,6 +11,7 @@ import pytest
 import air_loading
 import aspirator_curve
 import best_estimate
+import crowd_draws
 import crowd_speed
 import domain
 import impaction
@@ -21,6 +22,7 @@ import locked_band
 import mpi_ranks
 import neighbours
 import paper_compare
+import plan_times
 import rebound
 import search_gain
 import slope_angles
@@ -38,9 +40,9 @@ ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimension
 HERE = {
     study.__name__
     for study in (
-        air_loading, aspirator_curve, best_estimate, crowd_speed, domain, impaction, injection_or_resolved,
-        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, neighbours, paper_compare, rebound, search_gain,
-        slope_angles, sweep_speed, target_error, throughput, time_resolved_cost,
+        air_loading, aspirator_curve, best_estimate, crowd_draws, crowd_speed, domain, impaction, injection_or_resolved,
+        kernel_speed, labyrinth_chain, locked_band, mpi_ranks, neighbours, paper_compare, plan_times, rebound,
+        search_gain, slope_angles, sweep_speed, target_error, throughput, time_resolved_cost,
     )
 }  # fmt: skip
 
@@ -57,6 +59,15 @@ def table_rows(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in kept]
 
 
+def test_crowd_draws(capsys: pytest.CaptureFixture[str]) -> None:
+    """Where hardly a granule meets another, a number moves the slab's shares as it moves those of granules alone."""
+    ((slope, half),) = crowd_draws.main(["vacuum"], draws=6, count=256, rate=2.0).values()
+    assert abs(slope - 1.0) <= half
+    assert half < 0.5
+    *fractions, _ = table_rows(capsys.readouterr().out)
+    assert [row[2] for row in fractions] == list(shipped("vacuum").fraction)
+
+
 @pytest.mark.openfoam
 def test_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))  # put back what the study sets
@@ -65,6 +76,13 @@ def test_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypa
     assert float(speed) == 5.5
     assert int(near) < int(rest)
     assert float(cd_near) == pytest.approx(float(cd_rest), rel=2e-4)  # what counts as standing still
+
+
+def test_plan_times(capsys: pytest.CaptureFixture[str]) -> None:
+    """What is expected of a scene and what it takes are both positive; of so small a run no more is known."""
+    ratios = plan_times.main(["vacuum", "vacuum"], rung="none", count=16)
+    assert min(ratios) > 0.0
+    assert [row[0] for row in table_rows(capsys.readouterr().out)] == ["vacuum", "vacuum"]
 
 
 def test_target_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,9 +23,11 @@ from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
 from ..planning.crowd import MASS_LEVELS, CrowdPlan, number_rates
 from ..planning.plan import Plan
+from ..planning.variation import GranuleVariation, Variation
 from ..scene import Scene
 from ..tracking import Granules
 from .feed import entering, fall_start, granules_of
+from .varied import varied_granules
 
 __all__ = ["SlabFeed", "slab_stream"]
 
@@ -33,6 +35,7 @@ Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen
 FALLS = 2048  # granules of a fraction whose fall to the slab is computed; more of them begin as one of these
 LONGEST, TOLERANCE = 10.0, 1e-3  # s, and body widths, of that fall
+AS_GIVEN = Variation()
 ROUNDS = 200  # in which granules that overlap at birth are given other places, before the feed counts as too dense
 
 
@@ -62,9 +65,11 @@ def slab_stream(
     start_up: float,
     operation: float,
     depth: float,
+    variation: Variation = AS_GIVEN,
 ) -> SlabFeed:
     """The feed of one ``replicate`` of a slab of ``depth`` (m): from ``begin`` (s) on for the ``start_up`` (s), the
-    ``operation`` (s) that counts, and as long again as the start-up, until what counts has landed among others.
+    ``operation`` (s) that counts, and as long again as the start-up, until what counts has landed among others; its
+    granules as a ``variation`` has them.
     """
     crowd = plan.crowd
     assert crowd is not None
@@ -72,9 +77,8 @@ def slab_stream(
     whole = operation + 2.0 * start_up
     parts = []
     for number, name in enumerate(scene.fraction):
-        parts += [
-            _fed(scene, plan, field, name, number, rng, whole, depth, tracers=tracers) for tracers in (False, True)
-        ]
+        known = scene, plan, field, name, number, variation.of(name), rng, whole, depth
+        parts += [_fed(*known, tracers=tracers) for tracers in (False, True)]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
@@ -89,8 +93,8 @@ def slab_stream(
 
 
 def _fed(
-    scene: Scene, plan: Plan, field: FlowField | None, name: str, number: int, rng: np.random.Generator, whole: float,
-    depth: float, *, tracers: bool,
+    scene: Scene, plan: Plan, field: FlowField | None, name: str, number: int, variation: GranuleVariation,
+    rng: np.random.Generator, whole: float, depth: float, *, tracers: bool,
 ) -> SlabFeed:  # fmt: skip
     """The real granules, or the tracers, of one fraction over ``whole`` (s); times from 0, unsorted."""
     fraction, crowd = scene.fraction[name], plan.crowd
@@ -100,7 +104,7 @@ def _fed(
     diameter = fraction.diameters(p[drawn])
     traits = rng.random((len(drawn), 3))
     settling = fraction.settling(traits[:, 2])
-    grains = granules_of(fraction, plan.fractions[name], diameter, settling, traits[:, :2])
+    grains = varied_granules(granules_of(fraction, plan.fractions[name], diameter, settling, traits[:, :2]), variation)
     x = scene.feed.places(rng.random(len(drawn)))
     grains = _born(scene, plan, field, name, grains, x, int(rng.integers(2**62)))
     if len(p) > FALLS:

@@ -21,6 +21,7 @@ from ..injection.stream import SlabFeed, slab_stream
 from ..laws.constants import GRAVITY
 from ..laws.forces import forces
 from ..planning.plan import Plan
+from ..planning.variation import Variation
 from ..scene import Scene
 from .landings import Landings
 from .realisations import Realisations
@@ -29,6 +30,7 @@ from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
 __all__ = ["SlabFlight", "SlabFlown", "compile_slab", "load_crowd", "steady_after", "step_of"]
 
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
+AS_GIVEN = Variation()
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
 
 
@@ -36,8 +38,8 @@ SEVERAL = 3.0  # flights of a granule that landed late, within which one that me
 class SlabFlight:
     """How a slab of ``depth`` (m) is flown: ``start_up`` (s) until it is steady, at least ``operation`` (s) that count,
     in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step of its clock, or the ``step``
-    (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of progress. A replicate is one
-    thread's work: ``workers`` fly at a time.
+    (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of progress; granules are as the
+    ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
     """
 
     scene: Scene
@@ -51,6 +53,7 @@ class SlabFlight:
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
     measured: Callable[[float], object] | None = None
+    variation: Variation = AS_GIVEN
 
     def fly_all(self, folder: Path, replicates: int) -> None:
         """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
@@ -106,7 +109,7 @@ class SlabFlight:
         period = self.airs.period
         operation = self.operation if period is None else period * math.ceil(self.operation / period)
         timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
-        stream = slab_stream(self.scene, self.plan, field, number, **timing)
+        stream = slab_stream(self.scene, self.plan, field, number, **timing, variation=self.variation)
         tracks = self._track(field, stream, number)
         kept = stream.counted
         bin_, fate = tracks.ends(len(self.scene.bin))
@@ -136,7 +139,7 @@ class SlabFlight:
         its tracks with ``points`` kept of each.
         """
         timing = {"begin": self._begin(0), "start_up": self.start_up, "operation": self.operation, "depth": self.depth}
-        stream = slab_stream(self.scene, self.plan, self.airs.field, 0, **timing)
+        stream = slab_stream(self.scene, self.plan, self.airs.field, 0, **timing, variation=self.variation)
         return stream, self._track(self.airs.field, stream, 0, record=points)
 
     def _begin(self, number: int) -> float:

@@ -13,6 +13,7 @@ from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.crowd import CrowdPlan
 from ..planning.plan import Plan
+from ..planning.variation import Variation
 from ..scene import Scene
 from .cache import StageCache, code_of
 from .landings import Landings
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["CrowdCompanion", "CrowdStage", "SlabFound"]
 
 FEWEST = 2  # replicates of a companion
+DRAWN = 4  # replicates of a draw
 SMALL = 0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/crowd.md)
 
 
@@ -115,6 +117,18 @@ class CrowdStage:
         found = load_crowd(folder, self.scene, replicates)
         how = found.step, found.step_error, found.jammed
         return SlabFound(found.landings, depth, self.start_up, replicates, *how)
+
+    def fly_drawn(self, number: int, variation: Variation, airs: Realisations) -> Mapping[str, Landings]:
+        """Landings of the first replicates under draw ``number``: what it makes of the granules, and its ``airs``."""
+        from .crowd_flight import SlabFlight, load_crowd
+
+        name, step = f"slab-draw-{number}", self.fly().step
+        flight = SlabFlight(
+            variation.fed(self.scene), self.plan, airs, self.crowd.depth, self.start_up, self.crowd.operation,
+            self.tolerance, step, self.workers, partial(self.cache.tell, name), variation=variation,
+        )  # fmt: skip
+        key = content_key(self.key, "draw", number, repr(variation), DRAWN)
+        return load_crowd(self._flown(flight, name, key, DRAWN), self.scene, DRAWN).landings
 
     def _flown(self, flight: SlabFlight, stage: str, key: str, replicates: int) -> Path:
         """The folder of the stage; of a crew each flies some of the replicates, when the first has found their step."""

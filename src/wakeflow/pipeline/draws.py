@@ -23,7 +23,7 @@ from ..core.store import content_key
 from ..injection.sobol import normal_points
 from ..planning.plan import DRAWS, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
-from ..planning.variation import AirVariation
+from ..planning.variation import AirVariation, Variation
 from .cache import code_of
 
 if TYPE_CHECKING:
@@ -121,22 +121,35 @@ class DrawStage:
 
     def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[dict[str, NDArray[Any]]]:
         """The draws from ``first`` on that share its air: each granule's bin as drawn, and its own."""
-        scene, plan = self.tracks.scene, self.tracks.plan
         found, airs = [], None
         for number in range(first, first + SAME_AIR):
-            made = variation_at(scene, plan, self.unknowns, self.design[number])
-            airs = airs or self._air(made.air)
-            replicate, part = number % REPLICATES, _part(replicate_size(scene.feed.count), number // REPLICATES)
-            flight = replace(self.tracks.flight(made.fed(scene), airs), workers=1)
-            bins: dict[str, NDArray[Any]] = {}
-            for name in scene.fraction:
-                landing = tracked.landings[name]
-                bins[f"own.{name}"] = landing.bin[landing.replicate == replicate][part].astype(np.int64)
-                bins[f"varied.{name}"] = flight.fly_part(name, replicate, part, made.of(name))
-            found.append({which: np.where(row >= 0, row, len(scene.bin)) for which, row in bins.items()})
+            made = self.variation(number)
+            airs = airs or self.air(made.air)
+            replicate = number % REPLICATES
+            part = _part(replicate_size(self.tracks.scene.feed.count), number // REPLICATES)
+            found.append(self.fly_under(made, airs, tracked, replicate, part))
         return found
 
-    def _air(self, air: AirVariation) -> Realisations:
+    def variation(self, number: int) -> Variation:
+        """Draw ``number``."""
+        return variation_at(self.tracks.scene, self.tracks.plan, self.unknowns, self.design[number])
+
+    def fly_under(
+        self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: slice
+    ) -> dict[str, NDArray[Any]]:
+        """The bin of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
+        ("varied.NAME"), and its own ("own.NAME"); the number of bins for elsewhere.
+        """
+        scene = self.tracks.scene
+        flight = replace(self.tracks.flight(made.fed(scene), airs), workers=1)
+        bins: dict[str, NDArray[Any]] = {}
+        for name in scene.fraction:
+            landing = tracked.landings[name]
+            bins[f"own.{name}"] = landing.bin[landing.replicate == replicate][part].astype(np.int64)
+            bins[f"varied.{name}"] = flight.fly_part(name, replicate, part, made.of(name))
+        return {which: np.where(row >= 0, row, len(scene.bin)) for which, row in bins.items()}
+
+    def air(self, air: AirVariation) -> Realisations:
         """The airflow as a draw has it."""
         from ..field.varied import varied
         from .track_stage import Companion

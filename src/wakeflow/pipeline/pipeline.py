@@ -30,10 +30,12 @@ from .stages import StageKey, StageTime
 from .track_stage import Companion, TrackStage
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ..field import FlowField
     from ..meshing import MeshSpec
     from ..scene import Picture
-    from .landings import Tracked
+    from .landings import Landings, Tracked
 
 __all__ = ["Pipeline"]
 
@@ -199,9 +201,14 @@ class Pipeline:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         return self._track_stage.fly(companion)
 
+    @property
+    def draw_stage(self) -> DrawStage:
+        """What draws and flies what nobody knows exactly."""
+        return DrawStage(self._track_stage)
+
     def draws(self) -> Draws | None:
         """Part of the granules under many draws of what nobody knows exactly; None where all is known."""
-        return DrawStage(self._track_stage).fly()
+        return self.draw_stage.fly()
 
     @cached_property
     def _crowd_stage(self) -> CrowdStage:
@@ -221,6 +228,14 @@ class Pipeline:
             return None
         self.compilation.finish_slab()
         return self._crowd_stage.fly(companion)
+
+    def crowd_drawn(self, number: int) -> Mapping[str, Landings]:
+        """The landings of granules that meet each other under draw ``number`` of what nobody knows exactly, from some
+        replicates. The plan must have a slab.
+        """
+        stage = self.draw_stage
+        made = stage.variation(number)
+        return self._crowd_stage.fly_drawn(number, made, stage.air(made.air))
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""

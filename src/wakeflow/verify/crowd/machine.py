@@ -21,6 +21,7 @@ from ...laws.constants import GRAVITY
 from ...pipeline.tracks import bodies_and_walls, end_lines
 from ...planning.make import make_plan
 from ...planning.plan import Plan
+from ...planning.variation import Variation
 from ...scene import Scene
 from ...tracking import Collisions, Granules, track
 
@@ -77,7 +78,7 @@ def fed(machine: Machine, replicate: int) -> tuple[Granules, NDArray[np.bool_]]:
     Those that would overlap another one are left out, had both been made up to CHUNK earlier, higher up.
     """
     timing = {"begin": 0.0, "start_up": machine.start_up, "operation": machine.operation, "depth": machine.depth}
-    stream = slab_stream(machine.scene, machine.plan, None, replicate, **timing)
+    stream = slab_stream(machine.scene, machine.plan, None, replicate, **timing, variation=Variation())
     kept = _apart_earlier(stream.granules, machine.depth)
     return stream.granules[kept], stream.counted[kept]
 
