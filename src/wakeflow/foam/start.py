@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 PUSH = 1.0  # peak speed of the vortex that sets off the shedding, over the inlet speed
 BEHIND = 0.75  # widths from the first body's rear to the middle of the vortex
 REACH = 0.5  # widths, radius of the vortex: its speed falls as r exp(-r^2) in this unit
+SAME = 1e-7  # of the first body's width: nearer cell centres are those of one mesh, as OpenFOAM writes them
 FIRST_STEP = 0.2  # of a corner cell that the incoming air crosses in the first time step
 
 
@@ -43,10 +44,12 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     factors = {"U": speed, "p": speed**2}
     factors |= {field.name: field.rescaled(speed, size) for field in spec.transported}
     target = read_polymesh(folder).plane.centres
-    half = "axis" in fields.mesh.plane.patches
     centres = fields.mesh.plane.centres * (size, size * turned)
+    alike = centres.shape == target.shape and np.abs(centres - target).max() <= SAME * spec.mesh.projected_width
+    half = "axis" in fields.mesh.plane.patches and not alike
     if half:
         centres = np.vstack([centres, centres * (-1.0, 1.0)])
+    found: dict[str, Array] = {}
     for name, factor in factors.items():
         if not fields.has(latest, name) or not (folder / "0" / name).exists():
             continue
@@ -55,7 +58,9 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
             values = values * (1.0, turned)
         if half:
             values = np.concatenate([values, values * (-1.0, 1.0) if name == "U" else values])
-        _write_internal(folder / "0" / name, _interpolate(centres, values, target))
+        found[name] = values
+    for name, values in (found if alike else _interpolated(centres, found, target)).items():
+        _write_internal(folder / "0" / name, values)
 
 
 def first_step(spec: FlowSpec) -> float:
@@ -85,14 +90,20 @@ def _read_start(spec: FlowSpec, folder: Path, count: int) -> Array:
     return np.array(words, dtype=float).reshape(-1, 3)[:, :2]
 
 
-def _interpolate(centres: Array, values: Array, target: Array) -> Array:
+def _interpolated(centres: Array, fields: dict[str, Array], target: Array) -> dict[str, Array]:
+    """The ``fields`` at the ``target`` points: all by one triangulation, whose making and searching is what costs."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import cKDTree
 
-    result = LinearNDInterpolator(centres, values)(target)
-    outside = np.isnan(result.reshape(len(target), -1)).any(axis=1)
-    result[outside] = values[cKDTree(centres).query(target[outside])[1]]
-    return np.asarray(result)
+    columns = [values.reshape(len(centres), -1) for values in fields.values()]
+    known = np.hstack(columns)
+    result = LinearNDInterpolator(centres, known)(target)
+    outside = np.isnan(result).any(axis=1)
+    result[outside] = known[cKDTree(centres).query(target[outside])[1]]
+    parts = np.split(result, np.cumsum([column.shape[1] for column in columns])[:-1], axis=1)
+    return {
+        name: part.reshape(-1, *values.shape[1:]) for (name, values), part in zip(fields.items(), parts, strict=True)
+    }
 
 
 def _write_internal(path: Path, values: Array) -> None:

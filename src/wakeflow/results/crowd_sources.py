@@ -31,6 +31,7 @@ class _SlabAgain(Source[SlabFound]):
 
     how = COMPANION
     companion: ClassVar[CrowdCompanion]
+    same_feed: ClassVar[bool] = False  # whether the same granules come, so that replicates are compared one by one
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
         del tracked
@@ -43,18 +44,32 @@ class _SlabAgain(Source[SlabFound]):
         bins, name = len(fraction.shares) - 1, fraction.name
         changed = again.landings[name].counts(bins)
         own = fraction.landings.counts(bins)
+        if self.same_feed:
+            own = own[: len(changed)]
         apart = np.abs(changed.mean(axis=0) - own.mean(axis=0))
         seconds = fraction.pipeline.spent(self.companion.name)
         return {
-            place: [self.part(float(apart[i]), seconds, _noise(changed[:, i], own[:, i]))]
+            place: [self.part(float(apart[i]), seconds, self._noise(changed[:, i], own[:, i]))]
             for i, place in enumerate(fraction.shares)
         }
+
+    def _noise(self, changed: np.ndarray, own: np.ndarray) -> str | None:
+        """Half of the 95 % interval of the difference of means, in words; None where there are too few replicates."""
+        if min(len(changed), len(own)) < 2:
+            return None
+        if self.same_feed:
+            told, variance = f"a difference between the same {len(own)} replicates", (changed - own).var(ddof=1)
+        else:
+            told = f"a difference of {len(changed)} replicates from {len(own)}"
+            variance = changed.var(ddof=1) + own.var(ddof=1) * len(changed) / len(own)
+        half = student(len(changed) - 1) * float(np.sqrt(variance / len(changed)))
+        return f"{told}, itself known to {100 * half:.2g} points"
 
 
 class SlabStep(_SlabAgain):
     """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
 
-    name, place = "slab-time-step", 21
+    name, place, same_feed = "slab-time-step", 21, True
     companion = CrowdCompanion("slab longer steps", step=COARSER)
 
 
@@ -63,15 +78,6 @@ class SlabDepth(_SlabAgain):
 
     name, place = "slab-depth", 22
     companion = CrowdCompanion("thinner slab", depth=THINNER)
-
-
-def _noise(changed: np.ndarray, own: np.ndarray) -> str | None:
-    """Half of the 95 % interval of a difference of means, in words; None where there are too few replicates for one."""
-    if min(len(changed), len(own)) < 2:
-        return None
-    variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
-    half = student(len(changed) - 1) * float(np.sqrt(variance))
-    return f"a difference of {len(changed)} replicates from {len(own)}, itself known to {100 * half:.2g} points"
 
 
 for _source in (SlabStep(), SlabDepth()):
