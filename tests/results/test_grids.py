@@ -133,6 +133,9 @@ def test_of_two_grids_noise_is_added_to_what_they_differ_by() -> None:
     assert bands == pytest.approx([np.hypot(gci, noise) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)])
     assert [found.extrapolated is None for found in halves] == [True, True, False, False, False]
     assert all(found.why.startswith("statistical half width") for found in halves[:2])
+    assert [found.noise for found in halves] == pytest.approx(
+        [noise * np.hypot(3 / (1.5**2 - 1) / 1.96, 1.0) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
+    )
     same = estimate([1.0, 1.5], [1.0, 1.0], [1e-3, 1e-3])
     assert same.high - same.value == pytest.approx(np.hypot(1e-3, 1e-3))
 

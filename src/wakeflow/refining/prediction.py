@@ -3,7 +3,7 @@
 Sampling falls with the granules as n^-RATE: plain Monte Carlo would give 1/2, balanced samples of few dimensions up to
 1 (Owen 1997, SIAM J. Numer. Anal. 34, 1884); the rate between them is assumed, not fitted. What is an upper
 limit of a counted share (steps, terms left out) is read back to the share and limited again: with few granules the
-limit is most of it. The mesh's part falls as the square of a cell's edge, or as sampling where that hides it; the
+limit is most of it. The mesh's part falls as the square of a cell's edge but for what sampling makes of it; the
 averages of a wake as the half width that they end at. The rest, a model's part, no setting changes.
 """
 
@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import sqrt
+from math import hypot, sqrt
 
 from ..core.registry import Registry
 from ..planning.plan import COMPARED, REPLICATES
 from ..planning.unknowns import SIGMAS
-from ..results.grid_convergence import HIDES
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow
 from ..results.refinement import KnobSettings
 from ..results.total import numerical
@@ -74,9 +73,9 @@ def _of_mesh(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     assert part.error is not None
     if now.mesh_scale is None or then.mesh_scale is None:
         return part.error
-    if part.note is not None and part.note.startswith(HIDES):
-        return float(part.error * (now.granules / then.granules) ** RATE)  # grids are compared by granules alone
-    return float(part.error * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER)
+    noise = min(part.noise or 0.0, part.error) * (now.granules / then.granules) ** RATE  # grids: by granules alone
+    own = sqrt(max(0.0, part.error**2 - (part.noise or 0.0) ** 2))
+    return hypot(own * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER, noise)
 
 
 def _of_averages(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:

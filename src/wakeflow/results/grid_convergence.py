@@ -18,7 +18,7 @@ from itertools import pairwise
 from ..core.errors import SceneError
 from ..core.roots import halved
 
-__all__ = ["HIDES", "GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
+__all__ = ["GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
 
 SAFETY = 1.25  # factor of the GCI from three grids (Roache)
 SAFETY_TWO = 3.0  # from two grids, the order assumed
@@ -27,7 +27,7 @@ LEAST_ORDER, ABOVE_FORMAL = 0.5, 0.5  # orders from 0.5 to the formal one plus 0
 OF_RANGE = 3.0  # half bands over the range, where no order is seen (Eca & Hoekstra's procedure)
 OF_RANGE_ABOVE = 1.25  # the same where values settle faster than the schemes can (likewise)
 NOISE = 1 / 3  # largest statistical half width over a difference of three grids that still lets the order count
-HIDES = "statistical half width"  # how ``why`` begins where that is what the error is made of
+SIGMAS = 1.96  # standard deviations to either end of a 95 % interval
 TINY = 1e-14  # relative: values that agree so well are one value
 
 
@@ -41,7 +41,8 @@ class GridEstimate:
     (three grids), "two-grid" (order assumed), "range-oscillating" (also monotonic with an implausible order) or
     "range-statistics"; ``why`` says it in words. ``extrapolated`` to cells of no size; ``gci_fine`` and ``gci_coarse``:
     half bands between grids 1 and 2, 2 and 3, in the value's unit; ``asymptotic``: gci_coarse / (r21^p gci_fine), near
-    1 in the asymptotic range. In these p is the observed order, at most the formal one.
+    1 in the asymptotic range. In these p is the observed order, at most the formal one. ``noise``: what half of the
+    interval is by statistics alone, expected were the grids alike.
     """
 
     value: float
@@ -54,6 +55,7 @@ class GridEstimate:
     gci_fine: float | None = None
     gci_coarse: float | None = None
     asymptotic: float | None = None
+    noise: float = 0.0
 
 
 def cell_size(area: float, cells: int) -> float:
@@ -123,7 +125,7 @@ def estimate(
     if len(f) == 2:
         return _two(h, f, e, formal)
     if max(e) >= NOISE * min(differences) and any(e):
-        why = f"{HIDES} {max(e):.2g} is not below a third of the grid difference {min(differences):.2g}"
+        why = f"statistical half width {max(e):.2g} is not below a third of the grid difference {min(differences):.2g}"
         return _range(f, e, why)
     return _three(h, f, e, formal)
 
@@ -156,29 +158,32 @@ def _three(h: list[float], f: list[float], e: list[float], formal: float) -> Gri
     why = f"three grids converge at order {order:.2f}" + (f", counted as {formal:g}" if order > formal else "")
     return GridEstimate(
         f[0], f[0] - half, f[0] + half, order, "richardson", why, extrapolated=extrapolate(h, f, counted),
-        gci_fine=fine, gci_coarse=coarse, asymptotic=coarse / (grown * fine),
+        gci_fine=fine, gci_coarse=coarse, asymptotic=coarse / (grown * fine), noise=e[0],
     )  # fmt: skip
 
 
 def _two(h: list[float], f: list[float], e: list[float], formal: float) -> GridEstimate:
-    fine = SAFETY_TWO * abs(f[1] - f[0]) / ((h[1] / h[0]) ** formal - 1)
+    factor = SAFETY_TWO / ((h[1] / h[0]) ** formal - 1)
+    fine = factor * abs(f[1] - f[0])
     noise = math.hypot(*e)
+    by_chance = math.hypot(factor * noise / SIGMAS, noise)
     half = math.hypot(fine, noise)
     why = f"two grids, order {formal:g} assumed, three times the difference to the extrapolated value"
     if noise >= (difference := abs(f[1] - f[0])):  # as likely chance as the mesh: nothing to extrapolate
-        why = f"{HIDES} {noise:.2g} is not below the grid difference {difference:.2g}: {why}, and that half width"
-        return GridEstimate(f[0], f[0] - half, f[0] + half, None, "two-grid", why, gci_fine=fine)
+        why = f"statistical half width {noise:.2g} is not below the grid difference {difference:.2g}: {why}, with it"
+        return GridEstimate(f[0], f[0] - half, f[0] + half, None, "two-grid", why, gci_fine=fine, noise=by_chance)
     return GridEstimate(f[0], f[0] - half, f[0] + half, None, "two-grid", why,
-                        extrapolated=extrapolate(h, f, formal), gci_fine=fine)  # fmt: skip
+                        extrapolated=extrapolate(h, f, formal), gci_fine=fine, noise=by_chance)  # fmt: skip
 
 
 def _multiple_of_range(f: list[float], e: list[float], times: float, why: str) -> GridEstimate:
     half = math.hypot(times * (max(f) - min(f)), e[0])
     why = f"{why}: {times:g} times the range of the grids"
-    return GridEstimate(f[0], f[0] - half, f[0] + half, None, "range-oscillating", why)
+    return GridEstimate(f[0], f[0] - half, f[0] + half, None, "range-oscillating", why, noise=e[0])
 
 
 def _range(f: list[float], e: list[float], why: str) -> GridEstimate:
     low = min(value - half for value, half in zip(f, e, strict=True))
     high = max(value + half for value, half in zip(f, e, strict=True))
-    return GridEstimate(f[0], low, high, None, "range-statistics", f"{why}: the range of the grids")
+    noise = max(high - f[0], f[0] - low)
+    return GridEstimate(f[0], low, high, None, "range-statistics", f"{why}: the range of the grids", noise=noise)

@@ -106,6 +106,9 @@ class BudgetPart(Partial):
     high: float | None = column(
         "1", "of inputs: upper end of what they change; else left out", absent=True, default=None
     )
+    noise: float | None = column(
+        "1", "of the mesh: what finite samples alone make of it; else left out", absent=True, default=None
+    )
     note: str | None = column(
         "", "what stands behind the error; left out where nothing does", absent=True, default=None
     )

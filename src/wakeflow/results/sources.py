@@ -210,7 +210,7 @@ class Mesh(Source[Comparison[Grid]]):
     def _part(self, flown: Comparison[Grid], name: str, number: int) -> BudgetPart:
         found = mesh_error(flown, name, number)
         half = max(found.high - found.value, found.value - found.low)
-        return self.part(half, flown.seconds, found.why)
+        return replace(self.part(half, flown.seconds, found.why), noise=found.noise)
 
 
 class UnknownInputs(Source["Draws"]):
