@@ -68,6 +68,7 @@ def test_crowd_draws(capsys: pytest.CaptureFixture[str]) -> None:
     assert [row[2] for row in fractions] == list(shipped("vacuum").fraction)
 
 
+@pytest.mark.slow  # its parts are tested at home
 @pytest.mark.openfoam
 def test_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))  # put back what the study sets
@@ -127,6 +128,7 @@ def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(table_rows(capsys.readouterr().out)) == len(impaction.K)
 
 
+@pytest.mark.slow  # its parts are tested at home
 @pytest.mark.openfoam
 def test_air_loading(capsys: pytest.CaptureFixture[str]) -> None:
     """The scene of tests/pipeline/test_air_loading.py, whose airflow is in the cache."""
@@ -195,6 +197,7 @@ def test_locked_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert len(table_rows(capsys.readouterr().out)) == 1
 
 
+@pytest.mark.slow  # its parts are tested at home
 @pytest.mark.openfoam
 @pytest.mark.mpi
 def test_mpi_ranks(tmp_path: Path) -> None:
