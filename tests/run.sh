@@ -9,12 +9,16 @@ cd "$root"
 bin=$root/.venv/bin
 # Compiled once, beside the linters, for both workers: each would compile them for itself
 export WAKEFLOW_TEST_CACHE="${WAKEFLOW_TEST_CACHE:-$root/runs/.test-cache}"
+compiling=
+trap 'test -z "$compiling" || kill $compiling 2>/dev/null' EXIT
 for kernel in tracks.compile_tracker crowd_flight.compile_slab; do
     WAKEFLOW_CACHE=$WAKEFLOW_TEST_CACHE "$bin/python" -c \
         "from wakeflow.pipeline import ${kernel%.*}; ${kernel%.*}.${kernel#*.}()" &
+    compiling="$compiling $!"
 done
 "$bin/ruff" check src tests cases
 "$bin/ruff" format --check src tests cases
 "$bin/mypy"
-wait
+for child in $compiling; do wait "$child"; done
+compiling=
 exec "$bin/python" -m pytest -n 2 --dist worksteal --durations=15 "$@"

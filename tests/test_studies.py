@@ -68,7 +68,7 @@ def test_crowd_draws(capsys: pytest.CaptureFixture[str]) -> None:
     assert [row[2] for row in fractions] == list(shipped("vacuum").fraction)
 
 
-@pytest.mark.slow  # its parts are tested at home
+@pytest.mark.slow  # a minute of OpenFOAM; what it times is tested in tests/sweeps, tests/pipeline, tests/foam
 @pytest.mark.openfoam
 def test_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))  # put back what the study sets
@@ -80,9 +80,9 @@ def test_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypa
 
 
 def test_plan_times(capsys: pytest.CaptureFixture[str]) -> None:
-    """What is expected of a scene and what it takes are both positive; of so small a run no more is known."""
+    """Seconds, not hours or milliseconds; so small a run tells no more."""
     ratios = plan_times.main(["vacuum", "vacuum"], rung="none", count=16)
-    assert min(ratios) > 0.0
+    assert all(0.02 < ratio < 50.0 for ratio in ratios)
     assert [row[0] for row in table_rows(capsys.readouterr().out)] == ["vacuum", "vacuum"]
 
 
@@ -128,7 +128,7 @@ def test_the_cylinder_of_impaction(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(table_rows(capsys.readouterr().out)) == len(impaction.K)
 
 
-@pytest.mark.slow  # its parts are tested at home
+@pytest.mark.slow  # a minute of OpenFOAM; what it times is tested in tests/sweeps, tests/pipeline, tests/foam
 @pytest.mark.openfoam
 def test_air_loading(capsys: pytest.CaptureFixture[str]) -> None:
     """The scene of tests/pipeline/test_air_loading.py, whose airflow is in the cache."""
@@ -197,7 +197,7 @@ def test_locked_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert len(table_rows(capsys.readouterr().out)) == 1
 
 
-@pytest.mark.slow  # its parts are tested at home
+@pytest.mark.slow  # a minute of OpenFOAM; what it times is tested in tests/sweeps, tests/pipeline, tests/foam
 @pytest.mark.openfoam
 @pytest.mark.mpi
 def test_mpi_ranks(tmp_path: Path) -> None:

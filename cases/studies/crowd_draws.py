@@ -3,10 +3,10 @@
 .venv/bin/python cases/studies/crowd_draws.py [SCENE ...] [--rate KG/H] [--draws N] [--count N]
 
 Scenes: rhombus, labyrinth, vacuum. An answer's draws fly alone, and what they move is taken for what they would move
-among granules that meet. Here the slab flies under some of the same draws, each in air of its own. The slope is that of
-the slab's changes of all bin shares over those of granules alone: 1 where the assumption holds. Changes alone are of
-two halves of the granules, one the other's instrument, so that their sampling does not lower the slope; its interval is
-a jackknife's over the draws.
+among granules that meet. Here the slab flies under some of the same draws, each in air of its own while there are such.
+The slope is that of the slab's changes of all bin shares over those of granules alone: 1 where the assumption holds.
+Changes alone are of two halves of the granules, one the other's instrument, so that their sampling does not lower the
+slope; its interval is a jackknife's over the draws.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from wakeflow.foam.statistics import student
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.plan import DRAWS
+from wakeflow.planning.plan import DRAWS, SAME_AIR
 
 CASES = Path(__file__).parents[1]
 SCENES: dict[str, dict[str, Any]] = {
@@ -75,6 +75,15 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> dict[str, Moved]:
     return found
 
 
+def chosen_draws(count: int) -> list[int]:
+    """Numbers of ``count`` draws at random, each in an air of its own while there are such; every so many of Sobol's
+    points would lie on one side of some unknowns.
+    """
+    chance = np.random.default_rng(0)
+    first = SAME_AIR * chance.permutation(DRAWS // SAME_AIR) + chance.integers(SAME_AIR, size=DRAWS // SAME_AIR)
+    return [*first.tolist(), *sorted(set(range(DRAWS)) - set(first.tolist()))][:count]
+
+
 def _change(part: dict[str, NDArray[Any]], name: str, bins: int) -> Array:
     shares = [np.bincount(part[f"{which}.{name}"], minlength=bins + 1) for which in ("varied", "own")]
     return np.asarray((shares[0] - shares[1]) / len(part[f"own.{name}"]))
@@ -108,7 +117,7 @@ def main(chosen: Sequence[str], draws: int, count: int, rate: float | None = Non
     for which in chosen:
         scene = wf.Scene.load(CASES / f"{which}.toml", {"feed.count": count, **SCENES[which], **fed})
         rate_here = HOUR * (scene.feed.rate or 0.0)
-        rows = moved(scene, np.linspace(0, DRAWS, draws, endpoint=False, dtype=int).tolist())
+        rows = moved(scene, chosen_draws(draws))
         found[which] = with_interval(list(rows.values()))
         for name, row in (*rows.items(), ("all", None)):
             some = list(rows.values()) if row is None else [row]
@@ -132,7 +141,7 @@ def _rms(changes: Sequence[Array]) -> float:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=list(SCENES))
-    parser.add_argument("--draws", type=int, default=16)
+    parser.add_argument("--draws", type=int, default=32)
     parser.add_argument("--count", type=int, default=1024)
     parser.add_argument("--rate", type=float)
     asked = parser.parse_args()

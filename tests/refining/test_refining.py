@@ -66,13 +66,18 @@ def test_what_no_setting_lowers_stays() -> None:
     meshed = replace(NOW, mesh_scale=2.0)
     halved = replace(meshed, mesh_scale=1.0)
     assert expected_part(BudgetPart("mesh", 0.04, note="two grids"), meshed, halved) == pytest.approx(0.01)
-    hidden = BudgetPart("mesh", 0.04, noise=0.04)
+    hidden = BudgetPart("mesh", 0.04, of_granules=0.04)
     assert expected_part(hidden, meshed, halved) == 0.04  # more granules, not finer cells
     crowded = replace(meshed, slab=1024)
     assert expected_part(hidden, crowded, replace(crowded, slab=2**17)) == 0.04  # grids are compared by granules alone
     assert expected_part(hidden, crowded, replace(crowded, granules=4096)) == pytest.approx(0.04 / 4**0.6)
-    both = BudgetPart("mesh", 0.05, noise=0.03)
+    both = BudgetPart("mesh", 0.05, of_granules=0.03)
     assert expected_part(both, meshed, halved) == pytest.approx(np.hypot(0.01, 0.03))
+    less = BudgetPart("mesh", 0.02, of_granules=0.03)  # smaller than is expected of noise: no more than it is
+    assert expected_part(less, meshed, halved) == pytest.approx(0.02)
+    shed, longer = BudgetPart("mesh", 0.05, of_sheddings=0.04), replace(meshed, averaging=0.05)
+    assert expected_part(shed, longer, replace(longer, averaging=0.025)) == pytest.approx(np.hypot(0.03, 0.02))
+    assert expected_part(shed, longer, replace(longer, granules=2**20)) == 0.05
     wake = replace(NOW, averaging=0.05)
     told = BudgetPart("airflow-statistics", 0.03, 1.0, "measured")
     assert expected_part(told, wake, replace(wake, averaging=0.025)) == pytest.approx(0.015)

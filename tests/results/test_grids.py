@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wakeflow.core.errors import SceneError
+from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.results.grid_convergence import cell_size, estimate, extrapolate, observed_order
 
 # NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids
@@ -134,7 +135,7 @@ def test_of_two_grids_noise_is_added_to_what_they_differ_by() -> None:
     assert [found.extrapolated is None for found in halves] == [True, True, False, False, False]
     assert all(found.why.startswith("statistical half width") for found in halves[:2])
     assert [found.noise for found in halves] == pytest.approx(
-        [noise * np.hypot(3 / (1.5**2 - 1) / 1.96, 1.0) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
+        [noise * np.hypot(3 / (1.5**2 - 1) / SIGMAS, 1.0) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
     )
     same = estimate([1.0, 1.5], [1.0, 1.0], [1e-3, 1e-3])
     assert same.high - same.value == pytest.approx(np.hypot(1e-3, 1e-3))

@@ -81,6 +81,10 @@ def test_the_scene_as_it_stands_is_the_first_design_at_every_level() -> None:
     )
     history = explore(SearchTask(scene, axes, (Goal("good"),), 300.0, levels=({}, {"fine": 1})), hill)
     assert [next(iter(made)) for made in history.found] == [pytest.approx((0.5, 0.5))] * 2
+    few = SearchTask(scene, axes, (Goal("good"),), 300.0, levels=({}, {"fine": 1}), at_a_time=4)
+    own, *others = explore(few, hill, lambda history, count: at_random(history, count)).found[1]
+    assert own == pytest.approx((0.5, 0.5))
+    assert others  # it does not take the place of the likeliest one
     low = tuple(Axis(axis.key, axis.values, (0.0, 0.5 * axis.values[1] - 1e-3)) for axis in axes)
     outside = SearchTask(scene, low, (Goal("good"),), 300.0)
     assert outside.as_it_stands is None

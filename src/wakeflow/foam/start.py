@@ -59,7 +59,7 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
         if half:
             values = np.concatenate([values, values * (-1.0, 1.0) if name == "U" else values])
         found[name] = values
-    for name, values in (found if alike else _interpolated(centres, found, target)).items():
+    for name, values in (found if alike or not found else _interpolated(centres, found, target)).items():
         _write_internal(folder / "0" / name, values)
 
 

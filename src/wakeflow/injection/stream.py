@@ -23,7 +23,7 @@ from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
 from ..planning.crowd import MASS_LEVELS, CrowdPlan, number_rates
 from ..planning.plan import Plan
-from ..planning.variation import GranuleVariation, Variation
+from ..planning.variation import AS_GIVEN, GranuleVariation, Variation
 from ..scene import Scene
 from ..tracking import Granules
 from .feed import entering, fall_start, granules_of
@@ -35,7 +35,6 @@ Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen
 FALLS = 2048  # granules of a fraction whose fall to the slab is computed; more of them begin as one of these
 LONGEST, TOLERANCE = 10.0, 1e-3  # s, and body widths, of that fall
-AS_GIVEN = Variation()
 ROUNDS = 200  # in which granules that overlap at birth are given other places, before the feed counts as too dense
 
 
@@ -99,7 +98,7 @@ def _fed(
     """The real granules, or the tracers, of one fraction over ``whole`` (s); times from 0, unsorted."""
     fraction, crowd = scene.fraction[name], plan.crowd
     assert crowd is not None
-    time, p = (_tracers if tracers else _singles)(scene, crowd, name, rng, whole, depth)
+    time, p = (_tracers if tracers else _singles)(scene, crowd, name, variation, rng, whole, depth)
     drawn = rng.permutation(len(p))[:FALLS] if len(p) > FALLS else np.arange(len(p))
     diameter = fraction.diameters(p[drawn])
     traits = rng.random((len(drawn), 3))
@@ -126,10 +125,13 @@ def _mass_flow(scene: Scene, name: str, depth: float) -> float:
 
 
 def _singles(
-    scene: Scene, crowd: CrowdPlan, name: str, rng: np.random.Generator, whole: float, depth: float
-) -> tuple[Array, Array]:
-    """Times (s) and mass quantiles of the granules that are simulated one by one: a Poisson process."""
-    rates = number_rates(scene, name) * depth / scene.feed.depth
+    scene: Scene, crowd: CrowdPlan, name: str, variation: GranuleVariation, rng: np.random.Generator, whole: float,
+    depth: float,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Times (s) and mass quantiles of the granules that are simulated one by one: a Poisson process, of larger granules
+    a slower one, since the mass that is fed is given.
+    """
+    rates = number_rates(scene, name) * depth / scene.feed.depth / variation.size**3
     rates[: round(crowd.tracers[name] * MASS_LEVELS)] = 0.0
     total = float(rates.sum())
     if total == 0.0:
@@ -140,10 +142,11 @@ def _singles(
 
 
 def _tracers(
-    scene: Scene, crowd: CrowdPlan, name: str, rng: np.random.Generator, whole: float, depth: float
-) -> tuple[Array, Array]:
+    scene: Scene, crowd: CrowdPlan, name: str, variation: GranuleVariation, rng: np.random.Generator, whole: float,
+    depth: float,
+) -> tuple[Array, Array]:  # fmt: skip
     """Times (s) and mass quantiles of tracers, so many that those that count are as many as the plan says."""
-    del scene, depth
+    del scene, variation, depth
     fine = crowd.tracers[name]
     if fine == 0.0:
         return np.zeros(0), np.zeros(0)

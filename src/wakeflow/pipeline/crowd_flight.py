@@ -21,7 +21,7 @@ from ..injection.stream import SlabFeed, slab_stream
 from ..laws.constants import GRAVITY
 from ..laws.forces import forces
 from ..planning.plan import Plan
-from ..planning.variation import Variation
+from ..planning.variation import AS_GIVEN, Variation
 from ..scene import Scene
 from .landings import Landings
 from .realisations import Realisations
@@ -30,7 +30,6 @@ from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
 __all__ = ["SlabFlight", "SlabFlown", "compile_slab", "load_crowd", "steady_after", "step_of"]
 
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
-AS_GIVEN = Variation()
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
 
 

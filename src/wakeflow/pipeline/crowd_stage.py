@@ -127,7 +127,7 @@ class CrowdStage:
             variation.fed(self.scene), self.plan, airs, self.crowd.depth, self.start_up, self.crowd.operation,
             self.tolerance, step, self.workers, partial(self.cache.tell, name), variation=variation,
         )  # fmt: skip
-        key = content_key(self.key, "draw", number, repr(variation), DRAWN)
+        key = content_key(self.key, "draw", number, repr(variation), DRAWN, code_of("draws"))
         return load_crowd(self._flown(flight, name, key, DRAWN), self.scene, DRAWN).landings
 
     def _flown(self, flight: SlabFlight, stage: str, key: str, replicates: int) -> Path:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from ..scene import Scene
 
-__all__ = ["AirVariation", "GranuleVariation", "Variation"]
+__all__ = ["AS_GIVEN", "AirVariation", "GranuleVariation", "Variation"]
 
 ONE = 1.0
 
@@ -71,3 +71,6 @@ class Variation:
         )
         air = scene.air and scene.air.model_copy(update={"speed": scene.air.speed * self.air.speed})
         return scene.model_copy(update={"feed": feed, "air": air})
+
+
+AS_GIVEN = Variation()  # the scene's own numbers

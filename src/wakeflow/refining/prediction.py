@@ -73,9 +73,15 @@ def _of_mesh(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
     assert part.error is not None
     if now.mesh_scale is None or then.mesh_scale is None:
         return part.error
-    noise = min(part.noise or 0.0, part.error) * (now.granules / then.granules) ** RATE  # grids: by granules alone
-    own = sqrt(max(0.0, part.error**2 - (part.noise or 0.0) ** 2))
-    return hypot(own * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER, noise)
+    granules, sheddings = part.of_granules or 0.0, part.of_sheddings or 0.0
+    own = sqrt(max(0.0, part.error**2 - granules**2 - sheddings**2))
+    less = min(1.0, part.error / (hypot(granules, sheddings) or part.error or 1.0))  # noise expected, not found
+    longer = 1.0 if now.averaging is None or then.averaging is None else then.averaging / now.averaging
+    return hypot(
+        own * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER,
+        less * granules * (now.granules / then.granules) ** RATE,  # grids are compared by granules alone
+        less * sheddings * longer,
+    )
 
 
 def _of_averages(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:

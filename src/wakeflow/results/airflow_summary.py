@@ -96,11 +96,13 @@ class GridStudy:
     order: float | None = column("1", "observed order of convergence; null where none was")
     kind: str = column("", "richardson, two-grid, range-oscillating or range-statistics")
     why: str = column("", "the kind in words")
-    noise: float = column("as the quantity", "of half the interval: by statistics alone, were the grids alike")
     extrapolated: float | None = column("as the quantity", "to cells of no size")
     gci_fine: float | None = column("as the quantity", "half band between the two finest grids")
     gci_coarse: float | None = column("as the quantity", "half band between the second and the third grid")
     asymptotic: float | None = column("1", "near 1 in the asymptotic range")
+    noise: float | None = column(
+        "as the quantity", "of half the interval: by statistics alone, were the grids alike", absent=True, default=None
+    )
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,8 @@ Key = TypeVar("Key", bound=Wake | Grid)
 class Comparison(Generic[Key]):
     """Shares by wake or by grid, the answer's own last, and the run time (s) of the others.
 
-    ``noise``: half of the 95 % interval (bins + 1,) that a finite number of granules and of sheddings leaves of what a
-    fraction's shares differ from the answer's by, where that is known.
+    ``noise``: halves of the 95 % intervals (2, bins + 1) that a finite number of granules, and one of sheddings, leave
+    of what a fraction's shares differ from the answer's by, where that is known.
     """
 
     shares: dict[Key, Shares]
@@ -102,7 +102,8 @@ def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:
 
 
 def difference_noise(own: Landings, other: Landings, bins: int) -> Array:
-    """Half of the 95 % interval (bins + 1,) of what each share differs by between two flights of the same granules.
+    """Halves of the 95 % intervals (2, bins + 1) of what each share differs by between two flights of the same
+    granules: of the granules, and of the sheddings.
 
     Of the granules, from how many changed into the bin and out of it (Bonett & Price 2012, J. Educ. Behav. Stat. 37,
     479, for proportions of paired samples; meant for independent granules, so it is wide for balanced ones). Of the
@@ -113,7 +114,7 @@ def difference_noise(own: Landings, other: Landings, bins: int) -> Array:
     into, out_of = (np.sum(moved, axis=1) + 1.0 for moved in (there & ~here, here & ~there))
     variance = (into + out_of - (into - out_of) ** 2 / size) / size**2
     sheddings = (shedding_noise(landing, bins) for landing in (own, other))
-    return np.asarray(np.sqrt(SIGMAS**2 * variance + sum(half**2 for half in sheddings)))
+    return np.stack([SIGMAS * np.sqrt(variance), np.hypot(*sheddings)])
 
 
 def shedding_noise(landing: Landings, bins: int) -> Array:
@@ -182,15 +183,18 @@ def _grid(pipeline: Pipeline) -> Grid:
     return Grid(pipeline.grid, cells)
 
 
-def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> GridEstimate:
-    """A share with its mesh error, from :func:`grids`. The same granules fly on all grids: what is noise is the noise
-    of differences from the answer's own share, whose sampling is another part of the budget.
+def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> tuple[GridEstimate, Array]:
+    """A share with its mesh error, from :func:`grids`, and what of that error a finite number of granules makes, and
+    one of sheddings (2,). The same granules fly on all grids: what is noise is the noise of differences from the
+    answer's own share, whose sampling is another part of the budget.
     """
     values = [float(shares[name][:, place].mean()) for shares in comparison.shares.values()]
-    noise = [
-        float(comparison.noise[grid][name][place]) if grid in comparison.noise else 0.0 for grid in comparison.shares
-    ]
-    return estimate([grid.cells**-0.5 for grid in comparison.shares], values, noise)
+    known = [comparison.noise.get(grid) for grid in comparison.shares]
+    noise = np.array([[0.0, 0.0] if halves is None else halves[name][:, place] for halves in known])
+    both = np.hypot(*noise.T)
+    found = estimate([grid.cells**-0.5 for grid in comparison.shares], values, both.tolist())
+    most = int(np.argmax(both))
+    return found, found.noise * noise[most] / (both[most] or 1.0)
 
 
 def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:

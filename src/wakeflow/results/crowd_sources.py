@@ -44,26 +44,15 @@ class _SlabAgain(Source[SlabFound]):
         bins, name = len(fraction.shares) - 1, fraction.name
         changed = again.landings[name].counts(bins)
         own = fraction.landings.counts(bins)
-        if self.same_feed:
+        paired = self.same_feed and all(_apart(found, fraction) for found in (again, fraction.flights.crowd))
+        if paired:
             own = own[: len(changed)]
         apart = np.abs(changed.mean(axis=0) - own.mean(axis=0))
         seconds = fraction.pipeline.spent(self.companion.name)
         return {
-            place: [self.part(float(apart[i]), seconds, self._noise(changed[:, i], own[:, i]))]
+            place: [self.part(float(apart[i]), seconds, _noise(changed[:, i], own[:, i], paired=paired))]
             for i, place in enumerate(fraction.shares)
         }
-
-    def _noise(self, changed: np.ndarray, own: np.ndarray) -> str | None:
-        """Half of the 95 % interval of the difference of means, in words; None where there are too few replicates."""
-        if min(len(changed), len(own)) < 2:
-            return None
-        if self.same_feed:
-            told, variance = f"a difference between the same {len(own)} replicates", (changed - own).var(ddof=1)
-        else:
-            told = f"a difference of {len(changed)} replicates from {len(own)}"
-            variance = changed.var(ddof=1) + own.var(ddof=1) * len(changed) / len(own)
-        half = student(len(changed) - 1) * float(np.sqrt(variance / len(changed)))
-        return f"{told}, itself known to {100 * half:.2g} points"
 
 
 class SlabStep(_SlabAgain):
@@ -78,6 +67,28 @@ class SlabDepth(_SlabAgain):
 
     name, place = "slab-depth", 22
     companion = CrowdCompanion("thinner slab", depth=THINNER)
+
+
+def _apart(found: SlabFound, fraction: FractionResults) -> bool:
+    """Whether each replicate that was flown is a row of its own, or the two of an airflow and its image: not where some
+    were put together since one alone had nothing of a fraction.
+    """
+    pipeline = fraction.pipeline
+    images = 2 if pipeline.plan.airflow.mirrored and pipeline.field[1] is not None else 1
+    return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
+
+
+def _noise(changed: np.ndarray, own: np.ndarray, *, paired: bool) -> str | None:
+    """Half of the 95 % interval of the difference of means, in words; None where there are too few replicates."""
+    if min(len(changed), len(own)) < 2:
+        return None
+    if paired:
+        told, variance = f"a difference between the same {len(own)} replicates", (changed - own).var(ddof=1)
+    else:
+        told = f"a difference of {len(changed)} replicates from {len(own)}"
+        variance = changed.var(ddof=1) + own.var(ddof=1) * len(changed) / len(own)
+    half = student(len(changed) - 1) * float(np.sqrt(variance / len(changed)))
+    return f"{told}, itself known to {100 * half:.2g} points"
 
 
 for _source in (SlabStep(), SlabDepth()):

@@ -17,6 +17,7 @@ from itertools import pairwise
 
 from ..core.errors import SceneError
 from ..core.roots import halved
+from ..planning.unknowns import SIGMAS
 
 __all__ = ["GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
 
@@ -27,7 +28,6 @@ LEAST_ORDER, ABOVE_FORMAL = 0.5, 0.5  # orders from 0.5 to the formal one plus 0
 OF_RANGE = 3.0  # half bands over the range, where no order is seen (Eca & Hoekstra's procedure)
 OF_RANGE_ABOVE = 1.25  # the same where values settle faster than the schemes can (likewise)
 NOISE = 1 / 3  # largest statistical half width over a difference of three grids that still lets the order count
-SIGMAS = 1.96  # standard deviations to either end of a 95 % interval
 TINY = 1e-14  # relative: values that agree so well are one value
 
 
@@ -185,5 +185,4 @@ def _multiple_of_range(f: list[float], e: list[float], times: float, why: str) -
 def _range(f: list[float], e: list[float], why: str) -> GridEstimate:
     low = min(value - half for value, half in zip(f, e, strict=True))
     high = max(value + half for value, half in zip(f, e, strict=True))
-    noise = max(high - f[0], f[0] - low)
-    return GridEstimate(f[0], low, high, None, "range-statistics", f"{why}: the range of the grids", noise=noise)
+    return GridEstimate(f[0], low, high, None, "range-statistics", f"{why}: the range of the grids", noise=max(e))

@@ -106,8 +106,11 @@ class BudgetPart(Partial):
     high: float | None = column(
         "1", "of inputs: upper end of what they change; else left out", absent=True, default=None
     )
-    noise: float | None = column(
-        "1", "of the mesh: what finite samples alone make of it; else left out", absent=True, default=None
+    of_granules: float | None = column(
+        "1", "of the mesh: what a finite number of granules makes of it; else left out", absent=True, default=None
+    )
+    of_sheddings: float | None = column(
+        "1", "of the mesh: what a finite number of sheddings makes of it; else left out", absent=True, default=None
     )
     note: str | None = column(
         "", "what stands behind the error; left out where nothing does", absent=True, default=None

@@ -208,9 +208,10 @@ class Mesh(Source[Comparison[Grid]]):
         return {bin_: [self._part(flown, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
 
     def _part(self, flown: Comparison[Grid], name: str, number: int) -> BudgetPart:
-        found = mesh_error(flown, name, number)
+        found, (granules, sheddings) = mesh_error(flown, name, number)
         half = max(found.high - found.value, found.value - found.low)
-        return replace(self.part(half, flown.seconds, found.why), noise=found.noise)
+        part = replace(self.part(half, flown.seconds, found.why), of_granules=float(granules))
+        return replace(part, of_sheddings=float(sheddings)) if sheddings else part
 
 
 class UnknownInputs(Source["Draws"]):

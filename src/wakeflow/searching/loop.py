@@ -61,14 +61,14 @@ def _next(history: History, propose: Proposer) -> tuple[int, Sequence[DesignPoin
             return (0, propose(history, most)) if most > 0 and left > 0.0 else None
         few = max(1, min(most, task.at_a_time // 4))
         ready = len(history.found[level - 1]) >= task.at_a_time or history.found[level]
-        if most > 0 and left > 0.0 and ready and (able := _ahead(history, level)[:few]):
+        if most > 0 and left > 0.0 and ready and (able := _ahead(history, level, few)):
             return level, able
     return None
 
 
-def _ahead(history: History, level: int) -> list[DesignPoint]:
-    """The contenders of a level, before them the scene as it stands: what every design is measured by."""
-    own, able = history.task.as_it_stands, history.contenders(level)
+def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
+    """A few contenders of a level, before them the scene as it stands: what every design is measured by."""
+    own, able = history.task.as_it_stands, history.contenders(level)[:few]
     if own is None or own not in history.known() or own in history.found[level]:
         return able
     return [own, *(place for place in able if place != own)]

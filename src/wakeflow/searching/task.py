@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,7 +71,7 @@ class SearchTask:
     @cached_property
     def as_it_stands(self) -> tuple[float, ...] | None:
         """Where the scene as it stands lies along the axes; None where it lies outside of them."""
-        tables = flat(self.scene.tables())
+        tables = flat(json.loads(self.scene.model_dump_json(by_alias=True)))
         places = [axis.where(tables) for axis in self.within]
         known = tuple(place for place in places if place is not None)
         return known if len(known) == len(places) else None

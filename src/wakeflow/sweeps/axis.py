@@ -19,6 +19,7 @@ __all__ = ["DIGITS", "MOST_SCENES", "Axis", "axes_of", "axis_of_text"]
 MOST_SCENES = 20_000  # of a sweep: planning these takes minutes, and a table of more is read by nobody
 DIGITS = 12  # of a value between two ends: 0.3, not 0.30000000000000004
 ALIKE = 1e-9  # relative: numbers that differ by less are one, written in two units
+SWITCHES = {"on": True, "off": False}
 SCALES = ("linear", "log")
 HOW = "write values a,b,c or a range start:stop:count, as in air.speed=3:5:3 or feed.width='20 mm:40 mm:5'"
 
@@ -63,34 +64,44 @@ class Axis:
         """The place, from 0 to 1, of the value that a scene's flat ``tables`` (SI) hold; None where it lies outside or
         among no listed ones, or where tied keys differ.
         """
-        if any(key not in tables for key in self.keys):
+        key = self.keys[0]
+        if any(tables.get(tied) is None for tied in self.keys):
             return None
-        units = {key: unit_of(key) for key in self.keys}
         if self.ends is None:
-            same = (i for i, value in enumerate(self.values) if self._held(value, tables, units))
-            found = next(same, None)
+            found = next((i for i, value in enumerate(self.values) if self._held(value, tables)), None)
             return None if found is None else (found + 0.5) / len(self.values)
-        low, high = (_si(end, self.unit, units[self.keys[0]]) for end in self.ends)
-        own = -tables[self.keys[0]] if self._tied[0].startswith("-") else tables[self.keys[0]]
+        try:
+            low, high = (_si(end, self.unit, key) for end in self.ends)
+        except ValueError:  # a unit of another kind: each design will say so
+            return None
+        own = tables[key]
+        if isinstance(own, bool) or not isinstance(own, int | float):
+            return None
+        own = -own if self._tied[0].startswith("-") else own
         place = math.log(own / low) / math.log(high / low) if self.log and own > 0.0 else (own - low) / (high - low)
-        return place if 0.0 <= place <= 1.0 and self._held(self.at(place), tables, units) else None
+        inside = 0.0 <= place <= 1.0
+        return place if inside and self._held(self.at(place), tables, ALIKE * abs(high - low)) else None
 
-    def _held(self, value: Any, tables: Mapping[str, Any], units: Mapping[str, str]) -> bool:
-        """Whether the flat ``tables`` hold what a ``value`` makes of a scene."""
+    def _held(self, value: Any, tables: Mapping[str, Any], within: float = 0.0) -> bool:
+        """Whether the flat ``tables`` hold what a ``value`` makes of a scene, numbers to ``within``."""
         for key, wanted in self.changes(value).items():
             parts = split_quantity(wanted) if isinstance(wanted, str) else None
-            number = _si(*parts, units[key]) if parts and units[key] else wanted
-            own = tables[key]
-            if isinstance(own, int | float) and isinstance(number, int | float):
-                if not math.isclose(own, number, rel_tol=ALIKE, abs_tol=0.0):
+            try:
+                number = _si(*parts, key) if parts else SWITCHES.get(wanted, wanted)
+            except ValueError:
+                return False
+            own, numbers = tables[key], not isinstance(tables[key], bool) and isinstance(number, int | float)
+            if numbers and isinstance(own, int | float):
+                if not math.isclose(own, number, rel_tol=ALIKE, abs_tol=within):
                     return False
             elif own != number:
                 return False
         return True
 
 
-def _si(number: float, unit: str, wanted: str) -> float:
-    return converted(number, unit, wanted) if unit and wanted else number
+def _si(number: float, unit: str, key: str) -> float:
+    """A number of ``unit`` as the scene holds that of ``key``. Raises ValueError for a unit of another kind."""
+    return converted(number, unit, unit_of(key) or "1") if unit else number
 
 
 def _negative(value: Any) -> Any:

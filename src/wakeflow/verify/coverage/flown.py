@@ -23,7 +23,7 @@ from ...pipeline.tracks import Flight
 from ...planning.make import make_plan
 from ...planning.plan import Plan
 from ...planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
-from ...planning.variation import AirVariation, Variation
+from ...planning.variation import AS_GIVEN, AirVariation, Variation
 from ...results.budget import fly_again, make_budget
 from ...results.landing_results import BudgetRow, Separation
 from ...results.separation import separate
@@ -39,7 +39,6 @@ Array = NDArray[np.float64]
 FEW = 64  # granules a fraction that show where bins are wanted
 FINE = 0.1  # of the scene's tolerance: that of the truth
 FILE = "shares.json"
-AS_GIVEN = Variation()
 
 
 def chance_of(one: VariedScene, *apart: int) -> np.random.Generator:
