@@ -6,7 +6,8 @@ Scenes: rhombus, labyrinth, vacuum. An answer's draws fly alone, and what they m
 among granules that meet. Here the slab flies under some of the same draws, each in air of its own while there are such.
 The slope is that of the slab's changes of all bin shares over those of granules alone: 1 where the assumption holds.
 Changes alone are of two halves of the granules, one the other's instrument, so that their sampling does not lower the
-slope; its interval is a jackknife's over the draws.
+slope; its interval is a jackknife's over the draws. Beside it the factor that an answer takes for it, from how many
+granules land near the ends of bins among others and alone (src/wakeflow/results/among_others.py).
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import DRAWS, SAME_AIR
+from wakeflow.results.among_others import AmongOthers
+from wakeflow.scene import RESERVED_BIN
 
 CASES = Path(__file__).parents[1]
 SCENES: dict[str, dict[str, Any]] = {
@@ -39,15 +42,18 @@ Array = NDArray[np.float64]
 
 
 class Moved(NamedTuple):
-    """Changes (draws, bins + 1) of one fraction's shares: among granules that ``meet``, and alone in two ``halves``."""
+    """Changes (draws, bins + 1) of one fraction's shares: among granules that ``meet``, and alone in two ``halves``;
+    the ``factors`` (bins + 1,) that the program takes for what lies between.
+    """
 
     meet: Array
     halves: tuple[Array, Array]
+    factors: Array
 
     def without(self, draw: int) -> Moved:
         """The same without one draw."""
         first, second = (np.delete(half, draw, axis=0) for half in self.halves)
-        return Moved(np.delete(self.meet, draw, axis=0), (first, second))
+        return Moved(np.delete(self.meet, draw, axis=0), (first, second), self.factors)
 
 
 def moved(scene: wf.Scene, draws: Sequence[int]) -> dict[str, Moved]:
@@ -55,7 +61,7 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> dict[str, Moved]:
     pipeline = Pipeline(scene, make_plan(scene, force=FORCE))
     crowd, tracked, stage = pipeline.crowd(), pipeline.tracks(), pipeline.draw_stage
     assert crowd is not None
-    bins = len(scene.bin)
+    bins, among = len(scene.bin), AmongOthers(scene, tracked.landings, crowd.landings)
     still = {name: landing.counts(bins).mean(axis=0) for name, landing in crowd.landings.items()}
     meet: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     alone: dict[str, list[Array]] = {name: [] for name in scene.fraction}
@@ -71,7 +77,8 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> dict[str, Moved]:
     for name in scene.fraction:
         each = np.array(alone[name])
         halves = each[:, ::2].mean(axis=1), each[:, 1::2].mean(axis=1)
-        found[name] = Moved(np.array(meet[name]), halves)
+        factors = np.array([among.factor(name, [place]) for place in (*scene.bin, RESERVED_BIN)])
+        found[name] = Moved(np.array(meet[name]), halves, factors)
     return found
 
 
@@ -99,6 +106,16 @@ def slope(rows: Sequence[Moved]) -> float:
     return above / below if below else float("nan")
 
 
+def taken(rows: Sequence[Moved]) -> float:
+    """The factor that the program takes, in the mean that the slope is of."""
+    above = below = 0.0
+    for row in rows:
+        first, second = (half - half.mean(axis=0) for half in row.halves)
+        weight = np.sum(first * second, axis=0)
+        above, below = above + float(row.factors @ weight), below + float(weight.sum())
+    return above / below if below else float("nan")
+
+
 def with_interval(rows: Sequence[Moved]) -> tuple[float, float]:
     """The slope and half of its 95 % interval."""
     draws = len(rows[0].meet)
@@ -112,7 +129,7 @@ def main(chosen: Sequence[str], draws: int, count: int, rate: float | None = Non
     fractions of each.
     """
     fed = {} if rate is None else {"feed.rate": rate / HOUR}
-    print("| scene | kg/h | fraction | moved alone, points | moved among others | slope |\n" + 6 * "|---" + "|")
+    print("| scene | kg/h | fraction | moved alone, points | moved among others | slope | taken |\n" + 7 * "|---" + "|")
     found = {}
     for which in chosen:
         scene = wf.Scene.load(CASES / f"{which}.toml", {"feed.count": count, **SCENES[which], **fed})
@@ -123,7 +140,7 @@ def main(chosen: Sequence[str], draws: int, count: int, rate: float | None = Non
             some = list(rows.values()) if row is None else [row]
             alone, meet = (_rms([part(one) for one in some]) for part in (_alone, lambda one: one.meet))
             value, half = with_interval(some)
-            numbers = f"{alone:.1f} | {meet:.1f} | {value:.2f} ± {half:.2f}"
+            numbers = f"{alone:.1f} | {meet:.1f} | {value:.2f} ± {half:.2f} | {taken(some):.2f}"
             print(f"| {which} | {rate_here:g} | {name} | {numbers} |", flush=True)
     return found
 

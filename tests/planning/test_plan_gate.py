@@ -33,9 +33,10 @@ from wakeflow.planning.bounds import bounds
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.terms import TYPICAL, LeftOutTerm
+from wakeflow.results.bin_ends import free_ends
 from wakeflow.results.budget import together
 from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.results.left_out import free_ends, left_out_terms, most_crossing
+from wakeflow.results.left_out import left_out_terms, most_crossing
 from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate, Granules, Tracks

@@ -27,6 +27,7 @@ from .spread import LEVEL
 
 if TYPE_CHECKING:
     from ..pipeline.draws import Draws
+    from .among_others import AmongOthers
 
 __all__ = ["InputEffect", "InputRange", "Inputs"]
 
@@ -72,11 +73,18 @@ class InputRange:
 
 @dataclass(frozen=True)
 class Inputs:
-    """The draws of one run, and the answer's ``shares`` by fraction and bin, of which they say the changes."""
+    """The draws of one run, and the answer's ``shares`` by fraction and bin, of which they say the changes; ``among``
+    others, where the answer's granules meet.
+    """
 
     draws: Draws
     shares: Mapping[str, Mapping[str, Share]]
     mass: Mapping[str, float]
+    among: AmongOthers | None = None
+
+    def factor(self, name: str, places: Sequence[str]) -> float:
+        """On what granules alone say of a share: 1 where they fly alone."""
+        return 1.0 if self.among is None else self.among.factor(name, places)
 
     @cached_property
     def _places(self) -> dict[str, int]:
@@ -102,7 +110,7 @@ class Inputs:
     def _change(self, name: str, places: Sequence[str]) -> tuple[Array, Array]:
         """By how much each draw (R,) changes a share, and the variance of that for being taken from few granules."""
         varied, own = self.draws.hits(name, [self._places[place] for place in places])
-        moved = varied - own
+        moved = self.factor(name, places) * (varied - own)
         return moved.mean(axis=1), moved.var(axis=1) / moved.shape[1]
 
     def _range(self, change: Array, noise: Array, names: Sequence[str]) -> InputRange:

@@ -7,7 +7,6 @@ share could change. It is a true bound, however the landings heap up at the end.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,16 +18,14 @@ from ..planning.lock_in import vibration_of_scene
 from ..planning.plan import Plan
 from ..planning.terms import LeftOut
 from ..scene import RESERVED_BIN, Scene
+from .bin_ends import free_ends, points_of
 from .inputs import InputEffect
 from .landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
 from .separation import upper_limit
 
-__all__ = ["free_ends", "left_out_terms", "most_crossing", "swung"]
+__all__ = ["left_out_terms", "most_crossing", "swung"]
 
 Array = NDArray[np.float64]
-Ends = dict[str, list[tuple[float, float]]]  # m: the ends of every bin
-SAME_PLACE = 1e-9  # channel widths: an end of a bin so near to a corner of the channel is in it
-DIGITS = 9  # of a place in m: ends that agree in them are one end
 
 
 def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
@@ -45,7 +42,7 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
     if not rows or not len(landing.bin):
         return parts
     limit = plan.fractions[name].limit or 0.0
-    distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in _all(ends)}
+    distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
     number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
     for place, found in parts.items():
         away = np.full(len(landing.bin), np.inf)
@@ -98,29 +95,3 @@ def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weig
         return 0.0
     sides = (round(float(each[near & side].sum())) for side in (inside, ~inside))
     return upper_limit(max(sides), total)
-
-
-def free_ends(scene: Scene) -> Ends:
-    """The ends (m) of every bin over which granules can pass, and for ``elsewhere`` the ends that no two bins share.
-
-    An end in a corner of the channel is closed by the wall, unless a bin stands on that wall.
-    """
-    channel, slack = scene.channel, SAME_PLACE * scene.channel.width
-    walls = {b.on for b in scene.bin.values() if b.points is None} & {"left", "right"}
-    ends: Ends = {}
-    for place, collector in scene.bin.items():
-        line = collector.line(channel)
-        ends[place] = []
-        for x, y in (line[0], line[-1]):
-            side = "right" if x > 0 else "left"
-            closed = collector.points is None and abs(x) >= channel.width / 2 - slack and side not in walls
-            if not closed:
-                ends[place].append((round(float(x), DIGITS), round(float(y), DIGITS)))
-    every = list(_all(ends, repeated=True))
-    ends[RESERVED_BIN] = [point for point in dict.fromkeys(every) if every.count(point) == 1]
-    return ends
-
-
-def _all(ends: Mapping[str, Sequence[tuple[float, float]]], *, repeated: bool = False) -> Iterator[tuple[float, float]]:
-    points = [point for found in ends.values() for point in found]
-    yield from points if repeated else dict.fromkeys(points)

@@ -11,6 +11,7 @@ from ..core.registry import Registry
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from .airflow_summary import Airflow, airflow_of
+from .among_others import AmongOthers
 from .companions import compared
 from .inputs import Inputs
 from .landing_results import BudgetPart
@@ -92,7 +93,12 @@ class Flights:
     def inputs(self, shares: Mapping[str, Mapping[str, Share]]) -> Inputs | None:
         """What the unknown inputs do to ``shares`` by fraction and bin; None where everything is known exactly."""
         draws = self._made.get(INPUTS)
-        return None if draws is None else Inputs(draws, shares, self.pipeline.scene.mass_shares())
+        if draws is None:
+            return None
+        scene, among = self.pipeline.scene, None
+        if self.crowd is not None:
+            among = AmongOthers(scene, self.tracked.landings, self.crowd.landings)
+        return Inputs(draws, shares, scene.mass_shares(), among)
 
     @property
     def landings(self) -> Mapping[str, Landings]:

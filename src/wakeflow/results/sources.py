@@ -234,6 +234,8 @@ class UnknownInputs(Source["Draws"]):
             weighty = [one for one in over.effects if one.share >= WEIGHTY][:MOST_TOLD]
             told = ", ".join(f"{one.unknown.key} {100 * one.share:.0f} %" for one in weighty)
             note = f"of its variance {told}" if told else None
+            if note is not None and inputs.among is not None:
+                note += f"; {inputs.factor(fraction.name, [bin_]):.2g} times what they move of granules alone"
             found[bin_] = [replace(self.part(over.half, seconds, note), low=over.low, high=over.high)]
         return found
 

@@ -1,0 +1,55 @@
+"""What a shift of landings moves of a share among granules that meet, over what the same shift moves alone.
+
+A number that is not known exactly shifts where granules land. What that changes of a bin's share goes as how many land
+near its ends: alone a fraction may fly well past an end on which it lands among others, and the other way round. So
+much is corrected in what the draws, which fly alone, say of the slab's shares. That the shift itself is the same is
+what remains assumed; cases/studies/crowd_draws.py prints both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.lazy import cached_property
+from ..pipeline.landings import Landings
+from ..scene import Scene
+from .bin_ends import BinEnds, free_ends
+
+__all__ = ["AmongOthers"]
+
+NEAR = 0.3  # body widths to either side of an end: about as far as what is unknown shifts landings
+FEW = 8.0  # granules: as many are added to both counts, so that a few near an end alone make no large factor
+MOST = 3.0  # largest factor, and one over the least
+
+
+@dataclass(frozen=True)
+class AmongOthers:
+    """The landings by fraction, each granule ``alone`` and of those that ``met`` others."""
+
+    scene: Scene
+    alone: Mapping[str, Landings]
+    met: Mapping[str, Landings]
+
+    @cached_property
+    def _ends(self) -> BinEnds:
+        return free_ends(self.scene)
+
+    def factor(self, name: str, places: Sequence[str]) -> float:
+        """On what a shift alone moves of the share of fraction ``name`` in any of ``places``; 1 where these have no end
+        that granules pass.
+        """
+        points = [point for place in places for point in self._ends[place]]
+        open_ends = [point for point in points if points.count(point) == 1]
+        if not open_ends:
+            return 1.0
+        few = FEW / self.alone[name].size
+        alone, met = (self._near(found[name], open_ends) + few for found in (self.alone, self.met))
+        return float(np.clip(met / alone, 1.0 / MOST, MOST))
+
+    def _near(self, landing: Landings, points: Sequence[tuple[float, float]]) -> float:
+        """The share of a fraction's mass that lands near any of ``points``."""
+        away = np.min([np.linalg.norm(landing.position - point, axis=1) for point in points], axis=0)
+        return float(landing.mass_shares @ (away <= NEAR * self.scene.width))
