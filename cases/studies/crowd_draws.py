@@ -27,7 +27,6 @@ from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import DRAWS, SAME_AIR
 from wakeflow.results.among_others import AmongOthers
-from wakeflow.scene import RESERVED_BIN
 
 CASES = Path(__file__).parents[1]
 SCENES: dict[str, dict[str, Any]] = {
@@ -43,17 +42,17 @@ Array = NDArray[np.float64]
 
 class Moved(NamedTuple):
     """Changes (draws, bins + 1) of one fraction's shares: among granules that ``meet``, and alone in two ``halves``;
-    the ``factors`` (bins + 1,) that the program takes for what lies between.
+    the factor that is ``taken`` for what lies between.
     """
 
     meet: Array
     halves: tuple[Array, Array]
-    factors: Array
+    taken: float
 
     def without(self, draw: int) -> Moved:
         """The same without one draw."""
         first, second = (np.delete(half, draw, axis=0) for half in self.halves)
-        return Moved(np.delete(self.meet, draw, axis=0), (first, second), self.factors)
+        return Moved(np.delete(self.meet, draw, axis=0), (first, second), self.taken)
 
 
 def moved(scene: wf.Scene, draws: Sequence[int]) -> dict[str, Moved]:
@@ -77,8 +76,7 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> dict[str, Moved]:
     for name in scene.fraction:
         each = np.array(alone[name])
         halves = each[:, ::2].mean(axis=1), each[:, 1::2].mean(axis=1)
-        factors = np.array([among.factor(name, [place]) for place in (*scene.bin, RESERVED_BIN)])
-        found[name] = Moved(np.array(meet[name]), halves, factors)
+        found[name] = Moved(np.array(meet[name]), halves, among.factor(name))
     return found
 
 
@@ -106,16 +104,6 @@ def slope(rows: Sequence[Moved]) -> float:
     return above / below if below else float("nan")
 
 
-def taken(rows: Sequence[Moved]) -> float:
-    """The factor that the program takes, in the mean that the slope is of."""
-    above = below = 0.0
-    for row in rows:
-        first, second = (half - half.mean(axis=0) for half in row.halves)
-        weight = np.sum(first * second, axis=0)
-        above, below = above + float(row.factors @ weight), below + float(weight.sum())
-    return above / below if below else float("nan")
-
-
 def with_interval(rows: Sequence[Moved]) -> tuple[float, float]:
     """The slope and half of its 95 % interval."""
     draws = len(rows[0].meet)
@@ -140,7 +128,8 @@ def main(chosen: Sequence[str], draws: int, count: int, rate: float | None = Non
             some = list(rows.values()) if row is None else [row]
             alone, meet = (_rms([part(one) for one in some]) for part in (_alone, lambda one: one.meet))
             value, half = with_interval(some)
-            numbers = f"{alone:.1f} | {meet:.1f} | {value:.2f} ± {half:.2f} | {taken(some):.2f}"
+            taken = "" if row is None else f"{row.taken:.2f}"
+            numbers = f"{alone:.1f} | {meet:.1f} | {value:.2f} ± {half:.2f} | {taken}"
             print(f"| {which} | {rate_here:g} | {name} | {numbers} |", flush=True)
     return found
 

@@ -1,14 +1,14 @@
 """What a shift of landings moves of a share among granules that meet, over what the same shift moves alone.
 
-A number that is not known exactly shifts where granules land. What that changes of a bin's share goes as how many land
-near its ends: alone a fraction may fly well past an end on which it lands among others, and the other way round. So
+A number that is not known exactly shifts where granules land. What that changes of bins' shares goes as how many land
+near their ends: alone a fraction may fly well past an end on which it lands among others, and the other way round. So
 much is corrected in what the draws, which fly alone, say of the slab's shares. That the shift itself is the same is
 what remains assumed; cases/studies/crowd_draws.py prints both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from ..core.lazy import cached_property
 from ..pipeline.landings import Landings
 from ..scene import Scene
-from .bin_ends import BinEnds, free_ends
+from .bin_ends import free_ends, points_of
 
 __all__ = ["AmongOthers"]
 
@@ -34,22 +34,20 @@ class AmongOthers:
     met: Mapping[str, Landings]
 
     @cached_property
-    def _ends(self) -> BinEnds:
-        return free_ends(self.scene)
+    def _ends(self) -> list[tuple[float, float]]:
+        return list(points_of(free_ends(self.scene)))
 
-    def factor(self, name: str, places: Sequence[str]) -> float:
-        """On what a shift alone moves of the share of fraction ``name`` in any of ``places``; 1 where these have no end
-        that granules pass.
+    def factor(self, name: str) -> float:
+        """On what a shift alone moves of the shares of fraction ``name``: one for all bins, since at an end near which
+        hardly any land a shift is no longer small. 1 where no bin has an end that granules pass.
         """
-        points = [point for place in places for point in self._ends[place]]
-        open_ends = [point for point in points if points.count(point) == 1]
-        if not open_ends:
+        if not self._ends:
             return 1.0
         few = FEW / self.alone[name].size
-        alone, met = (self._near(found[name], open_ends) + few for found in (self.alone, self.met))
+        alone, met = (self._near(found[name]) + few for found in (self.alone, self.met))
         return float(np.clip(met / alone, 1.0 / MOST, MOST))
 
-    def _near(self, landing: Landings, points: Sequence[tuple[float, float]]) -> float:
-        """The share of a fraction's mass that lands near any of ``points``."""
-        away = np.min([np.linalg.norm(landing.position - point, axis=1) for point in points], axis=0)
+    def _near(self, landing: Landings) -> float:
+        """The share of a fraction's mass that lands near any end."""
+        away = np.min([np.linalg.norm(landing.position - point, axis=1) for point in self._ends], axis=0)
         return float(landing.mass_shares @ (away <= NEAR * self.scene.width))

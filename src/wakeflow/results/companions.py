@@ -114,7 +114,8 @@ def difference_noise(own: Landings, other: Landings, bins: int) -> Array:
     into, out_of = (np.sum(moved, axis=1) + 1.0 for moved in (there & ~here, here & ~there))
     variance = (into + out_of - (into - out_of) ** 2 / size) / size**2
     sheddings = (shedding_noise(landing, bins) for landing in (own, other))
-    return np.stack([SIGMAS * np.sqrt(variance), np.hypot(*sheddings)])
+    reached = here.any(axis=1) | there.any(axis=1)  # what nobody reaches has a limit of its own: the sampling's
+    return np.asarray(reached * np.stack([SIGMAS * np.sqrt(variance), np.hypot(*sheddings)]))
 
 
 def shedding_noise(landing: Landings, bins: int) -> Array:

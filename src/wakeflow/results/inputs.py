@@ -82,9 +82,9 @@ class Inputs:
     mass: Mapping[str, float]
     among: AmongOthers | None = None
 
-    def factor(self, name: str, places: Sequence[str]) -> float:
-        """On what granules alone say of a share: 1 where they fly alone."""
-        return 1.0 if self.among is None else self.among.factor(name, places)
+    def factor(self, name: str) -> float:
+        """On what granules alone say of a fraction's shares: 1 where they fly alone."""
+        return 1.0 if self.among is None else self.among.factor(name)
 
     @cached_property
     def _places(self) -> dict[str, int]:
@@ -110,7 +110,7 @@ class Inputs:
     def _change(self, name: str, places: Sequence[str]) -> tuple[Array, Array]:
         """By how much each draw (R,) changes a share, and the variance of that for being taken from few granules."""
         varied, own = self.draws.hits(name, [self._places[place] for place in places])
-        moved = self.factor(name, places) * (varied - own)
+        moved = self.factor(name) * (varied - own)
         return moved.mean(axis=1), moved.var(axis=1) / moved.shape[1]
 
     def _range(self, change: Array, noise: Array, names: Sequence[str]) -> InputRange:

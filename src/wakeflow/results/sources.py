@@ -235,7 +235,7 @@ class UnknownInputs(Source["Draws"]):
             told = ", ".join(f"{one.unknown.key} {100 * one.share:.0f} %" for one in weighty)
             note = f"of its variance {told}" if told else None
             if note is not None and inputs.among is not None:
-                note += f"; {inputs.factor(fraction.name, [bin_]):.2g} times what they move of granules alone"
+                note += f"; {inputs.factor(fraction.name):.2g} times what they move of granules alone"
             found[bin_] = [replace(self.part(over.half, seconds, note), low=over.low, high=over.high)]
         return found
 

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 SEED = 7
 WIDTH = 0.05  # m, of the bodies
 SINGLE = {"collisions": False, "air-loading": False, "vibration-of-the-air": False}
+# No plan knows the swirl of stored cells: what depends on how the air changes is switched on, not bounded
+IN_SWIRL = {"lift": True, "pressure-gradient": True, "basset-history": True}
 TOLERANCE = 1e-3  # body widths: granules land within a hundredth of what their inputs move them
 BINS, LEAST_BIN = 4, 0.02  # of the floor; their least width, in half channels
 OVALS = (0.01, 0.03)  # strengths of the dipoles: bodies of about a tenth to a fifth of the channel
@@ -163,7 +165,7 @@ def _polygon(chance: Chance) -> Tables:
 
 
 def _in_air(scene: Tables, chance: Chance, flow: str, low: float, high: float, *, turbulent: bool) -> StoredFlow:
-    scene["force"] = dict(SINGLE) | ({"lift": True} if flow == "cells" else {})  # no plan can know their shear
+    scene["force"] = dict(SINGLE) | (IN_SWIRL if flow == "cells" else {})
     return StoredFlow(flow, _between(chance, low, high), scene["air"]["turbulence"] if turbulent else 0.0)
 
 
