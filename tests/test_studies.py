@@ -61,7 +61,7 @@ def table_rows(text: str) -> list[list[str]]:
 
 def test_crowd_draws(capsys: pytest.CaptureFixture[str]) -> None:
     """Where hardly a granule meets another, a number moves the slab's shares as it moves those of granules alone."""
-    ((slope, half),) = crowd_draws.main(["vacuum"], draws=6, count=256, rate=2.0).values()
+    ((slope, half),) = crowd_draws.main(["vacuum"], draws=12, count=512, rate=2.0).values()
     assert abs(slope - 1.0) <= half
     assert half < 0.5
     *fractions, _ = table_rows(capsys.readouterr().out)
