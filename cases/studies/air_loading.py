@@ -25,7 +25,7 @@ import wakeflow as wf
 from wakeflow.core.boxes import ForceDensity
 from wakeflow.field import FlowField, blended_wake
 from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.momentum_source import write_source
+from wakeflow.foam.momentum_source import SOURCE, write_source
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.pipeline.air_loading import AirLoading
 from wakeflow.pipeline.case_field import case_field
@@ -84,7 +84,7 @@ def passes(pipeline: Pipeline, bins: Mapping[str, tuple[str, int]]) -> Iterator[
     yield "0", 0.0, bare["cd"]["value"], axis_speed(scene, field[1]), *shares(loading.first.shares)
     for number, one in enumerate(loading.passes, 1):
         measured = json.loads((one.folder / "case" / "airflow.json").read_text())
-        given = both * json.loads((one.folder / "case" / "momentum_source.json").read_text())["force"][1]
+        given = both * json.loads((one.folder / "case" / SOURCE).read_text())["force"][1]
         speed = axis_speed(scene, loading.field_in(one.folder))
         yield str(number), given, measured["cd"]["value"], speed, *shares(one.gathered.shares)
 

@@ -6,19 +6,23 @@ import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from support import rhombus_spec
 from wakeflow.core.boxes import Boxes, ForceDensity
+from wakeflow.foam import airflow
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.case_fields import time_folders
+from wakeflow.foam.failure import AirflowFailure, Cause
 from wakeflow.foam.loaded_airflow import solve_loaded
 from wakeflow.foam.measure import AirflowResult
 from wakeflow.foam.momentum_source import SOURCE, cell_forces, write_source
 from wakeflow.foam.polymesh import read_polymesh
+from wakeflow.foam.sanity import Check, check_airflow
 from wakeflow.foam.watch import Progress
 from wakeflow.meshing import build_mesh
 
@@ -113,6 +117,29 @@ def test_a_force_on_part_of_the_channel_turns_the_air_aside(bare: Bare, tmp_path
     rise = PUSH * BOXES.rows * BOXES.pitch
     assert 0.2 * rise < result.pressure_drop - bare.result.pressure_drop < 0.9 * rise
     assert result.verdict == "steady"
+
+
+def test_settings_that_serve_at_the_second_try_keep_the_force(
+    bare: Bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first attempt is refused as if its numbers were impossible: what is solved again feels the same force."""
+    refused: list[str] = []
+
+    def once(*args: Any) -> list[Check]:
+        if not refused:
+            refused.append("now")
+            raise AirflowFailure(Cause.NONSENSE, "the airflow is not possible: a test says so")
+        return check_airflow(*args)
+
+    monkeypatch.setattr(airflow, "check_airflow", once)
+    result = solve_loaded(bare.spec, bare.msh, tmp_path / "case", uniform(PUSH), start=bare.case)
+    assert (result.settings, len(result.attempts)) == ("careful", 1)
+    without = solve_loaded(bare.spec, bare.msh, tmp_path / "without", uniform(0.0), start=tmp_path / "case")
+    assert (without.settings, without.attempts) == ("careful", ())  # as the one it starts from, so that both compare
+    rise = PUSH * BOXES.rows * BOXES.pitch
+    assert result.pressure_drop - without.pressure_drop == pytest.approx(rise, rel=0.01)
+    laid = json.loads((tmp_path / "case" / SOURCE).read_text())
+    assert laid["force"] == pytest.approx([0.0, rise * 0.15], rel=1e-12)
 
 
 class Stop(Exception):

@@ -26,7 +26,7 @@ from wakeflow.foam.case_fields import time_folders
 from wakeflow.foam.failure import AirflowFailure
 from wakeflow.foam.history import oscillation
 from wakeflow.foam.segments import last_state, segment_ends
-from wakeflow.foam.steady import STATES_KEPT, WINDOW, _apart, _will_not_settle
+from wakeflow.foam.steady import STATES_KEPT, WINDOW, _apart, _will_not_settle, expected_end
 from wakeflow.foam.time_resolved import _looks
 from wakeflow.foam.watch import Progress, Watch
 from wakeflow.meshing import build_mesh, plan_mesh
@@ -225,6 +225,21 @@ def test_time_left_is_told_over_the_segments(tmp_path: Path, monkeypatch: pytest
     assert seen[-1].left == pytest.approx((100 - 80) * 0.5, rel=0.02)
 
 
+def test_the_end_of_a_steady_run_is_told_from_how_its_drag_settles() -> None:
+    count = np.arange(1.0, 3001.0)
+    settling = 2.0 + np.exp(
+        -count / 150.0
+    )  # a window's range is (e^2 - 1) exp(-n/150): a part 2e-4 of the mean at 1452
+    assert expected_end(settling[:300], 3000) == 900
+    for so_far in (900, 1200):
+        assert expected_end(settling[:so_far], 3000) == pytest.approx(1452, abs=20)
+    assert expected_end(settling[:1700], 3000) == 1700 + 100  # the wake may take longer: one segment more
+    swinging = 2.0 + 0.2 * np.sin(count / 20.0)
+    assert 900 + 100 < expected_end(swinging[:900], 3000) <= 900 + 100 + 8 * 75  # eight states of it are kept
+    slow = 2.0 + 0.1 * np.exp(-count / 2000.0)
+    assert expected_end(slow[:900], 3000) == 3000
+
+
 def test_a_resumed_recording_looks_again_where_it_looked_before() -> None:
     """Looks at the ends so far, each with the record up to it: cut anywhere, the next one is the same."""
     spec = airflow("time-resolved")
@@ -289,7 +304,7 @@ def test_a_steady_airflow_that_does_not_settle_is_ended_early_and_kept_as_states
     assert len(set(np.diff([int(name) for name in names]))) == 1
     assert result.steps == int(names[-1]) == last_state(case)
     assert result.cd.low < result.cd.value < result.cd.high
-    assert "do not settle" in result.notes[0]
+    assert "does not settle" in result.notes[0]
 
     every, mean = read_flow(case, "states", density=1.2), read_flow(case, "mean", density=1.2)
     assert every["times"] is not None

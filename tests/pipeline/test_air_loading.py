@@ -12,7 +12,10 @@ import pytest
 import wakeflow as wf
 from support import loaded_scene, shipped
 from wakeflow.core.errors import SceneError
+from wakeflow.core.store import content_key
+from wakeflow.foam import ladder
 from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.cache import code_of
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
@@ -133,7 +136,9 @@ def test_left_out_the_shares_are_those_without(loaded: wf.Result, tmp_path: Path
     assert loaded.airflow is not None
     assert off.airflow is not None
     assert loaded.airflow.loading is not None
-    assert loaded.airflow.loading.cd_without == off.airflow.cd
+    assert off.airflow.cd is not None
+    assert loaded.airflow.loading.cd_without is not None
+    assert loaded.airflow.loading.cd_without.value == off.airflow.cd.value
     assert off.airflow.loading is None
 
 
@@ -204,3 +209,23 @@ def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
     shift = np.percentile(np.linalg.norm(ends[1] - ends[0], axis=1) / asked.width, 95)
     bound = plan.fractions["chaff"].bounds[LOADING]
     assert shift <= bound <= 30.0 * shift
+
+
+@pytest.mark.openfoam
+def test_where_safer_settings_served_the_change_counts_from_such_air(
+    loaded: wf.Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Told that others served under the force, it solves the air once more without: which is the air there was."""
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    bare, loading = pipeline.kind.field, pipeline.loading
+    assert bare is not None
+    assert loading is not None
+    last, usual = loading.passes[-1], Pipeline(asked, make_plan(asked, force=CALM)).loading
+    assert usual is not None
+    assert usual.key == content_key("loaded", bare[0], last.key, code_of("field"), code_of("change"))
+    monkeypatch.setattr(ladder, "schemes_in", lambda case: "careful" if last.folder in case.parents else "normal")
+    back = loading.apply(loading.field_in(last.folder)).velocity - bare[1].velocity
+    change = loading.field_in(last.folder).velocity - bare[1].velocity
+    assert np.sqrt(np.mean((back - 2.0 * change) ** 2)) < 0.02 * np.sqrt(np.mean(change**2))
+    assert loading.key != usual.key

@@ -89,7 +89,8 @@ def averaged(spec: FlowSpec, found: Statistics) -> Coefficients:
 def _unsettled(drag: Array) -> str:
     part = 50 * spread(drag)
     return (
-        f"the iterations do not settle: over the last {len(drag)} Cd swings by {part:.2g} % to either side of its mean"
+        f"the steady airflow does not settle: over its last {len(drag)} iterations Cd swings by {part:.2g} % to either "
+        "side of its mean"
     )
 
 

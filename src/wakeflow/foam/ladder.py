@@ -25,7 +25,7 @@ from .start import first_step, perturb, start_from
 from .time_resolved import COLLAPSED
 from .watch import ProgressListener, Watch
 
-__all__ = ["LADDER", "climb", "first_order_start", "warning"]
+__all__ = ["LADDER", "climb", "first_order_start", "schemes_in", "warning"]
 
 Result = TypeVar("Result")
 LADDER = {
@@ -56,9 +56,8 @@ def climb(
     tried = _attempts_so_far(folder, log)
     while True:
         settings = names[len(tried)]
-        known = "careful" if settings == "first-order-start" else settings
         try:
-            return solve(replace(spec, settings=known), settings == "first-order-start"), settings, tried
+            return solve(replace(spec, settings=_schemes(settings)), settings == "first-order-start"), settings, tried
         except AirflowFailure as failure:
             if not failure.cause.numerical:
                 raise
@@ -68,6 +67,15 @@ def climb(
                 _clear(folder)  # the next call starts anew
                 raise _all_failed(failure, folder, tried) from None
             _go_back(folder, log, tried, _sound_state(spec, folder, names[len(tried)]))
+
+
+def schemes_in(case: Path) -> str:
+    """The settings of LADDER with whose schemes the airflow in the folder ``case`` was solved in the end."""
+    return _schemes(json.loads((case / "airflow.json").read_text())["settings"])
+
+
+def _schemes(settings: str) -> str:
+    return "careful" if settings == "first-order-start" else settings
 
 
 def _attempts_so_far(folder: Path, log: str) -> list[Attempt]:

@@ -23,7 +23,7 @@ from .reconstruction import PlaneMesh
 __all__ = ["SOURCE", "LaidForce", "cell_forces", "write_source"]
 
 Array = NDArray[np.float64]
-SOURCE = "momentum_source.json"  # in the case: the force that was written into it
+SOURCE = Path("constant", "momentum_source.json")  # in the case, beside the force that was written into it
 LEVELS = 32  # of each component, between its least and its largest value. Chosen: off by 2 % of that range in a cell
 NOTHING = 1e-12  # of the largest force on a cell: none
 
@@ -79,7 +79,7 @@ def cell_forces(force: ForceDensity, mesh: PlaneMesh) -> Array:
 
 def write_source(folder: Path, force: ForceDensity, density: float) -> LaidForce:
     """Write ``force`` into the case ``folder``, which has its mesh, for air of ``density`` (kg/m3); what stood there
-    before goes. What was written is in ``momentum_source.json`` too. Raises FoamError where there is no mesh.
+    before goes. What was written is in ``constant/momentum_source.json`` too. Raises FoamError where there is no mesh.
     """
     mesh = read_polymesh(folder).plane
     cells, area = cell_forces(force, mesh), _areas(mesh)

@@ -65,7 +65,8 @@ def read_polymesh(case: Path) -> FoamMesh:
     height = points[:, 2]
     middle = (height.min() + height.max()) / 2
     above = height > middle
-    back = np.array([face for face in flat if not above[corners[ends[face] : ends[face + 1]]].any()], dtype=np.intp)
+    lies_above = np.logical_or.reduceat(above[corners], ends[:-1])
+    back = flat[~lies_above[flat]]
     if len(back) != count or np.ptp(height[~above]) > 1e-6 * np.ptp(height):
         raise FoamError(f"{case} is not a layer of cells normal to z: rotate it so that the flow lies in the x-y plane")
     return _flatten(points, ends, corners, owner, patches, back, above)
@@ -84,9 +85,7 @@ def _flatten(
     renumber = np.full(len(points), -1, dtype=np.intp)
     renumber[~above] = np.arange(np.count_nonzero(~above))
     flat = np.ascontiguousarray(points[~above, :2])
-    cells: list[Index] = [np.zeros(0, np.intp)] * len(back)
-    for face in back:
-        cells[owner[face]] = _anticlockwise(flat, renumber[corners[ends[face] : ends[face + 1]]])
+    cells, centres = _cells(flat, renumber[corners], ends, back[np.argsort(owner[back])])
     faces, cell, patch, slots = [], [], [], []
     names = tuple(name for name, entry in patches.items() if entry.type != "empty" and entry.size)
     for index, name in enumerate(names):
@@ -100,7 +99,7 @@ def _flatten(
     plane = PlaneMesh(
         points=flat,
         cells=cells,
-        centres=np.array([_centroid(flat[c]) for c in cells]),
+        centres=centres,
         faces=np.array(faces, dtype=np.intp),
         owner=np.array(cell, dtype=np.intp),
         patch=np.array(patch, dtype=np.intp),
@@ -110,18 +109,33 @@ def _flatten(
     return FoamMesh(plane, types, np.array(slots, dtype=np.intp), float(np.ptp(points[:, 2])))
 
 
-def _anticlockwise(points: NDArray[np.float64], cell: Index) -> Index:
-    x, y = points[cell].T
-    return cell if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0 else cell[::-1]
+def _cells(
+    points: NDArray[np.float64], corners: Index, ends: Index, back: Index
+) -> tuple[list[Index], NDArray[np.float64]]:
+    """The corners of every cell, anticlockwise, and the centroids; ``back``: the cells' faces in the plane, in order.
+    Cells of equally many corners are taken together.
+    """
+    count = np.diff(ends)[back]
+    cells: list[Index] = [np.zeros(0, np.intp)] * len(back)
+    centres = np.empty((len(back), 2))
+    for number in np.unique(count):
+        which = np.flatnonzero(count == number)
+        nodes = corners[ends[back[which]][:, None] + np.arange(number)]
+        turned = _cross(points[nodes]).sum(axis=1) <= 0.0
+        nodes[turned] = nodes[turned, ::-1]
+        local = points[nodes] - points[nodes[:, :1]]
+        cross = _cross(local)
+        moment = ((local + np.roll(local, -1, axis=1)) * cross[..., None]).sum(axis=1)
+        centres[which] = points[nodes[:, 0]] + moment / (3.0 * cross.sum(axis=1))[:, None]
+        for cell, those in zip(which, nodes, strict=True):
+            cells[cell] = those
+    return cells, centres
 
 
-def _centroid(corner: NDArray[np.float64]) -> NDArray[np.float64]:
-    local = corner - corner[0]
-    x, y = local.T
-    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-    return np.asarray(
-        corner[0] + ((local + np.roll(local, -1, axis=0)) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
-    )
+def _cross(corner: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Twice the area of the triangle from the origin to each side (m, k) of polygons (m, k, 2)."""
+    x, y = corner[..., 0], corner[..., 1]
+    return np.asarray(x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y)
 
 
 def _open(folder: Path, name: str) -> tuple[bytes, bool, str]:

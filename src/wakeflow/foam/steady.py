@@ -18,7 +18,7 @@ from .solver import PHASE
 from .start import start_from
 from .watch import ProgressListener, Watch
 
-__all__ = ["WINDOW", "run_steady"]
+__all__ = ["WINDOW", "expected_end", "run_steady"]
 
 Array = NDArray[np.float64]
 # A steady run ends when over its last WINDOW iterations nothing that is measured moved by more than these. Chosen: well
@@ -30,7 +30,8 @@ STILL_WAKE = 5e-3  # range of the velocities along the wake's axis over the inle
 USABLE = 0.01  # range of Cd over its mean that still counts as steady after the last iteration allowed
 SEGMENT = 100  # iterations between two decisions: starting the solver anew costs as much as about twelve
 STATES_KEPT = 8  # of a run that does not settle. Chosen: phases of a swing, and a share of 16 replicates each
-TYPICAL_ITERATIONS = 900  # of a steady run to its end: what the time left is estimated from
+ROUNDING = 1e-12  # of a range over its mean: none
+TYPICAL_ITERATIONS = 900  # of a steady run to its end: what the time left is estimated from at first
 
 
 def run_steady(
@@ -63,6 +64,7 @@ def run_steady(
             end = min(max(WINDOW, last_state(folder) + SEGMENT), most)
             run_segment(folder, "simpleFoam", end, {"deltaT": 1}, watch, timeout)
             purge(folder)
+            watch.expected = expected_end(Tail(folder).update()[:, 1], most)
         drag = Tail(folder).update()[:, 1]
         verdict = "steady" if ended_early(folder) else kind_of(drag[-WINDOW:], USABLE)
         settled = verdict == "steady" or len(drag) < 2 * WINDOW  # so few iterations do not tell how it moves
@@ -102,6 +104,22 @@ def _will_not_settle(drag: Array, most: int) -> bool:
     return bool(now * min(now / before, 1.0) ** ((most - len(drag)) / WINDOW) > USABLE)
 
 
+def expected_end(drag: Array, most: int) -> float:
+    """The iteration with which a run is likely to end, told from Cd (n,) so far: as fast as its range falls now, or
+    when it is clear that it will not settle, and the states of it are kept.
+    """
+    count = len(drag)
+    if count < 3 * WINDOW:
+        return max(TYPICAL_ITERATIONS, count + SEGMENT)
+    if _will_not_settle(drag, most):
+        return count + SEGMENT + STATES_KEPT * _apart(drag)
+    now, before = (max(spread(part), ROUNDING) for part in (drag[-WINDOW:], drag[-2 * WINDOW : -WINDOW]))
+    if now <= STANDSTILL:
+        return count + SEGMENT
+    windows = np.log(now / STANDSTILL) / np.log(before / now) if before > now else np.inf
+    return float(min(max(count + SEGMENT, count + WINDOW * windows), most))
+
+
 def _apart(drag: Array) -> int:
     """Iterations between the states to keep: between one and two WINDOWs divided by STATES_KEPT, as near as that allows
     to an odd number of eighths of the oscillation, so that eight states meet all its phases.
@@ -117,7 +135,7 @@ def _apart(drag: Array) -> int:
 
 def _keep_states(folder: Path, begin: float, every: int, watch: Watch, timeout: float | None) -> None:
     """Iterate on from ``begin`` and keep STATES_KEPT states, ``every`` so many iterations one."""
-    end = begin + STATES_KEPT * every
+    end = watch.expected = begin + STATES_KEPT * every
     if not ended_early(folder):
         run_segment(folder, "simpleFoam", end, {"deltaT": 1, "writeInterval": every}, watch, timeout)
     purge(folder, STATES_KEPT)

@@ -11,10 +11,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..core.boxes import ForceDensity
 from ..core.lazy import cached_property
@@ -71,7 +73,7 @@ class AirLoading:
     def key(self) -> str:
         """Everything that the change depends on."""
         last = self.passes[-1]
-        return content_key("loaded", self._unloaded[0], last.key, code_of("field"), code_of("change"))
+        return content_key("loaded", self._before[0], last.key, code_of("field"), code_of("change"))
 
     @cached_property
     def first(self) -> Gathered:
@@ -83,12 +85,26 @@ class AirLoading:
         """A field of the same channel, with the change."""
         from ..field.change import changed_as
 
-        return changed_as(field, self._unloaded[1], self._loaded)
+        return changed_as(field, self._before[1], self._loaded)
 
     @cached_property
     def _unloaded(self) -> tuple[str, FlowField]:
         assert self.steady.field is not None
         return self.steady.field
+
+    @cached_property
+    def _before(self) -> tuple[str, FlowField]:
+        """Key and field of what the change counts from: the airflow without the force by the settings that served under
+        it. Safer settings alone move the air by more than some curtains do.
+        """
+        from ..foam.ladder import schemes_in
+
+        last, (_, bare) = self.passes[-1], self.steady.solution
+        if schemes_in(last.folder / "case") == schemes_in(bare / "case"):
+            return self._unloaded
+        nothing = replace(last.force, density=np.zeros_like(last.force.density))
+        key, folder = self._solved(nothing, last.key, last.folder)
+        return key, self.field_in(folder)
 
     @cached_property
     def _loaded(self) -> FlowField:

@@ -171,9 +171,8 @@ class CaseAir(AirflowKind):
             self.cache.tell("field", "reading the airflow")
             field = case_field(self.case, table["field_time"], air.density, half=self.half)
             field.save(part / "field.npz")
-            if table["field_time"] == "states":
-                for number, state in enumerate(state_fields(self.case, air.density, half=self.half)):
-                    state.save(part / f"state-{number}.npz")
+            for number, state in enumerate(state_fields(self.case, air.density, half=self.half)):
+                state.save(part / f"state-{number}.npz")
 
         return key, self.cache.make("field", key, work)
 

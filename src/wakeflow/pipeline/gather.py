@@ -16,7 +16,7 @@ from ..core.files import atomic_write, write_json
 from ..field import FlowField
 from ..injection.feed import feedstock
 from ..laws.constants import GRAVITY
-from ..planning.plan import COMPARED, REPLICATES, Plan
+from ..planning.plan import COMPARED, GATHERED, REPLICATES, Plan
 from ..scene import Scene
 from ..tracking import Granules, Tracks
 from ..tracking.momentum import force_on_the_air
@@ -26,7 +26,6 @@ from .tracks import Flight
 __all__ = ["Gathered", "gather_force", "gathered_in", "resolved"]
 
 Array = NDArray[np.float64]
-GRANULES = 2048  # of each fraction, whatever feed.count is. Chosen: a hundred and more pass every box of the curtain
 POINTS = 512  # kept of a track
 ACROSS = 16  # boxes across the first body
 STREAM = 4 * REPLICATES  # of the random forces, apart from those of other calls
@@ -56,17 +55,17 @@ def resolved(plan: Plan) -> Plan:
 def gather_force(
     scene: Scene, plan: Plan, field: FlowField, workers: int | None, tell: Callable[[str], None], folder: Path
 ) -> None:
-    """Fly GRANULES of each fraction through the steady ``field`` and keep what they exert on the air in ``folder``.
+    """Fly GATHERED of each fraction through the steady ``field`` and keep what they exert on the air in ``folder``.
 
     In a scene that is its own mirror image the force is the mean of both images.
     """
-    few = scene.replace({"feed.count": GRANULES * REPLICATES // COMPARED})
+    few = scene.replace({"feed.count": GATHERED * REPLICATES // COMPARED})
     flight = Flight(few, resolved(plan), Realisations(field), scene.numerics.tolerance, workers, tell)
     channel, shares = scene.channel, scene.mass_shares()
     boxes = Boxes.across(channel.width, channel.bottom, channel.top, scene.width / ACROSS)
     density, lost, landed = np.zeros((boxes.rows, boxes.columns, 2)), np.zeros(2), {}
     for name in scene.fraction:
-        tell(f"{name}: {GRANULES} granules, for their force on the air")
+        tell(f"{name}: {GATHERED} granules, for their force on the air")
         grains = feedstock(few, flight.plan, name, None, range(COMPARED)).granules
         tracks = flight.fly(name, grains, record=POINTS, stream=STREAM)
         flow, forces = scene.feed.mass_flow / scene.feed.depth * shares[name], plan.fractions[name].forces
