@@ -37,6 +37,8 @@ def _hint(text: str, problem: str) -> str:
     found, lines = re.search(r"at line (\d+)", problem), text.splitlines()
     line = lines[int(found[1]) - 1] if found and int(found[1]) <= len(lines) else ""
     key, sign, value = (part.strip() for part in line.partition("#")[0].partition("="))
+    if "Cannot declare" in problem:
+        return "; a table stands twice: rename one"
     if sign and re.fullmatch(r"[-+]?\d+,\d+", value):
         return f"; write a decimal point: {key} = {value.replace(',', '.')}"
     if sign and re.fullmatch(QUANTITY, value):

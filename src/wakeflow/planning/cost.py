@@ -16,21 +16,21 @@ from .airflow import AirflowPlan
 from .airflow_cost import solver_seconds, span_cost, typical_cells
 from .crowd import CrowdPlan
 from .flights_again import times_again
-from .plan import AT_ONCE, COMPARED, DRAWS, REPLICATES, FractionPlan, StageCost, replicate_size
+from .plan import AT_ONCE, COMPARED, DRAWS, GATHERED, REPLICATES, FractionPlan, StageCost, replicate_size
 
 __all__ = ["AirflowCost", "airflow_cost", "estimate_cost", "expected_stages", "wall_seconds"]
 
-STARTED = 3.0  # s: importing and planning
-REPORT = 6.0  # s: its figures, tables and the field's files
-SECONDS_A_GRANULE = 400e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
-IN_KNOWN_AIR = 110e-6  # s of both cores: the same in air that is known without triangles
-BY_CHAIN = 60e-6  # s of both cores: of a flight from impact to impact without air
+STARTED = 2.0  # s: importing and planning
+REPORT = 5.0  # s: its figures, tables and the field's files
+SECONDS_A_GRANULE = 500e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
+IN_KNOWN_AIR = 150e-6  # s of both cores: the same in air that is known without triangles
+BY_CHAIN = 30e-6  # s of both cores: of a flight from impact to impact without air
 EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
-DRAWN = 0.25  # s: to draw the granules of a fraction anew, and its air
-PASSES, AGAIN_UNDER_FORCE = 3, 0.7  # of the air that feels the granules; a solution under force over a first one
-RESIDENCE = 3.0  # s
+DRAWN = 0.06  # s: to draw the granules of a fraction anew, and its air
+PASSES, AGAIN_UNDER_FORCE = 3, 0.5  # of the air that feels the granules; a solution under force over a first one
+RESIDENCE = 5.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
 BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
 BYTES_LANDED = 120.0  # bytes of memory a granule: its row of landings
@@ -39,6 +39,7 @@ BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
 SLAB_AGAIN = {"slab longer steps": 0.25, "thinner slab": 0.2}  # of the slab's time: part of it with one thing changed
+SLAB_IN_KNOWN_AIR = 0.25  # of its time in air on triangles
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
 
@@ -61,7 +62,7 @@ def estimate_cost(
     scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], stages: Sequence[StageCost]
 ) -> dict[str, float]:
     """``seconds``, ``memory`` and ``disk`` (bytes) of a run of these ``stages``."""
-    count = REPLICATES * replicate_size(scene.feed.count)
+    count = _fed(scene)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
     air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
     return {
@@ -92,10 +93,11 @@ def expected_stages(
     found += _airflow_stages(scene, airflow)
     if airflow.loaded:
         found += _loading_stages(scene, airflow, fractions)
-    found.append(StageCost("tracks", _flown(scene, airflow, fractions), "after"))
+    found.append(StageCost("tracks", _flown(airflow, fractions, _fed(scene)), "after"))
     if crowd is not None:
-        found.append(StageCost("slab", crowd.seconds, "after"))
-        found += [StageCost(name, part * crowd.seconds, "after") for name, part in SLAB_AGAIN.items()]
+        slab = crowd.seconds * (SLAB_IN_KNOWN_AIR if airflow.kind == "analytic" else 1.0)
+        found.append(StageCost("slab", slab, "after"))
+        found += [StageCost(name, part * slab, "after") for name, part in SLAB_AGAIN.items()]
     found += _flown_again(scene, airflow, fractions)
     if airflow.wake is not None or airflow.span is not None:
         found.append(StageCost("residence", RESIDENCE, "after"))
@@ -125,15 +127,19 @@ def _loading_stages(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, 
     """The passes of the air that feels the granules, through the steady airflow."""
     steady = airflow.stepping == "steady"
     draft, when = "" if steady else "draft ", "after" if steady else "beside"
-    gathered = _flown(scene, airflow, fractions) / 2.0
+    gathered = _flown(airflow, fractions, GATHERED)
     yield StageCost(f"{draft}momentum", gathered, when, PASSES + 1)
     start, rest = solver_seconds(scene, airflow, 0)
     yield StageCost(f"{draft}loaded-airflow", AGAIN_UNDER_FORCE * (rest if steady else start), when, PASSES)
 
 
-def _flown(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> float:
-    """Seconds in which all granules fly once."""
-    count = REPLICATES * replicate_size(scene.feed.count)
+def _fed(scene: Scene) -> int:
+    """Granules of a fraction, in all replicates."""
+    return REPLICATES * replicate_size(scene.feed.count)
+
+
+def _flown(airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], count: int) -> float:
+    """Seconds in which ``count`` granules of every fraction fly once."""
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
     one = SECONDS_A_GRANULE if airflow.stepping is not None or airflow.rung == "given" else IN_KNOWN_AIR
     return EACH_STAGE + (BY_CHAIN if airflow.rung == "none" else one) * count * (len(fractions) + effort)
@@ -141,7 +147,7 @@ def _flown(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionP
 
 def _flown_again(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> Iterator[StageCost]:
     """The stages in which a part of the granules flies again, for the budget."""
-    compared = (_flown(scene, airflow, fractions) - EACH_STAGE) * COMPARED / REPLICATES
+    compared = _flown(airflow, fractions, _fed(scene) * COMPARED // REPLICATES) - EACH_STAGE
     for stage, times in times_again(airflow).items():
         ahead = airflow.stepping is not None and stage.startswith(("draft ", "grid "))
         drawn = DRAWS * DRAWN * len(fractions) if stage == "draws" and airflow.rung != "none" else 0.0

@@ -81,7 +81,7 @@ def make_plan(
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
-        notices=gravest_first((*missing_lines(gates, flown.unit), *without_air.notices, *strained)),
+        notices=gravest_first((*strained, *without_air.notices, *missing_lines(gates, flown.unit))),
         flown_by="chain" if chain else "tracker",
         validity=validity,
         unit=flown.unit,

@@ -177,6 +177,8 @@ def warning_lines(
     """Where the model's assumptions strain, with numbers; ``target``: the accuracy asked for (a share); ``whole``: the
     terms that are computed for all fractions together, which lift an assumption each.
     """
+    yield from airflow.notices(scene)
+    yield from _beyond_the_top(scene)
     for name, fraction in scene.fraction.items():
         size = float(fraction.diameters(np.array([LARGE]))[0])
         if size > POINT * scene.width:
@@ -204,7 +206,16 @@ def warning_lines(
     yield from standing(scene)
     if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})
-    yield from airflow.notices(scene)
+
+
+def _beyond_the_top(scene: Scene) -> Iterator[Notice]:
+    """Where the feed begins above the channel, whose air is known up to its top."""
+    begin, top = scene.level + float(scene.release[0]), scene.channel.top
+    if scene.body and scene.air is not None and begin > top:
+        yield less_sure(
+            f"the feed begins at y = {1e3 * begin:.0f} mm, above channel.top = {1e3 * top:.0f} mm: down to there "
+            "granules fall through uniform air; channel.top higher, or feed.height lower"
+        )
 
 
 def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterator[Notice]:

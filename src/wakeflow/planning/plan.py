@@ -21,6 +21,7 @@ __all__ = [
     "AT_ONCE",
     "COMPARED",
     "DRAWS",
+    "GATHERED",
     "REPLICATES",
     "SAME_AIR",
     "FractionPlan",
@@ -34,6 +35,7 @@ REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of free
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 DRAWS = 64  # of everything that is not known exactly; their regression has some forty degrees of freedom
+GATHERED = 2048  # granules of a fraction whose force on the air is gathered. Chosen: a hundred pass every box there
 SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 
 

@@ -1,20 +1,21 @@
-"""How far a run is: which of its stages are done, and how long the others will take at the pace so far."""
+"""How far a run is: which of its stages are done, and how long the others will take at the pace of their kind."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..core.quantities import duration
 from ..planning.cost import wall_seconds
+from ..planning.machine_rates import kind_of_work
 from ..planning.plan import StageCost
 
 __all__ = ["FROM_CACHE", "RunProgress"]
 
 DONE, FROM_CACHE = "done", "done (from the cache)"  # how the text of a stage begins that is done
-TRUSTED = 20.0  # s: until about as much has been done the expected times are trusted more than the pace so far
+TRUSTED = 20.0  # s: until about as much of a kind of work is done its expected time is trusted more than its pace
 OVERDUE = 0.95  # of a stage's expected time: no more counts as done before the stage says so
 
 
@@ -28,20 +29,23 @@ class RunProgress:
     started: float = 0.0
     done: Counter[str] = field(default_factory=Counter)  # by stage: how often it is done
     under_way: dict[str, float] = field(default_factory=dict)  # by stage: since when
+    took: dict[str, float] = field(default_factory=dict)  # by stage: s, each time it was done now
 
     def begin(self, expected: Sequence[StageCost], cores: int) -> None:
         """Start anew, with these stages."""
         self.expected, self.cores, self.started = expected, cores, self.clock()
-        self.done.clear()
-        self.under_way.clear()
+        for known in (self.done, self.under_way, self.took):
+            known.clear()
 
     def hear(self, stage: str, text: str) -> None:
         """Take note of what a listener hears."""
         if text.startswith(FROM_CACHE) and not self.done[stage]:  # what costs nothing now says nothing of the pace
             self.expected = [one for one in self.expected if one.name != stage]
         elif text.startswith(DONE):
+            began = self.under_way.pop(stage, None)
+            if began is not None and not text.startswith(FROM_CACHE):
+                self.took[stage] = self.took.get(stage, 0.0) + self.clock() - began
             self.done[stage] += not text.startswith(FROM_CACHE)
-            self.under_way.pop(stage, None)
         else:
             self.under_way.setdefault(stage, self.clock())
 
@@ -58,15 +62,34 @@ class RunProgress:
 
     @property
     def left(self) -> float | None:
-        """Seconds until the end; None where nothing is known of what is to come."""
+        """Seconds until the end, each kind of work at its own pace so far: a solver that takes twice as long as was
+        expected says nothing of flights. None where nothing is known of what is to come.
+        """
         if not self.expected:
             return None
-        ahead = wall_seconds(self._ahead(), self.cores)
-        behind = wall_seconds(self.expected, self.cores) - ahead
-        return ahead * (self.clock() - self.started + TRUSTED) / (behind + TRUSTED)
+        paces = self._paces()
+        ahead = [replace(one, seconds=one.seconds * paces[kind_of_work(one.name)]) for one in self._ahead()]
+        return wall_seconds(ahead, self.cores)
+
+    def _paces(self) -> dict[str, float]:
+        """By kind of work: seconds that its stages take over those expected of them."""
+        sums = {kind_of_work(one.name): [TRUSTED, TRUSTED] for one in self.expected}
+        for name, taken, expected in self._seen():
+            both = sums[kind_of_work(name)]
+            both[0], both[1] = both[0] + taken, both[1] + expected
+        return {kind: taken / expected for kind, (taken, expected) in sums.items()}
+
+    def _seen(self) -> Iterator[tuple[str, float, float]]:
+        """Stages that are done or overdue, with the seconds that they took so far and those expected of them."""
+        now = self.clock()
+        for one in self.expected:
+            if one.name in self.took:
+                yield one.name, self.took[one.name], self.done[one.name] * one.seconds
+            if now - self.under_way.get(one.name, now) > one.seconds:
+                yield one.name, now - self.under_way[one.name], one.seconds
 
     def _ahead(self) -> list[StageCost]:
-        """The stages with what they will still take."""
+        """The stages with what they were expected to take still."""
         now, found = self.clock(), []
         for one in self.expected:
             ahead = max(0, one.times - self.done[one.name]) * one.seconds
