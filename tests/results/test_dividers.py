@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import itertools
+import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,9 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.results.dividers import Landed1D, best_stretches, cut, landed_along, purities, trade_off
+from wakeflow.results.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
+from wakeflow.results.measured import Measured
+from wakeflow.sweeps.show import show_dividers
 
 LINE = np.array([[0.0, 0.0], [1.0, 0.0]])
 
@@ -100,7 +104,12 @@ def test_the_curve_falls_and_says_where_it_ends(run: wf.Result, capsys: pytest.C
     held = [_held(landed, list(one.stretches))[0] if one.possible else 0.0 for one in curve]
     assert held == sorted(held, reverse=True)
     assert main(["bins", str(run.folder), "--purity", "wheat=0.97"]) == 0
-    assert "[bin.wheat-1]\npoints = [[" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert re.search(r"\[bin.wheat-1\]\nfrom = \"-?[\d.]+ mm\"\nto = \"-?[\d.]+ mm\"\n", out)
+    assert "less pure" not in out
+    poor = replace(dividers(run, "wheat", 0.97), purity=Measured(0.93, 0.91, 0.95))
+    show_dividers([poor], "floor")
+    assert "less pure than the 97 % asked for" in capsys.readouterr().out
     assert main(["bins", str(run.folder), "--purity", "wheat"]) == 0
     assert (run.folder / "figures" / "bins-wheat-floor.png").exists()
     assert len((run.folder / "bins-wheat-floor.csv").read_text().splitlines()) == len(levels) + 1

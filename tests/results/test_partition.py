@@ -85,6 +85,16 @@ def test_a_product_that_takes_little_of_every_class_has_no_cut(scene: Scene) -> 
     assert near.why == "less than a half of every class"
 
 
+def test_a_gap_between_the_fractions_is_told_in_millimetres(scene: Scene) -> None:
+    landings = _landings(scene, 3, drag=None)
+    for place, (landing, size) in enumerate(zip(landings.values(), (58e-6, 1.3e-3), strict=True)):
+        landing.diameter[:] = size
+        landing.bin[:] = place
+    near = partition_curves(scene, make_plan(scene), landings)[0]
+    assert near.cut is not None
+    assert near.why == "no granules between 0.058 and 1.3 mm"
+
+
 def test_granules_that_are_all_alike_have_no_curve(scene: Scene) -> None:
     landings = _landings(scene, 3)
     for landing in landings.values():

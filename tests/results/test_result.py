@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,17 @@ from result_page import records, rows
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
+from wakeflow.core.graded import Grade
 from wakeflow.core.record import columns, to_json
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.suction import Suction as MeasuredSuction
 from wakeflow.meshing.quality import MeshReport
 from wakeflow.planning.make import make_plan
-from wakeflow.report.csv import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS
-from wakeflow.results.airflow_summary import Airflow, SuctionZone
+from wakeflow.report.csv import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, separation_cells
+from wakeflow.report.words import holds
+from wakeflow.results.airflow_summary import Airflow, GridStudy, SuctionZone, with_mesh_error
+from wakeflow.results.landing_results import BudgetPart, InputPart
+from wakeflow.results.measured import Measured
 from wakeflow.results.plan_summary import summary_of
 from wakeflow.results.result import MeshSummary, Result
 from wakeflow.runs import report_again
@@ -57,12 +62,52 @@ def test_a_finished_run_is_read_back_byte_for_byte(finished: Result) -> None:
     assert again.landings == finished.landings
 
 
+def test_what_stands_against_an_answer_is_told_with_it(finished: Result) -> None:
+    assert finished.landings is not None
+    assert (finished.caveat, finished.lacking) == ("", ())
+    assert holds(finished).startswith("The interval holds 95 %")
+
+    void = replace(finished, warnings=("beads jam; feed.rate below 2 kg/h",), grades=(Grade.VOID.value,))
+    assert repr(void).endswith("; void>")
+    assert holds(void).startswith("VOID")
+    assert "beads jam" in holds(void)
+
+    model = BudgetPart(source="airflow-model")  # of a size that nobody knows
+    budget = tuple(replace(row, parts=(*row.parts, model)) for row in finished.budget)
+    lacking = replace(finished, landings=replace(finished.landings, budget=budget))
+    assert repr(lacking).endswith("; without airflow-model>")
+    assert "lacks airflow-model, whose size is not known; it takes numerics.rung = 'standard'" in holds(lacking)
+    known = {row.quantity for row in budget}
+    rows = separation_cells(lacking, finished.landings.separation)
+    told = {row["not in the interval"] for row in rows if f"share.{row['fraction']}.{row['bin']}" in known}
+    assert told == {"airflow-model"}
+
+
+def test_an_input_tells_where_its_error_is_smaller_than_what_it_moves() -> None:
+    """A square's relative error is twice its root's: an index of 0.4 +- 0.5 is a change of 12 +- 7.5 points."""
+    known = InputPart(half=0.12, variance=0.4, error=0.5)
+    assert known.uncertainty == pytest.approx(0.075)
+    assert known.tells
+    assert not InputPart(half=0.12, variance=0.1, error=0.3).tells
+
+
+def test_drag_holds_the_error_of_its_mesh() -> None:
+    still = Measured(2.053, 2.053, 2.053)
+    study = GridStudy("cd", (776, 360), (2.053, 1.964), 2.053, 1.821, 2.284, None, "two-grid", "", *[None] * 4)
+    assert with_mesh_error(Airflow(cd=still), [study]).cd == Measured(2.053, 1.821, 2.284)
+    assert with_mesh_error(Airflow(cd=still), []).cd == still
+
+
 def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="holds no finished run; make one with: wakeflow run"):
         Result.load(tmp_path)
     (tmp_path / "result.json").write_text("{")
-    with pytest.raises(SceneError, match="holds no finished run"):
+    with pytest.raises(SceneError, match=r"result.json is damaged; make it again with: wakeflow run"):
         Result.load(tmp_path)
+    with pytest.raises(SceneError, match=r"is no run but holds some, .*: name "):
+        Result.load(tmp_path.parent)
+    with pytest.raises(SceneError, match="is a file; name the folder"):
+        Result.load(tmp_path / "result.json")
     (tmp_path / "result.json").write_text("[]")
     with pytest.raises(SceneError, match="must be a table"):
         Result.load(tmp_path)

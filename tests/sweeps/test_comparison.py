@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.report.many import draw_lines
 from wakeflow.report.words import percent
 from wakeflow.results.quantities import TableQuantity
 from wakeflow.results.table import DONE, FAILED, Entry, ResultTable
@@ -81,6 +83,26 @@ def test_what_cannot_be_compared(runs: list[wf.Result], tmp_path: Path) -> None:
         wf.compare([runs[0], tmp_path])
 
 
+def test_what_stands_against_a_table_is_told_below_it(capsys: pytest.CaptureFixture[str]) -> None:
+    same = (TableQuantity("recovery.wheat", "1", 0.9, 0.8, 1.0, 0.1),)
+    entries = [
+        Entry(f"{speed}-{mass}", {"air.speed": speed, "feed.rate": mass}, DONE, "void" if mass > 1.0 else "", same)
+        for speed in (3.0, 4.0)
+        for mass in (1.0, 2.0)
+    ]
+    entries[1] = replace(entries[1], quantities=(replace(same[0], value=0.7),))
+    table = ResultTable(entries)
+    assert table.caveats == {"void": ["3.0-2.0", "4.0-2.0"]}
+    assert table.idle() == []  # at 2 kg/s the air's speed changes something
+    calm = ResultTable([entries[0], entries[2]])
+    assert calm.idle() == ["air.speed"]
+    show_table(table)
+    show_table(calm)
+    out = capsys.readouterr().out
+    assert "! 3.0-2.0, 4.0-2.0: the answer is void" in out
+    assert "! air.speed changes no number here" in out
+
+
 @pytest.mark.parametrize("width", [30, 60, 200])
 def test_a_wide_table_is_parted_where_it_fits_no_more(
     width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -89,7 +111,8 @@ def test_a_wide_table_is_parted_where_it_fits_no_more(
     shares = tuple(
         TableQuantity(f"share.wheat.bin-{i}", "1", 0.1 * i, 0.1 * i - 0.05, 0.1 * i + 0.07) for i in range(8)
     )
-    entries = [Entry(f"{speed}", {"air.speed": speed}, DONE, "", shares) for speed in (3.0, 4.5)]
+    faster = tuple(replace(one, value=0.9 * one.value) for one in shares)
+    entries = [Entry(f"{v}", {"air.speed": v}, DONE, "", found) for v, found in ((3.0, shares), (4.5, faster))]
     show_table(ResultTable([*entries, Entry("5", {"air.speed": 5.0}, FAILED, "its reason")]))
     lines = capsys.readouterr().out.splitlines()
     assert all(len(line) <= width for line in lines)
@@ -97,3 +120,23 @@ def test_a_wide_table_is_parted_where_it_fits_no_more(
     parts = sum("4.5" in line for line in lines)  # the inputs stand in each
     assert parts == 1 if width == 200 else parts > 1
     assert sum(FAILED in line for line in lines) == parts
+
+
+@pytest.mark.parametrize("count", [2, 9])
+def test_a_legend_leaves_its_panel_room_whatever_the_names(count: int, tmp_path: Path) -> None:
+    fractions = [f"straw-that-the-combine-broke-{i}" for i in range(6)]
+    entries = [
+        Entry(
+            f"{speed}-{i}",
+            {"air.speed": speed, **{f"body.row{j}.at-the-left-of-the-channel": 7.0 * i for j in range(8)}},
+            DONE,
+            "",
+            tuple(TableQuantity(f"share.{one}.outer-left", "1", 0.1, 0.05, 0.2) for one in fractions),
+        )
+        for speed in (3.0, 4.0)
+        for i in range(count)
+    ]
+    draw_lines(tmp_path / "lines.png", ResultTable(entries), [q.name for q in entries[0].quantities], "air.speed")
+    texts = (tmp_path / "lines.svg").read_text()
+    assert all(texts.count(f">share.{one}.outer-left<") == 1 for one in fractions)
+    assert (texts.count("at-the-left-of-the-channel 7, ") > 0) == (count == 2)  # more are points with bars

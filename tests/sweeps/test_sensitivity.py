@@ -125,7 +125,7 @@ def test_a_wrong_key_is_one_line(over: str, said: str, folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("over", "said"),
-    [("feed.heigth=80 mm,120 mm", "unknown key; did you mean 'height'"), ("feed.height=1:2:x", "--over")],
+    [("feed.heigth=80 mm,120 mm", "unknown key 'heigth'; did you mean 'height'"), ("feed.height=1:2:x", "--over")],
 )
 def test_a_wrong_key_of_a_scene_is_told_before_it_is_run(over: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(wf.SceneError, match=said):

@@ -15,11 +15,12 @@ from ..core.errors import SceneError
 from ..results.quantities import TableQuantity
 from ..results.table import Entry, ResultTable
 from ..scene.messages import unit_of
-from .canvas import INK, new_figure, save
+from .canvas import INK, new_figure, save, text_width
 from .colours import fraction_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.typing import LineStyleType
 
 __all__ = [
     "draw_lines",
@@ -32,9 +33,11 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-STYLES = ("-", "--", ":", "-.")
+STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
-LONGEST = 40  # letters of what tells a line from the others
+LONGEST = 60  # letters of what tells a line from the others
+PANEL, HIGH = 4.4, 3.8  # inches, of a panel with lines
+LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches a line's sample takes
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
@@ -86,35 +89,78 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
     names = [table.quantity(name) for name in names]
     if key not in numeric_inputs(table):
         raise SceneError(f"{key}: takes no two numbers in this table (inputs: {', '.join(numeric_inputs(table))})")
+    groups = {name: _groups(table, name, key) for name in names}
+    rests = list(dict.fromkeys(itertools.chain(*groups.values())))
+    styles = dict(zip(rests, STYLES, strict=False)) if len(rests) <= MOST_LINES else {}
     panels = _panels(names)
-    figure = new_figure(1.2 + 4.4 * len(panels), 3.8)
-    for axes, (kind, members) in zip(_row(figure, len(panels)), panels.items(), strict=True):
-        colours = fraction_colours(members)
+    legends = [_Legend.of(_looks(members), styles) for members in panels.values()]
+    figure = new_figure(1.2 + PANEL * len(panels), HIGH + ROW * max(legend.rows for legend in legends))
+    for axes, legend, (kind, members) in zip(_row(figure, len(panels)), legends, panels.items(), strict=True):
         for name in members:
-            _lines(axes, table, name, key, colours[name])
+            _lines(axes, groups[name], styles, legend.looks[name])
         axes.set_xlabel(_head(key))
         axes.set_ylabel(_label(kind, table.names[members[0]]))
-        axes.legend(fontsize=7, frameon=False)
+        legend.draw(axes)
     save(figure, path)
 
 
-def _lines(axes: Axes, table: ResultTable, name: str, key: str, colour: str) -> None:
-    groups = _groups(table, name, key)
-    if len(groups) > MOST_LINES:
-        points = sorted(itertools.chain(*groups.values()))
-        low, high = _arms(points)
-        axes.errorbar(
-            [p.x for p in points], [p.value for p in points], [low, high], fmt="o", ms=3, lw=0.8, color=colour,
-            label=name,
+class _Legend(NamedTuple):
+    """What stands above a panel: its quantities by colour and marker, what else varies by the style of the line."""
+
+    looks: Mapping[str, _Look]
+    styles: Mapping[str, LineStyleType]
+    columns: int
+
+    @classmethod
+    def of(cls, looks: Mapping[str, _Look], styles: Mapping[str, LineStyleType]) -> _Legend:
+        told = {shorten(rest, LONGEST, placeholder=" ..."): style for rest, style in styles.items() if rest}
+        widest = max(text_width(text, LETTERS) for text in (*looks, *told))
+        return cls(looks, told, max(1, int(PANEL / (widest + SAMPLE))))
+
+    @property
+    def rows(self) -> int:
+        return -(-(len(self.looks) + len(self.styles)) // self.columns)
+
+    def draw(self, axes: Axes) -> None:
+        from matplotlib.lines import Line2D
+
+        lines = [Line2D([], [], color=look.colour, marker=look.marker, label=n) for n, look in self.looks.items()]
+        lines += [Line2D([], [], color=INK, linestyle=style, label=rest) for rest, style in self.styles.items()]
+        axes.legend(
+            handles=lines, ncols=self.columns, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2,
+            fontsize=LETTERS, markerscale=0.6, frameon=False,
         )  # fmt: skip
+
+
+class _Look(NamedTuple):
+    colour: str
+    marker: str
+
+
+def _looks(quantities: Sequence[str]) -> dict[str, _Look]:
+    """Each quantity in the colour of its fraction, recovery.FRACTION, share.FRACTION.BIN or purity.BIN.FRACTION, and
+    with a marker that tells it from the others of that fraction.
+    """
+    parts = {name: name.split(".") for name in quantities}
+    fractions = {name: part[-1] if part[0] == "purity" else part[min(1, len(part) - 1)] for name, part in parts.items()}
+    colours = fraction_colours(list(fractions.values()))
+    markers = {fraction: itertools.cycle(MARKERS) for fraction in colours}
+    return {name: _Look(colours[fraction], next(markers[fraction])) for name, fraction in fractions.items()}
+
+
+def _lines(axes: Axes, groups: Mapping[str, list[_Point]], styles: Mapping[str, LineStyleType], look: _Look) -> None:
+    """A quantity's lines in their styles; points with bars where there are no styles, for they are too many."""
+    if not styles:
+        points = sorted(itertools.chain(*groups.values()))
+        at, over = [p.x for p in points], [p.value for p in points]
+        axes.errorbar(at, over, [*_arms(points)], fmt=look.marker, ms=3, lw=0.8, color=look.colour)
         return
-    for style, (rest, points) in zip(STYLES, groups.items(), strict=False):
+    for rest, points in groups.items():
         points.sort()
         x, values = [p.x for p in points], np.array([p.value for p in points])
         low, high = _arms(points)
-        label = name if not rest else f"{name}, {shorten(rest, LONGEST, placeholder=' ...')}"
-        axes.plot(x, values, style, marker="o", ms=3, lw=1.2, color=colour, label=label)
-        axes.fill_between(x, values - low, values + high, color=colour, alpha=0.18, linewidth=0)
+        axes.plot(x, values, styles[rest], marker=look.marker, ms=3, lw=1.2, color=look.colour)
+        axes.fill_between(x, values - low, values + high, color=look.colour, alpha=0.18, linewidth=0)
 
 
 class _Point(NamedTuple):
@@ -131,7 +177,8 @@ def _groups(table: ResultTable, name: str, key: str) -> dict[str, list[_Point]]:
     for entry in table.done:
         found, x = entry.by_name.get(name), _number(entry, key)
         if found is not None and x is not None:
-            rest = ", ".join(f"{k.rpartition('.')[2]} {_short(entry.inputs.get(k))}" for k in others)
+            told = [k for k in others if entry.inputs.get(k) is not None]
+            rest = ", ".join(f"{k.rpartition('.')[2]} {_short(entry.inputs[k])}" for k in told)
             scale = _scale(name, table.names[name])
             groups.setdefault(rest, []).append(_Point(x, *(scale * one for one in (found.value, *_ends(found)))))
     return groups

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,6 +29,7 @@ __all__ = [
     "WakeEnds",
     "WakeNumber",
     "airflow_of",
+    "with_mesh_error",
     "with_residence",
 ]
 
@@ -278,6 +280,24 @@ class Airflow(Partial):
     def read(cls, table: dict[str, Any]) -> Airflow:
         """The airflow that a stage of the pipeline wrote down as ``table``."""
         return from_json(cls, table, "airflow.json")
+
+
+def with_mesh_error(airflow: Airflow, studies: Sequence[GridStudy]) -> Airflow:
+    """The airflow with the mesh's part in the intervals of what several grids were compared in. A best estimate keeps
+    its own: its grids are those of one end.
+    """
+    found = {study.quantity: study for study in studies if airflow.ends is None}
+    return airflow.extended(
+        cd=_on_meshes(airflow.cd, found.get("cd")), cp_base=_on_meshes(airflow.cp_base, found.get("cp_base"))
+    )
+
+
+def _on_meshes(number: Measured | None, study: GridStudy | None) -> Measured | None:
+    """A number with the wider of its own interval and that of a comparison of grids, which holds it."""
+    if number is None or study is None:
+        return number
+    low, high = (study.low if number.low is None else number.low), (study.high if number.high is None else number.high)
+    return replace(number, low=min(low, study.low), high=max(high, study.high))
 
 
 def with_residence(airflow: Airflow, found: dict[str, Any] | None) -> Airflow:

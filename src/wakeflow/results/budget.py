@@ -89,7 +89,7 @@ def _cure(small: Mapping[str, float]) -> str:
     """
     most = max(small, key=lambda term: small[term])
     if sum(error >= small[most] for error in small.values()) > 1:
-        return "more granules tell less of it: feed.count"
+        return "bounds that so few granules leave: raise feed.count"
     return f"most by {most}, [force] {most} = 'on'"
 
 

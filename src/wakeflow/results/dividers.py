@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
+from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from .measured import Measured
 from .result import Result, kept_granules
@@ -30,7 +31,6 @@ __all__ = ["Dividers", "Landed1D", "best_stretches", "cut", "dividers", "landed_
 
 Array = NDArray[np.float64]
 PLACES = 400  # candidates for a divider: quantiles of the landings, finer than what 2000 granules a fraction resolve
-NORMAL = 1.959964  # quantile of the normal distribution that bounds a 95 % interval
 ON_LINE = 1e-6  # m: a landing is on a line that it is no further from
 LEVELS = 20  # of a trade-off curve
 STEPS = 60  # bisections of the Lagrange multiplier
@@ -77,7 +77,7 @@ def dividers(
     (numerics.keep a fraction). Raises SceneError where the run has none, or not that fraction or line.
     """
     if not 0.0 < purity < 1.0:
-        raise SceneError(f"purity = {purity:g}: above 0 and below 1 (0.99: one percent of others)")
+        raise SceneError(f"purity = {purity:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
     if stretches < 1:
         raise SceneError(f"stretches = {stretches}: at least 1")
     landed = landed_along(run, fraction, on)
@@ -265,10 +265,10 @@ def _measured(landed: Landed1D, inside: NDArray[np.bool_]) -> tuple[Measured, Me
     fed = float(mass[wanted].sum()) + landed.lost
     recovery = own / fed
     grain = float((mass[wanted] ** 2).sum() / mass[wanted].sum())  # mass of a granule of the fraction
-    half = NORMAL * float(np.sqrt(recovery * (1.0 - recovery) * grain / fed))
+    half = SIGMAS * float(np.sqrt(recovery * (1.0 - recovery) * grain / fed))
     got = Measured(recovery, max(0.0, recovery - half), min(1.0, recovery + half))
     if product == 0.0:
         return Measured(None, None, None), got
     pure = own / product
-    spread = NORMAL * float(np.sqrt(((mass[inside] * (wanted[inside] - pure)) ** 2).sum())) / product
+    spread = SIGMAS * float(np.sqrt(((mass[inside] * (wanted[inside] - pure)) ** 2).sum())) / product
     return Measured(pure, max(0.0, pure - spread), min(1.0, pure + spread)), got

@@ -164,6 +164,16 @@ class InputPart:
         "results of versions that did not tell", absent=True, default=None,
     )  # fmt: skip
 
+    @property
+    def uncertainty(self) -> float:
+        """Half of the 95 % interval of ``half``: a square's relative error is twice its root's."""
+        return 0.5 * self.half * self.error / self.variance if self.variance > 0.0 else self.half
+
+    @property
+    def tells(self) -> bool:
+        """Whether the share is known to move with the number at all, rather than by chance among the draws."""
+        return self.uncertainty < self.half
+
 
 @dataclass(frozen=True)
 class InputSummary:

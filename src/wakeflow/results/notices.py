@@ -104,14 +104,16 @@ def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
 
 def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
     """Of a solved airflow, or of the user's own: what it does not settle, how it was solved, where it ends."""
-    resolves = pipeline.plan.airflow.resolves
+    resolves, notes = pipeline.plan.airflow.resolves, list(airflow.notes or ())
     if resolves is not None and airflow.verdict != "steady":
-        yield less_sure(f"the steady airflow does not settle ({airflow.verdict}); numerics.rung = '{resolves}'")
+        why = notes.pop(0) if notes else f"the steady airflow does not settle ({airflow.verdict})"
+        yield less_sure(f"{why}; numerics.rung = '{resolves}' resolves it in time")
     if airflow.period is not None and airflow.verdict == "broadband" and airflow.span is None:
         yield information(
             "the wake sheds irregularly: the few periods of the loop are a small sample, which the intervals hold"
         )
     yield from _solver_notices(airflow)
+    yield from map(less_sure, notes)
     if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
         yield less_sure(
             f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation; a smaller "
@@ -121,10 +123,9 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
     assert suction is not None
     assert suction.width is not None
     if suction.width > SPANNED * scene.channel.width:
-        yield information(
-            "the suction zone (Cp < -0.5) spans the channel, since the body narrows it; the reversed flow behind the "
-            f"body is {1e3 * (suction.reversal_length or 0.0):.3g} mm long"
-        )
+        length = suction.reversal_length or 0.0
+        turned = f"the reversed flow behind the body is {1e3 * length:.3g} mm long" if length else "no air turns back"
+        yield information(f"the suction zone (Cp < -0.5) spans the channel, since the body narrows it; {turned}")
     channel, spec = scene.channel, pipeline.mesh_spec
     if spec.top > channel.top + LONGER or spec.bottom < channel.bottom - LONGER:
         yield information(
@@ -134,11 +135,10 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
 
 
 def _solver_notices(airflow: Airflow) -> Iterator[Notice]:
-    """Which settings served, and what the solver's stage noted."""
+    """Which settings served."""
     from ..foam.failure import Attempt
     from ..foam.ladder import warning
 
     tried = [Attempt(attempt.settings, attempt.cause, attempt.message) for attempt in airflow.attempts or ()]
     if (safer := warning(airflow.settings or "normal", tried)) is not None:
         yield less_sure(safer)
-    yield from map(less_sure, airflow.notes or ())

@@ -112,7 +112,7 @@ def _curve(fed: _Fed, values: Array, inside: NDArray[np.bool_], product: tuple[s
     mass = whole.sum(axis=1)
     at = np.bincount(group, fed.mass * values, count) / mass
     curve = _shares(whole, landed, np.bincount(group, minlength=count))
-    cut, ep, why = _cut(at, *curve)
+    cut, ep, why = _cut(at, *curve, by)
     return PartitionCurve(
         product=product,
         by=by,
@@ -152,7 +152,7 @@ def _shares(fed: Array, landed: Array, count: NDArray[np.int64]) -> tuple[Array,
     return share, low, high
 
 
-def _cut(at: Array, share: Array, low: Array, high: Array) -> tuple[Measured | None, float | None, str | None]:
+def _cut(at: Array, share: Array, low: Array, high: Array, by: str) -> tuple[Measured | None, float | None, str | None]:
     """The cut with its interval, Ep, and why there is no cut or how far apart its neighbours are."""
     found = _passes(at, share, 0.5)
     if len(found) != 1:
@@ -166,7 +166,9 @@ def _cut(at: Array, share: Array, low: Array, high: Array) -> tuple[Measured | N
     ep = 0.5 * abs(quarters[1][0] - quarters[0][0]) if all(len(one) == 1 for one in quarters) else None
     turn = int(np.flatnonzero((share[1:] >= 0.5) != (share[:-1] >= 0.5))[0])
     apart = at[turn + 1] > GAP * at[turn]
-    return cut, ep, f"no granules between {at[turn]:.2g} and {at[turn + 1]:.2g}" if apart else None
+    scale, unit = (1e3, "mm") if by == "size" else (1.0, "m/s")
+    between = f"no granules between {scale * at[turn]:.2g} and {scale * at[turn + 1]:.2g} {unit}"
+    return cut, ep, between if apart else None
 
 
 def _passes(at: Array, share: Array, level: float) -> list[float]:

@@ -14,7 +14,7 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.files import write_json
 from ..core.frames import frame_of
-from ..core.graded import GRADES
+from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
 from ..core.record import Partial, column, from_json, to_json
 from ..core.registry import Registry
@@ -22,7 +22,7 @@ from ..pipeline.stages import StageTime
 from .airflow_summary import Airflow
 from .funnel_summary import FunnelSummary
 from .impact_summary import ImpactSummary
-from .landing_results import BudgetRow, LandingResults, Separation
+from .landing_results import SHARE_UNIT, BudgetRow, LandingResults, Separation
 from .measured import Measured
 from .plan_summary import PlanSummary
 from .provenance import Provenance
@@ -31,6 +31,7 @@ from .refinement import Refinement
 __all__ = [
     "FILE",
     "SCHEMA",
+    "VOID",
     "FlightResults",
     "MeshSummary",
     "PictureSummary",
@@ -47,6 +48,7 @@ __all__ = [
 SCHEMA = 1
 FILE = "result.json"
 GRANULES = "granules.npz"
+VOID = "void"  # the caveat of an answer that is worth nothing
 
 
 @dataclass(frozen=True)
@@ -209,13 +211,30 @@ class Result:
             raise SceneError(f"{self.folder} holds no shares: the run ended before them")
         return self.landings.separation
 
+    @property
+    def void(self) -> bool:
+        """Whether a warning says that the answer is worth nothing."""
+        return Grade.VOID.value in self.grades
+
+    @property
+    def lacking(self) -> tuple[str, ...]:
+        """The parts of the error of any share whose size nobody knows: no interval holds them."""
+        rows = (row for row in self.budget if row.measure == SHARE_UNIT)
+        return tuple(dict.fromkeys(part.source for row in rows for part in row.parts if part.error is None))
+
+    @property
+    def caveat(self) -> str:
+        """What stands against the intervals in a word: that the answer is void, or what they lack; empty without."""
+        return VOID if self.void else f"without {', '.join(self.lacking)}" if self.lacking else ""
+
     def __repr__(self) -> str:
-        """The folder, and what is recovered of each fraction, with its 95 % interval."""
+        """The folder, and what is recovered of each fraction, with its 95 % interval, and what is wrong with that."""
         if self.landings is None:
             return f"<Result {self.folder}: ended after {self.options.until}>"
         shares = self.landings.separation
         told = [_in_percent(name, one) for name, one in shares.recovery.items() if one is not None]
-        return f"<Result {self.folder}: recovery {', '.join(told) or 'of nothing: no fraction has a target'}>"
+        flaw = f"; {self.caveat}" if self.caveat else ""
+        return f"<Result {self.folder}: recovery {', '.join(told) or 'of nothing: no fraction has a target'}{flaw}>"
 
     def _repr_html_(self) -> str:
         """The table of shares, as a notebook shows it."""
@@ -241,11 +260,20 @@ accessors: Registry[Callable[[Result], Any]] = Registry("view of a result")  # f
 def _read(folder: Path | str) -> Any:
     try:
         return json.loads((Path(folder) / FILE).read_text())
-    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError):
+    except (FileNotFoundError, NotADirectoryError):
         raise _unfinished(folder) from None
+    except json.JSONDecodeError:
+        damaged = f"{Path(folder) / FILE} is damaged"
+        raise SceneError(f"{damaged}; make it again with: wakeflow run SCENE --out {folder}") from None
 
 
 def _unfinished(folder: Path | str) -> SceneError:
+    place = Path(folder)
+    if place.is_file():
+        return SceneError(f"{folder} is a file; name the folder of a finished run")
+    inside = sorted(path.parent.name for path in place.glob(f"*/{FILE}"))
+    if inside:
+        return SceneError(f"{folder} is no run but holds some, {', '.join(inside)}: name {place / inside[0]}")
     return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}")
 
 

@@ -65,12 +65,10 @@ def regressed_moves(landings: LandingResults | None) -> list[InputMove]:
                 if part.rise is None:
                     return []
                 number = known[key]
-                # the error of a variance's part is twice the relative error of the slope
-                error = part.half * 0.5 * min(1.0, part.error / part.variance) if part.variance > 0.0 else None
                 found.append(
                     InputMove(
                         f"{SHARE}{name}.{place}", value, "1", key, number.low, number.high, number.unit, -part.rise,
-                        part.rise, error, part.variance, part.error, REGRESSION,
+                        part.rise, part.uncertainty, part.variance, part.error, REGRESSION,
                     )
                 )  # fmt: skip
     return found

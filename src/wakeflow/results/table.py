@@ -29,7 +29,9 @@ NUMBERS = ("value", "low", "high", "error", "numerical")
 
 @dataclass(frozen=True)
 class Entry:
-    """One scene of a table: its ``inputs`` (SI), its ``state`` (done, failed or open), why it failed, its numbers."""
+    """One scene of a table: its ``inputs`` (SI), its ``state`` (done, failed or open), the ``reason`` why it failed, or
+    what stands against the intervals of one that is done (:attr:`Result.caveat`), its numbers.
+    """
 
     name: str
     inputs: Mapping[str, Any]
@@ -70,6 +72,27 @@ class ResultTable:
     def done(self) -> tuple[Entry, ...]:
         """The scenes that have numbers."""
         return tuple(entry for entry in self.entries if entry.state == DONE)
+
+    @cached_property
+    def caveats(self) -> dict[str, list[str]]:
+        """The scenes that are done, by what stands against their intervals; those that nothing does are left out."""
+        found: dict[str, list[str]] = {}
+        for entry in self.done:
+            if entry.reason:
+                found.setdefault(entry.reason, []).append(entry.name)
+        return found
+
+    def idle(self) -> list[str]:
+        """The inputs that change no number: scenes that differ in such a one alone have the same."""
+        return [key for key in self.inputs if self._is_idle(key)]
+
+    def _is_idle(self, key: str) -> bool:
+        alike: dict[str, list[Entry]] = {}
+        for entry in self.done:
+            others = {name: value for name, value in entry.inputs.items() if name != key}
+            alike.setdefault(repr(others), []).append(entry)
+        pairs = [(group[0], other) for group in alike.values() for other in group[1:]]
+        return bool(pairs) and all(one.quantities == other.quantities for one, other in pairs)
 
     @property
     def columns(self) -> list[str]:

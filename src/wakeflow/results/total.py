@@ -23,7 +23,7 @@ from .separation import purity_slopes
 if TYPE_CHECKING:
     from .inputs import InputRange, Inputs
 
-__all__ = ["INPUTS", "numerical", "totalled", "whole"]
+__all__ = ["INPUTS", "REMEDIES", "numerical", "totalled", "whole"]
 
 INPUTS = "inputs"  # the part of what the scene does not say exactly
 ANY_BIN = "integration"  # its error is the share of granules that land elsewhere: of one bin as of several together

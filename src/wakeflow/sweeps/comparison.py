@@ -82,7 +82,7 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
     entries = []
     for place, (name, run) in enumerate(zip(names, found, strict=True)):
         inputs = {key: values[place] for key, values in columns.items()}
-        entries.append(Entry(name, inputs, DONE, "", quantities_of(run)))
+        entries.append(Entry(name, inputs, DONE, run.caveat, quantities_of(run)))
         for fraction in run.scene["fraction"]:
             targets.setdefault(fraction, run.targets(fraction))
     return RunComparison(ResultTable(tuple(entries), targets), tuple(found))

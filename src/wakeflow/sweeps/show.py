@@ -12,6 +12,7 @@ from ..results.difference import Difference
 from ..results.dividers import Dividers, cut
 from ..results.measured import Measured
 from ..results.quantities import TableQuantity
+from ..results.result import VOID
 from ..results.table import DONE, Entry, ResultTable
 from .comparison import RunComparison
 from .compute import Sweep, SweepEstimate
@@ -26,8 +27,10 @@ __all__ = [
     "show_table",
 ]
 
+FEW = 5  # scenes that are named in a line
 MOST_ROWS = 50  # of a table on a terminal; all are in the file
 GAP = 2  # letters between columns
+LEVEL = ("floor", "top")  # lines along x
 
 Column = tuple[str, ...]  # its head and its cells
 
@@ -88,6 +91,18 @@ def show_table(table: ResultTable) -> None:
         title = ""
     if len(table.entries) > MOST_ROWS:
         console.print(f"more in the file: {_counted(len(table.entries) - MOST_ROWS, 'scene')}")
+    for line in _doubts(table):
+        console.print(line, highlight=False, markup=False, style="yellow", soft_wrap=True)
+
+
+def _doubts(table: ResultTable) -> Iterator[str]:
+    """What stands against the numbers of a table."""
+    for caveat, names in table.caveats.items():
+        where = "every scene" if len(names) == len(table.done) > 1 else ", ".join(names[:FEW])
+        more = f" and {len(names) - FEW} more" if where != "every scene" and len(names) > FEW else ""
+        yield f"! {where}{more}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
+    for key in table.idle():
+        yield f"! {key} changes no number here: what is left out of these scenes does not feel it"
 
 
 def _inputs(table: ResultTable, entry: Entry) -> list[str]:
@@ -129,19 +144,20 @@ def show_comparison(found: RunComparison) -> None:
     others = [entry.name for entry in found.table.entries[1:]]
     for name in others:
         table.add_column(name, justify="right", overflow="fold")
+    void = found.table.caveats.get(VOID, [])
     rows: dict[str, dict[str, Difference]] = {}
     for one in found.differences:
         rows.setdefault(one.quantity, {})[one.scene] = one
     for quantity, row in rows.items():
         if quantity in names:
-            table.add_row(quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others))
-    table.caption, table.caption_justify = "bold: zero lies outside of the 95 % interval", "left"
+            table.add_row(quantity, *(_difference(row[name], void) if name in row else NO_VALUE for name in others))
+    table.caption, table.caption_justify = "bold: zero lies outside of the interval, of what computing adds", "left"
     Console().print(table if table.row_count else f"no number of {first} stands in another of these runs")
 
 
-def _difference(one: Difference) -> str:
+def _difference(one: Difference, void: Sequence[str]) -> str:
     text = difference_text(one).replace("[", "\\[")
-    return f"[bold]{text}[/]" if one.clear else text
+    return f"[bold]{text}[/]" if one.clear and not {one.scene, one.against} & set(void) else text
 
 
 def show_dividers(found: Sequence[Dividers], on: str) -> None:
@@ -153,18 +169,34 @@ def show_dividers(found: Sequence[Dividers], on: str) -> None:
     console, fraction = Console(), found[0].fraction
     title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice"
     table = Table(title=title, title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
-    for head in ("purity asked", "purity", "recovery", "stretches (mm along the line)"):
+    level = on in LEVEL  # places are the machine's own x there
+    for head in ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})"):
         table.add_column(head, justify="right")
     for one in found:
-        places = ", ".join(f"{1e3 * low:.1f} to {1e3 * high:.1f}" for low, high in one.stretches)
+        start = one.line[0, 0] if level else 0.0
+        places = ", ".join(f"{1e3 * (start + low):.1f} to {1e3 * (start + high):.1f}" for low, high in one.stretches)
         judged = [percent(one.purity), percent(one.recovery)] if one.possible else [NO_VALUE, NO_VALUE]
         table.add_row(f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it")
     console.print(table)
     if len(found) > 1 or not found[0].possible:
         return
-    for number, (low, high) in enumerate(found[0].stretches, 1):
-        points = ", ".join(f"[{x:.6g}, {y:.6g}]" for x, y in cut(found[0].line, low, high))
-        console.print(f"[bin.{fraction}-{number}]\npoints = [{points}]", markup=False, highlight=False, soft_wrap=True)
+    for number, stretch in enumerate(found[0].stretches, 1):
+        text = f"[bin.{fraction}-{number}]\n{_as_bin(found[0], stretch, on)}"
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
+    if (found[0].purity.high or 1.0) < found[0].asked:
+        console.print(
+            f"! judged on other granules the product is less pure than the {100 * found[0].asked:.4g} % asked for: ask "
+            "for more, or keep more granules to choose by with numerics.keep", style="yellow", soft_wrap=True,
+        )  # fmt: skip
+
+
+def _as_bin(found: Dividers, stretch: tuple[float, float], on: str) -> str:
+    """The keys of a bin over a stretch: from and to on the floor, else the points of its line."""
+    points = cut(found.line, *stretch)
+    if on == "floor":
+        return "\n".join(f'{key} = "{1e3 * x:.5g} mm"' for key, (x, _) in zip(("from", "to"), points, strict=True))
+    ends = ", ".join(f'["{1e3 * x:.5g} mm", "{1e3 * y:.5g} mm"]' for x, y in points)
+    return f"points = [{ends}]"
 
 
 def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:

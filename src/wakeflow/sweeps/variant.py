@@ -13,6 +13,7 @@ from ..pipeline.cache import Listener, silent
 from ..scene import Scene
 from ..scene.changes import differing, flat, folder_name
 from ..scene.overrides import changes_of
+from ..scene.schema import refuse_unknown
 from .axis import DIGITS, Axis, axes_of, axis_of_text
 from .design import designs
 from .task_file import TaskFile, holds_task
@@ -65,7 +66,9 @@ def variants(
     before = {**(fixed or {}), **{key: value for one in alone for key, value in one.items()}}
     axes = [axis for axis in axes if len(axis.values) > 1]
     load: Callable[[dict[str, Any]], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
-    load(before)  # a base that is wrong is the caller's mistake, not a variant's
+    tables = load(before).tables()  # a base that is wrong is the caller's mistake, not a variant's; so is a wrong key
+    for key in keys:
+        refuse_unknown(key, tables, key)
     rows, found = designs[design](axes, count, seed), []
     for number, changes in enumerate(rows, 1):
         if number % TOLD_EVERY == 0:
