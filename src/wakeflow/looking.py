@@ -106,7 +106,7 @@ def view(what: Path, *, picture: Picture = None, settings: Settings = []) -> Non
     screen = any(os.environ.get(name) for name in DISPLAYS)
     path = picture or (None if screen else what.with_name(f"{what.stem}-view.png"))
     if path is not None and picture is None:
-        print(f"no screen for a window (neither DISPLAY nor WAYLAND_DISPLAY is set): {path}")
+        print(f"no screen for a window (neither DISPLAY nor WAYLAND_DISPLAY is set); drawn instead: {path}")
     look(scene, run, path)
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from wakeflow.laws.material import materials
 from wakeflow.report.colours import COLOURS, KNOWN, fraction_colours
+from wakeflow.report.many import _colours
 from wakeflow.scene import Scene
 
 VISIONS = ("normal", "protanomaly", "deuteranomaly", "tritanomaly")
@@ -53,3 +54,13 @@ def test_up_to_nine_fractions_have_nine_colours() -> None:
     assert list(found) == ["wheat", *names]  # in the order asked for
     assert len(set(found.values())) == len(COLOURS)
     assert set(fraction_colours([f"f{i}" for i in range(20)]).values()) == set(COLOURS)
+
+
+def test_figures_of_many_runs_colour_quantities_by_their_fraction() -> None:
+    recoveries = ["recovery.straw", "recovery.wheat", "recovery.own"]
+    assert _colours(recoveries) == dict(
+        zip(recoveries, fraction_colours(["straw", "wheat", "own"]).values(), strict=True)
+    )
+    assert _colours(["purity.left.chaff"]) == {"purity.left.chaff": KNOWN["chaff"]}
+    shares = ["share.wheat.left", "share.wheat.right", "share.chaff.left"]
+    assert len(set(_colours(shares).values())) == 3

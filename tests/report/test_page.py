@@ -160,11 +160,11 @@ def test_the_scene_on_the_page_computes_the_same(name: str, cases: Path) -> None
 
 def test_the_machine_is_told_in_the_units_of_machines(cases: Path) -> None:
     rows = dict(machine_rows(Scene.load(cases / "rhombus.toml")))
-    assert rows["body.rhombus.width"] == "50 mm"
-    assert rows["body.rhombus.slope_angle"] == "45 deg"
-    assert rows["feed.rate"] == "500 kg/h"
-    assert rows["air.speed"] == "5 m/s"
-    assert rows["vibration.frequency"] == "30 Hz"
+    assert rows["body.rhombus"] == "shape rhombus, width 50 mm, slope angle 45 deg"
+    assert "rate 500 kg/h" in rows["feed"]
+    assert rows["air"].startswith("speed 5 m/s, direction down")
+    assert "frequency 30 Hz" in rows["vibration"]
+    assert "at (-36 mm, -75 mm)" in dict(machine_rows(Scene.load(cases / "labyrinth.toml")))["body.left-prism"]
 
 
 def test_every_property_tells_its_source(cases: Path) -> None:

@@ -53,7 +53,9 @@ def test_a_scene_shows_its_machine_alone(
     scene.write_text((cases / "vacuum.toml").read_text())
     assert main(["view", str(scene)]) == 0
     picture = tmp_path / "machine-view.png"
-    assert capsys.readouterr().out.startswith("no screen for a window (neither DISPLAY nor WAYLAND_DISPLAY is set): ")
+    assert capsys.readouterr().out.startswith(
+        "no screen for a window (neither DISPLAY nor WAYLAND_DISPLAY is set); drawn instead: "
+    )
     assert _pixels(picture, BODY).any()
     assert not _pixels(picture, fraction_colours(["soft"])["soft"]).any()
 

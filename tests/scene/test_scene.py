@@ -57,7 +57,7 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"body.rhombus.shape": "rombus"}, "unknown shape 'rombus'; did you mean 'rhombus'?"),
         ({"body.rhombus.at": [0.0]}, "body.rhombus.at"),
         ({"body.rhombus.at": [0.19, 0.0]}, "no room beside it"),
-        ({"body.rhombus.at": [0.0, -0.19]}, "outside channel.bottom"),
+        ({"body.rhombus.at": [0.0, -0.19]}, "out of the channel, -0.2 m to 0.2 m"),
         (
             {"body.two": {"shape": "rhombus", "width": 0.01, "height": 0.01}},
             "rhombus and body.two touch each other",
@@ -208,6 +208,10 @@ def test_a_sieve_table_in_per_cent(rhombus: Scene) -> None:
 def test_units_of_keys() -> None:
     assert [unit_of(key) for key in ("air.speed", "body.a.slope_angle", "feed.rate")] == ["m/s", "rad", "kg/s"]
     assert [unit_of(key) for key in ("fraction.a.mass_share", "air.direction", "air.nothing")] == ["", "", ""]
+
+
+def test_units_of_keys_in_lists() -> None:
+    assert unit_of("body.a.at") == "m"
 
 
 def test_a_path_is_a_scene(cases: Path) -> None:

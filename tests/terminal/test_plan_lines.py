@@ -45,7 +45,8 @@ def test_lengths_are_said_as_the_user_writes_them(cases: Path, capsys: pytest.Ca
     text = (cases / "vacuum.toml").read_text()
     Path("mine.toml").write_text(re.sub(r'"(-?\d+)0 mm"', r'"\1 cm"', text))
     assert main(["plan", "mine.toml"]) == 0
-    assert "prism 5 cm wide in a channel of 60 cm x 26 cm" in capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
+    assert "prism 5 cm wide, 45 deg, vibrating at 20 Hz, ± 0.2 cm (3.22 g) in a channel of 60 cm x 26 cm" in told
 
 
 def test_all_tells_bounds_stages_and_every_warning(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,3 +83,15 @@ def test_a_granule_as_large_as_the_body_is_the_first_doubt(size: str, first: boo
     told = make_plan(shipped("rhombus", {"fraction.wheat.size": size})).notices[0]
     assert ("treated as points" in told.text) == first
     assert (told.grade is Grade.VOID) == first
+
+
+def test_a_feed_that_begins_above_the_channel_is_doubted() -> None:
+    above = make_plan(shipped("prism", {"feed.height": "900 mm"})).warnings
+    (told,) = (line for line in above if line.startswith("the feed begins at y = "))
+    assert "above channel.top" in told
+    assert not [line for line in make_plan(shipped("prism")).warnings if line.startswith("the feed begins")]
+
+
+def test_the_plan_tells_the_granules_that_fly(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(cases / "vacuum.toml"), "--set", "feed.count=100"]) == 0
+    assert "128 granules of each fly" in " ".join(capsys.readouterr().out.split())

@@ -11,6 +11,7 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.laws.constants import GRAVITY
+from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.verify import runner
 from wakeflow.verify.crowd import beside, clouds, liggghts, report
 from wakeflow.verify.crowd.cooling import Gas, cooling_coefficients
@@ -76,7 +77,7 @@ def test_the_difference_of_two_crowds_is_no_surer_than_granules_that_fared_diffe
     assert ours[0].shares() == pytest.approx((1.0, 0.5, np.sqrt(0.5 * (0.2**2 + 0.01**2))))
     assert theirs[0].outcomes().tolist() == [[True, False, False, True], [False, True, False, False]]
     value, low, high = report._paired(theirs, ours, 0)
-    assert (value, high - value, value - low) == pytest.approx((-0.5, 1.96 * 2 / 8, 1.96 * 2 / 8))
+    assert (value, high - value, value - low) == pytest.approx((-0.5, SIGMAS * 2 / 8, SIGMAS * 2 / 8))
 
 
 @pytest.mark.liggghts

@@ -98,7 +98,9 @@ def _fed(
     """The real granules, or the tracers, of one fraction over ``whole`` (s); times from 0, unsorted."""
     fraction, crowd = scene.fraction[name], plan.crowd
     assert crowd is not None
-    time, p = (_tracers if tracers else _singles)(scene, crowd, name, variation, rng, whole, depth)
+    time, p = (
+        _tracers(crowd, name, rng, whole) if tracers else _singles(scene, crowd, name, variation, rng, whole, depth)
+    )
     drawn = rng.permutation(len(p))[:FALLS] if len(p) > FALLS else np.arange(len(p))
     diameter = fraction.diameters(p[drawn])
     traits = rng.random((len(drawn), 3))
@@ -141,12 +143,8 @@ def _singles(
     return time, (level + rng.random(len(time))) / MASS_LEVELS
 
 
-def _tracers(
-    scene: Scene, crowd: CrowdPlan, name: str, variation: GranuleVariation, rng: np.random.Generator, whole: float,
-    depth: float,
-) -> tuple[Array, Array]:  # fmt: skip
+def _tracers(crowd: CrowdPlan, name: str, rng: np.random.Generator, whole: float) -> tuple[Array, Array]:
     """Times (s) and mass quantiles of tracers, so many that those that count are as many as the plan says."""
-    del scene, variation, depth
     fine = crowd.tracers[name]
     if fine == 0.0:
         return np.zeros(0), np.zeros(0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..results.measured import Measured
 from ..results.table import DONE
 from .many import main_quantities
-from .words import HOLDS, NO_VALUE, expected, percent
+from .words import NO_VALUE, expected, holds, percent
 
 if TYPE_CHECKING:
     from ..results.landing_results import Separation
@@ -33,7 +33,7 @@ def result_card(result: Result) -> str:
     if result.landings is None:
         return f"<p>no shares: the run ended after {escape(str(result.options.until))}</p>{told}{more}"
     table = "".join(_rows(result, result.landings.separation))
-    return f"<table>{table}</table><small>{escape(HOLDS)}</small>{told}{more}"
+    return f"<table>{table}</table><small>{escape(holds(result))}</small>{told}{more}"
 
 
 def table_card(table: ResultTable) -> str:

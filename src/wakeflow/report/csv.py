@@ -34,6 +34,7 @@ SEPARATION_COLUMNS = (  # low and high: the 95 % interval, of which computing al
     "purity low (%)",
     "purity high (%)",
     "target",
+    "not in the interval",
     "bin throughput (kg/h)",
     "share without collisions (%)",
     "share without collisions low (%)",
@@ -62,6 +63,9 @@ def separation_cells(result: Result, separation: Separation) -> list[Row]:
     """
     rows: list[Row] = []
     alone = None if result.landings is None else result.landings.without_collisions
+    lacking = {
+        row.quantity: "; ".join(part.source for part in row.parts if part.error is None) for row in result.budget
+    }
     for name, places in separation.fractions.items():
         for place, share in places.items():
             pure = (separation.purity.get(place) or {}).get(name)
@@ -71,7 +75,8 @@ def separation_cells(result: Result, separation: Separation) -> list[Row]:
             wanted = place in result.targets(name)
             single = None if alone is None else alone.fractions[name][place]
             beside = [None] * 3 if single is None else [100.0 * x for x in (single.value, single.low, single.high)]
-            cells: list[Cell] = [name, place, *numbers, wanted, separation.throughput[place], *beside]
+            missing = lacking.get(f"share.{name}.{place}", "")
+            cells: list[Cell] = [name, place, *numbers, wanted, missing, separation.throughput[place], *beside]
             rows.append(dict(zip(SEPARATION_COLUMNS, cells, strict=True)))
     return rows
 

@@ -18,7 +18,7 @@ from .canvas import BARS, BODY, INK, MM, new_figure, text_width
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..scene import Bin, Body, Scene
+    from ..scene import Bin, Body, Feed, Scene, Vibration
     from .canvas import AnyFigure, Paper
 
 __all__ = ["draw_sketch", "write_sketch"]
@@ -295,13 +295,7 @@ def _notes(scene: Scene) -> Iterator[_Note]:
 def _feed_words(scene: Scene) -> str:
     """The curtain in two lines: its width and fall, its mass flow."""
     feed = scene.feed
-    if feed.start == "resting":
-        fall = "at rest on the body"
-    elif feed.speed is not None:
-        fall = f"comes at {say(feed.speed, 'm/s')}"
-    else:
-        fall = f"falls {metres(feed.height or 0.0)}"
-    lines = [f"feed: {metres(feed.width)} wide, {fall}"]
+    lines = [f"feed: {metres(feed.width)} wide, {fall_words(feed)}"]
     if feed.position:
         lines[0] += f", x = {metres(feed.position)}"
     if feed.rate is not None:
@@ -309,6 +303,19 @@ def _feed_words(scene: Scene) -> str:
     if scene.funnel is not None:
         lines.append(f"from a funnel with an outlet of {metres(scene.funnel.orifice)}")
     return "\n".join(lines)
+
+
+def fall_words(feed: Feed) -> str:
+    """How the curtain comes down."""
+    if feed.start == "resting":
+        return "at rest on the body"
+    return f"comes at {say(feed.speed, 'm/s')}" if feed.speed is not None else f"falls {metres(feed.height or 0.0)}"
+
+
+def motion_words(vibration: Vibration) -> str:
+    """Frequency, reach to either side, and peak acceleration of the bodies."""
+    reach = float(np.hypot(*vibration.displacement))
+    return f"{say(1.0 / vibration.period, 'Hz', 4)}, ± {metres(reach, 3)} ({vibration.strength:.3g} g)"
 
 
 def _body_words(name: str, body: Body, whole: Scene | None) -> str:
@@ -324,10 +331,8 @@ def _body_words(name: str, body: Body, whole: Scene | None) -> str:
     lines = [f"{name}: {measures}{angle}"]
     if any(body.at):
         lines.append(f"at x = {metres(body.at[0])}, y = {metres(body.at[1])}")
-    if whole is not None and (shaken := whole.vibration) is not None:
-        every = "vibrates" if len(whole.body) == 1 else "all vibrate"
-        reach = float(np.hypot(*shaken.displacement))
-        lines.append(f"{every} at {say(1.0 / shaken.period, 'Hz', 4)}, ± {metres(reach, 3)} ({shaken.strength:.3g} g)")
+    if whole is not None and whole.vibration is not None:
+        lines.append(f"{'vibrates' if len(whole.body) == 1 else 'all vibrate'} at {motion_words(whole.vibration)}")
     return "\n".join(lines)
 
 

@@ -7,15 +7,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..core.graded import Grade
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 from ..results.measured import Measured, Share
+from ..results.total import REMEDIES
 
 if TYPE_CHECKING:
     from ..results.difference import Difference
     from ..results.result import Result
 
 __all__ = [
-    "HOLDS",
     "NO_VALUE",
     "TERMS",
     "UNKNOWN_ERROR",
@@ -25,19 +26,18 @@ __all__ = [
     "difference_text",
     "error_text",
     "expected",
+    "holds",
     "percent",
     "source_seconds",
 ]
 
 NO_VALUE = "–"
-HOLDS = (
-    "The interval holds 95 %: what the scene does not say exactly, granules, sheddings, steps, mesh, terms left out. "
-    "No measurement of granules validates this machine."
-)
+OF_WHAT = "what the scene does not say exactly, granules, sheddings, steps, mesh, terms left out"
+UNPROVEN = "No measurement of granules validates this machine."
 UNKNOWN_ERROR = "unknown"
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
 MOST_DIGITS = 4  # after the point of a percentage, however narrow its interval
-ALIKE = 0.4  # of half of an interval: arms that differ by no more are shown as one
+ALIKE = 0.25  # of half of an interval: arms that differ by no more are shown as one
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
 ROUGH_POINTS = 100.0 * ROUGH
 
@@ -62,6 +62,23 @@ def percent(number: Measured | Share | None) -> str:
     value = f"{100 * number.value:.{digits}f}"
     arms = [f"-{below:.{digits}f}"] * (below > 0.0) + [f"+{above:.{digits}f}"] * (above > 0.0)
     return f"{value} ± {half:.{digits}f}" if alike else " ".join([value, *arms])
+
+
+def holds(result: Result) -> str:
+    """What the intervals of an answer hold, and what they do not."""
+    if result.void:
+        why = next(
+            text for text, grade in zip(result.warnings, result.grades, strict=True) if grade == Grade.VOID.value
+        )
+        return f"VOID: the answer is worth nothing, whatever its intervals say: {why}."
+    if not result.lacking:
+        return f"The interval holds 95 %: {OF_WHAT}. {UNPROVEN}"
+    remedies = dict.fromkeys(REMEDIES[source] for source in result.lacking if source in REMEDIES)
+    mend = f"; it takes {'; '.join(remedies)}" if remedies else ""
+    return (
+        f"The interval lacks {', '.join(result.lacking)}, whose size is not known{mend}. Of the rest it holds 95 %: "
+        f"{OF_WHAT}. {UNPROVEN}"
+    )
 
 
 def change_of(before: Measured | Share | None, after: Measured | Share | None) -> str:

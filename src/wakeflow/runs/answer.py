@@ -28,6 +28,7 @@ from ..results.airflow_summary import (
     FieldTruncation,
     MomentumModel,
     airflow_of,
+    with_mesh_error,
     with_residence,
 )
 from ..results.budget import flights_ahead, fly_again, make_budget, together
@@ -97,7 +98,7 @@ class OneRun:
         slab = None if landings is None else landings.slab
         told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
         small = together(() if landings is None else landings.budget, plan.target_error)
-        known = gravest_first((*plan.notices, *told, *small))
+        known = gravest_first((*told, *plan.notices, *small))
         key, solver = self._key(tracked), None if airflow is None else self.pipeline.kind.solver
         result = Result(
             schema=SCHEMA,
@@ -158,7 +159,8 @@ class OneRun:
             return mesh, None
         airflow = airflow_of(pipeline)
         momentum = _momentum(scene, airflow) if scene.body and airflow.cp_base is not None else None
-        return mesh, airflow.extended(grids=airflow_on_grids(pipeline), momentum=momentum)
+        studies = airflow_on_grids(pipeline)
+        return mesh, with_mesh_error(airflow, studies or ()).extended(grids=studies, momentum=momentum)
 
     def _flown(self, airflow: Airflow) -> Airflow:
         """The airflow with what is known of the field that granules fly in."""

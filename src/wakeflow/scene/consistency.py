@@ -48,7 +48,8 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
                 f"{metres(channel.width)}; leave a gap to the wall (allowed: x below {metres(0.49 * channel.width)})"
             )
         elif low <= channel.bottom or high >= channel.top:
-            yield f"body.{name} reaches from y = {metres(low)} to {metres(high)}, outside channel.bottom .. channel.top"
+            inside = f"{metres(channel.bottom)} to {metres(channel.top)}"
+            yield f"body.{name} reaches from y = {metres(low)} to {metres(high)}, out of the channel, {inside}"
         elif swing_x > 0.5 * (channel.width / 2 - reach) or swing_y > 0.5 * min(
             low - channel.bottom, channel.top - high
         ):

@@ -74,8 +74,12 @@ def units_in(data: Mapping[str, Any]) -> dict[str, str]:
 
 
 def unit_of(key: str) -> str:
-    """The unit of the numbers of a dotted key, "m/s" for air.speed; empty for plain numbers and for other values."""
-    unit, _ = unit_and_example(described(tuple(key.split(".")), {})) or ("1", "")
+    """The unit of the numbers of a dotted key, in a list too: "m/s" for air.speed; empty for plain numbers and for
+    other values.
+    """
+    place: Place = tuple(key.split("."))
+    nodes = (described(where, {}) for where in (place, (*place, 0)))
+    unit, _ = next(filter(None, map(unit_and_example, nodes)), ("1", ""))
     return "" if unit == "1" else unit
 
 

@@ -142,7 +142,9 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         return read_toml(path)
     except FileNotFoundError:
-        make = f"wakeflow new rhombus {shlex.quote(str(path))}"
+        if path.suffix != ".toml" and (meant := path.with_name(f"{path.name}.toml")).is_file():
+            raise SceneError(f"no scene file {str(path)!r}; did you mean {str(meant)!r}?") from None
+        make = f"wakeflow new rhombus {shlex.quote(str(path if path.suffix else path.with_suffix('.toml')))}"
         raise SceneError(f"no scene file {str(path)!r}; make one with: {make}") from None
     except IsADirectoryError:
         raise SceneError(f"{path} is a folder; name a scene file") from None

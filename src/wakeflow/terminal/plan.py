@@ -12,7 +12,8 @@ from ..core.store import cache_root
 from ..planning.airflow_cost import typical_cells
 from ..planning.cost import wall_seconds
 from ..planning.machine_rates import COMPILE, on_this_machine
-from ..planning.plan import whole_terms
+from ..planning.plan import REPLICATES, replicate_size, whole_terms
+from ..report.sketch import fall_words, motion_words
 from .warn import MOST_WARNINGS, warn
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from ..planning.plan import Plan, StageCost
     from ..planning.terms import LeftOut
-    from ..scene import Scene
+    from ..scene import Body, Scene
 
 __all__ = ["PARTS", "show_plan", "show_whole_plan"]
 
@@ -35,7 +36,7 @@ AIRS = {  # what is flown in, by kind of airflow
     "best-estimate": "a best estimate between the steady wake and the one in time",
     "three-dimensional": "the wake in three dimensions",
 }
-UNITS = {"m": "mm", "kg/s": "kg/h"}  # what is said where a scene does not write its own
+UNITS = {"m": "mm", "kg/s": "kg/h", "rad": "deg"}  # what is said where a scene does not write its own
 PARTS: dict[str, tuple[str, str | tuple[str, ...]]] = {  # of the run time: how the names of its stages begin and end
     "compilation": ("", COMPILE),
     "funnel": ("", "funnel"),
@@ -89,12 +90,21 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def _machine(scene: Scene) -> str:
-    bodies = [f"{name} {metres(float(size), 3)} wide" for name, size in _widths(scene).items()]
-    standing = ", ".join(bodies) if len(bodies) <= 2 else f"{len(bodies)} bodies, {bodies[0]}"
+    bodies = [
+        f"{name} {metres(float(size), 3)} wide{_slope(scene.body[name])}" for name, size in _widths(scene).items()
+    ]
+    if scene.vibration is not None:
+        bodies.append(f"vibrating at {motion_words(scene.vibration)}")
+    many = len(scene.body) > 2
+    standing = ", ".join([f"{len(scene.body)} bodies", bodies[0], *bodies[len(scene.body) :]] if many else bodies)
     channel = scene.channel
     place = f"channel of {metres(channel.width)} x {metres(channel.top - channel.bottom)}"
     count = f"{len(scene.bin)} bin{'s' if len(scene.bin) > 1 else ''}"
     return f"{standing} in a {place}; {count}" if bodies else f"empty {place}; {count}"
+
+
+def _slope(body: Body) -> str:
+    return "" if body.slope_angle is None else f", {say(body.slope_angle, 'rad', 4)}"
 
 
 def _round(number: float) -> str:
@@ -120,7 +130,9 @@ def _feed(scene: Scene) -> str:
     if scene.feed.rate is None:
         rate = f"no rate given ({rate} where one is needed)"
     shares = ", ".join(f"{name} {share:.3g} %" for name, share in _percent(scene))
-    return f"{rate}: {shares}; {scene.feed.count} granules of each fly"
+    falls = f", {fall_words(scene.feed)}" if scene.body else ""
+    count = REPLICATES * replicate_size(scene.feed.count)
+    return f"{rate}{falls}: {shares}; {count} granules of each fly"
 
 
 def _percent(scene: Scene) -> Iterator[tuple[str, float]]:

@@ -62,7 +62,7 @@ def _loading(result: Result) -> str:
     assert loading.cd is not None
     assert loading.cd_without is not None
     told = (
-        f"air loading: {loading.passes} passes, {loading.given:.2g} N/m on the air, "
+        f"air loading: {loading.passes} pass{'es' if loading.passes != 1 else ''}, {loading.given:.2g} N/m on the air, "
         f"steady Cd {loading.cd_without.value:.3f} to {loading.cd.value:.3f}"
     )
     effects = None if result.landings is None else result.landings.air_loading
@@ -70,7 +70,10 @@ def _loading(result: Result) -> str:
         return told
     rows = [(name, place, found) for name, places in effects.items() for place, found in places.items()]
     name, place, most = max(rows, key=lambda row: abs(row[2].loaded - row[2].without))
-    return f"{told}; most moved: {name} in {place}, {100 * most.without:.1f} to {100 * most.loaded:.1f} %"
+    before, after = (f"{100 * share:.1f}" for share in (most.without, most.loaded))
+    return f"{told}; " + (
+        f"most moved: {name} in {place}, {before} to {after} %" if before != after else "no share moves"
+    )
 
 
 def _poured(funnel: FunnelSummary) -> str:

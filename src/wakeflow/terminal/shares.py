@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..report.words import HOLDS, NO_VALUE, change_of, expected, percent
+from ..report.words import NO_VALUE, change_of, expected, holds, percent
 from ..results.landing_results import Separation, least_certain
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def separation_table(result: Result, separation: Separation) -> Table:
     from rich.text import Text
 
     met = result.landings is not None and result.landings.slab is not None
-    title = f"share of each fraction's mass, %{', granules colliding' if met else ''}"
+    title = f"{'VOID: ' if result.void else ''}share of each fraction's mass, %{', granules colliding' if met else ''}"
     table = Table(title=title, title_justify="left", pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD)
     table.add_column("bin")
     for name in separation.fractions:
@@ -39,19 +39,25 @@ def separation_table(result: Result, separation: Separation) -> Table:
             Text(percent(places[place]), style="bold green" if place in result.targets(name) else "")
             for name, places in separation.fractions.items()
         ]
-        purest = "\n".join(f"{name} {percent(found)}" for name, found in expected(result, place)) or NO_VALUE
+        purest = "\n".join(f"{name} {_parted(percent(found))}" for name, found in expected(result, place)) or NO_VALUE
         table.add_row(place, *cells, f"{separation.throughput[place]:.3g}", purest)
     table.add_section()
     table.add_row("recovery", *(percent(separation.recovery.get(name)) for name in separation.fractions), "", "")
-    table.caption, table.caption_justify = "\n".join([HOLDS, *measure_next(result)]), "left"
+    below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
+    table.caption, table.caption_justify = "\n".join([holds(result), *below]), "left"
     return table
+
+
+def _parted(text: str) -> str:
+    """A percentage with its two arms below it, so that columns stay narrow."""
+    return text if "±" in text else text.replace(" ", "\n", 1)
 
 
 def measure_next(result: Result) -> list[str]:
     """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
     told, wake = [], False
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
-        known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM][:MOST_TOLD]
+        known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM and part.tells][:MOST_TOLD]
         if known:
             inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
             told.append(f"{name} in {place} hangs most on (points each): {inputs}")

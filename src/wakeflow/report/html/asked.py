@@ -35,6 +35,7 @@ QUANTITIES = {  # of a material: name, unit
     "impact": ("impact model", "1"),
 }
 OWN = {"diameter": "size"}  # keys of a scene whose name differs from the material's
+FEW = 3  # of a list: more entries are counted, not told
 MM_BELOW = 1e-3  # m: smaller lengths are told in micrometres
 
 
@@ -57,10 +58,16 @@ class Proof(NamedTuple):
 
 
 def machine_rows(scene: Scene) -> list[tuple[str, str]]:
-    """(key, value with its unit) of all that the scene sets, but for what the page tells in places of its own."""
+    """(table, its keys with their values and units) of all that the scene sets, but for what the page tells in places
+    of its own.
+    """
     tables = {key: table for key, table in scene.tables().items() if key not in ELSEWHERE}
+    rows: dict[str, list[str]] = {}
     with speaking(UNITS):
-        return [(key, _said(key, value)) for key, value in flat(tables).items()]
+        for key, value in flat(tables).items():
+            table, _, name = key.rpartition(".")
+            rows.setdefault(table, []).append(f"{name.replace('_', ' ')} {_said(key, value)}")
+    return [(table, ", ".join(said)) for table, said in rows.items()]
 
 
 def input_text(key: str, value: Any) -> str:
@@ -71,8 +78,10 @@ def input_text(key: str, value: Any) -> str:
 
 def _said(key: str, value: Any) -> str:
     unit = unit_of(key)
+    if isinstance(value, list) and (len(value) > FEW or any(isinstance(one, list) for one in value)):
+        return f"{len(value)} values"
     if isinstance(value, list):
-        return f"{len(value)} values" if len(value) > 2 else " to ".join(_said(key, one) for one in value)
+        return f"({', '.join(_said(key, one) for one in value)})"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
     return say(value, unit) if unit else f"{value:.6g}"

@@ -19,13 +19,13 @@ from ..csv import IMPACT_COLUMNS, impact_cells
 from ..figures import captions
 from ..pictures import found
 from ..words import (
-    HOLDS,
     NO_VALUE,
     UNKNOWN_ERROR,
     change_of,
     condensed,
     error_text,
     expected,
+    holds,
     percent,
     source_seconds,
 )
@@ -192,7 +192,7 @@ def _shares(result: Result, scene: Scene) -> dict[str, Any]:
         "answers": list(_answers(result)),
         "targets": {name: result.targets(name) for name in result.scene["fraction"]},
         "expected": lambda place: expected(result, place),
-        "holds": HOLDS,
+        "holds": holds(result),
     }
 
 
@@ -220,7 +220,7 @@ def _cut(curve: PartitionCurve) -> tuple[str, ...]:
         f"{told(cut.value)}{ends} {unit}",
         told(curve.ep),
         imperfection,
-        ("" if curve.why is None else f"{curve.why} {curve.unit}"),
+        curve.why or "",
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...core.files import write_json
 from ...foam.version import openfoam_version
 from ...funnel.engine import liggghts_version
+from ...planning.unknowns import SIGMAS
 from ...results.spread import student
 from ...tracking import Granules
 from .beside import compare_machine
@@ -122,7 +123,7 @@ def _paired(theirs: Sequence[CloudFlight], ours: Sequence[CloudFlight], which: i
     """
     one, other = (np.array([flight.outcomes()[which] for flight in flights]) for flights in (theirs, ours))
     value, low, high = _interval(one.mean(axis=1) - other.mean(axis=1))
-    half = max(0.5 * (high - low), 1.96 * float(np.sqrt((one != other).sum())) / one.size)
+    half = max(0.5 * (high - low), SIGMAS * float(np.sqrt((one != other).sum())) / one.size)
     return value, value - half, value + half
 
 
