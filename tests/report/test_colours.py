@@ -10,7 +10,7 @@ import pytest
 
 from wakeflow.laws.material import materials
 from wakeflow.report.colours import COLOURS, KNOWN, fraction_colours
-from wakeflow.report.many import _colours
+from wakeflow.report.many import _looks
 from wakeflow.scene import Scene
 
 VISIONS = ("normal", "protanomaly", "deuteranomaly", "tritanomaly")
@@ -58,9 +58,9 @@ def test_up_to_nine_fractions_have_nine_colours() -> None:
 
 def test_figures_of_many_runs_colour_quantities_by_their_fraction() -> None:
     recoveries = ["recovery.straw", "recovery.wheat", "recovery.own"]
-    assert _colours(recoveries) == dict(
-        zip(recoveries, fraction_colours(["straw", "wheat", "own"]).values(), strict=True)
-    )
-    assert _colours(["purity.left.chaff"]) == {"purity.left.chaff": KNOWN["chaff"]}
-    shares = ["share.wheat.left", "share.wheat.right", "share.chaff.left"]
-    assert len(set(_colours(shares).values())) == 3
+    colours = fraction_colours(["straw", "wheat", "own"]).values()
+    assert [look.colour for look in _looks(recoveries).values()] == list(colours)
+    assert _looks(["purity.left.chaff"])["purity.left.chaff"].colour == KNOWN["chaff"]
+    left, right, chaff = _looks(["share.wheat.left", "share.wheat.right", "share.chaff.left"]).values()
+    assert left.colour == right.colour != chaff.colour
+    assert left.marker != right.marker

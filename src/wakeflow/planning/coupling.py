@@ -228,5 +228,5 @@ def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[No
             least = min(row.feed_rate or 0.0 for row in beyond)
             grade = void if any(row.value > FAR * (row.limit or math.inf) for row in beyond) else less_sure
             yield grade(
-                f"{about} strained by the feed rate: {numbers}; all of these hold with feed.rate below {least:.2g} kg/h"
+                f"the feed is too dense for {about}: {numbers}; with feed.rate below {least:.2g} kg/h it is not"
             )
