@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import shipped
+from support import ALONE, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.results.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
@@ -65,7 +65,7 @@ def test_no_stretch_is_said_to_reach_what_none_does() -> None:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
     scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 2048, "fraction.wheat.restitution": 0.3})
-    return wf.run(scene, tmp_path_factory.mktemp("bins"), report=False)
+    return wf.run(scene, tmp_path_factory.mktemp("bins"), force=ALONE, report=False)
 
 
 def test_dividers_of_a_run_are_judged_on_other_granules(run: wf.Result) -> None:
@@ -89,7 +89,7 @@ def test_a_stretch_is_the_bin_that_a_new_run_would_have(run: wf.Result, tmp_path
     for fraction in tables["fraction"].values():
         fraction.pop("target", None)
     tables["fraction"]["wheat"]["target"] = "product"
-    again = wf.run(wf.Scene.parse(tables), tmp_path, report=False).landings.separation
+    again = wf.run(wf.Scene.parse(tables), tmp_path, force=ALONE, report=False).landings.separation
     pure, recovery = again.purity["product"]["wheat"], again.recovery["wheat"]
     assert pure.low <= found.purity.high
     assert found.purity.low <= pure.high

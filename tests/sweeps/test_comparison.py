@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import wakeflow as wf
-from support import shipped
+from support import ALONE, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.report.many import draw_lines
@@ -23,7 +23,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[wf.Result]:
     folder = tmp_path_factory.mktemp("runs")
     scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 1024, "fraction.*.impact": "paper"})
     bouncy = scene.replace({"fraction.wheat.restitution": 0.6, "bin.middle.from": "-13 mm"})
-    return [wf.run(scene, folder / "as-it-is", report=False), wf.run(bouncy, folder / "bouncy", report=False)]
+    asked = {"as-it-is": scene, "bouncy": bouncy}
+    return [wf.run(one, folder / name, force=ALONE, report=False) for name, one in asked.items()]
 
 
 def test_inputs_are_what_differs(runs: list[wf.Result]) -> None:
