@@ -52,6 +52,17 @@ def test_the_scene_says_how_well_a_number_is_known(said: object, half: float) ->
     assert scene.fraction["wheat"].restitution == 0.5
 
 
+def test_an_interval_ends_where_the_number_cannot_go_on() -> None:
+    found = _unknowns(shipped("rhombus"))
+    dust, position = found["fraction.dust.restitution"], found["feed.position"]
+    assert dust.low > dust.value
+    assert dust.ends == (0.0, pytest.approx(dust.value + dust.high))
+    assert position.ends == (pytest.approx(-position.low), pytest.approx(position.high))
+    assert found["wake.theta"].ends[1] <= 1.0
+    for one in found.values():
+        assert one.ends[0] <= one.value <= one.ends[1]
+
+
 def test_nothing_is_drawn_of_what_is_exact() -> None:
     scene = shipped("rhombus", {"uncertainty.fraction.wheat.restitution": 0, "uncertainty.wake.theta": 0})
     found = _unknowns(scene)

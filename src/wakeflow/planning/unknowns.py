@@ -7,6 +7,7 @@ together; numbers that fractions share, as the air's speed, are drawn once for a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -38,6 +39,7 @@ Array = NDArray[np.float64]
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 FARTHEST = 2.5  # standard deviations at which a draw is cut off: 1.2 % lie beyond
 LEAST = 1e-3  # a factor is no smaller, however wide its interval
+PORTION = (0.0, 1.0)  # what a part of a whole can be
 GIVEN = "given"
 DISPERSES = "dispersion"  # the force that the turbulence's unknowns act through
 
@@ -63,16 +65,24 @@ class Unknown:
         z = float(np.clip(z, -FARTHEST, FARTHEST))
         return self.value + z / SIGMAS * (self.high if z > 0.0 else self.low)
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The ends of its 95 % interval, none beyond what the number can be."""
+        least, most = unknown_kinds[self.kind].span
+        return max(self.value - self.low, least), min(self.value + self.high, most)
+
 
 @dataclass(frozen=True)
 class UnknownKind:
     """A kind of unknown: those of a scene under a plan (``found``), how a draw with the number ``x`` of one varies
-    (``vary``), and whether it varies the air.
+    (``vary``), whether it varies the air, and between which numbers (``span``) every draw of it stays: what is drawn
+    beyond is taken as the end.
     """
 
     found: Callable[[Scene, Plan], Iterator[Unknown]]
     vary: Callable[[Variation, Unknown, float, Scene, Plan], Variation]
     of_air: bool = False
+    span: tuple[float, float] = (0.0, math.inf)
 
 
 unknown_kinds: Registry[UnknownKind] = Registry("unknown")
@@ -203,7 +213,9 @@ def _vary_restitution(made: Variation, one: Unknown, x: float, scene: Scene, pla
     return made.with_granules(one.fraction, restitution=x - one.value)
 
 
-unknown_kinds.add("restitution", UnknownKind(_of_fractions("restitution", "1", _restitution), _vary_restitution))
+unknown_kinds.add(
+    "restitution", UnknownKind(_of_fractions("restitution", "1", _restitution), _vary_restitution, span=PORTION)
+)
 unknown_kinds.add(
     "friction", UnknownKind(_of_fractions("friction", "1", lambda f: f.properties.friction), _of_granules("friction"))
 )
@@ -309,7 +321,7 @@ def _portion(_: Unknown, x: float) -> float:
 
 
 unknown_kinds.add("feed_width", UnknownKind(_feed_width, _vary_feed_width))
-unknown_kinds.add("feed_position", UnknownKind(_feed_position, _vary_feed_position))
+unknown_kinds.add("feed_position", UnknownKind(_feed_position, _vary_feed_position, span=(-math.inf, math.inf)))
 for _name, _found, _vary in (
     ("air_speed", _air_speed, _of_the_air("speed", _factor)),
     (
@@ -321,4 +333,6 @@ for _name, _found, _vary in (
     ("wake.theta", _wake_number("theta"), _of_the_air("theta", _portion)),
     ("wake.strength", _wake_number("strength"), _of_the_air("strength", _portion)),
 ):
-    unknown_kinds.add(_name, UnknownKind(_found, _vary, of_air=True))
+    unknown_kinds.add(
+        _name, UnknownKind(_found, _vary, True, PORTION if _name.startswith("wake.") else UnknownKind.span)
+    )

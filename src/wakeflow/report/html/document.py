@@ -264,7 +264,7 @@ def _budget(result: Result) -> dict[str, Any]:
         "made_of": _made_of,
         "sources": [(name, _how(part), seconds(spent[name])) for name, part in known.items()],
         "error_text": error_text,
-        "unsaid": list(dict.fromkeys(row.total.note for row in rows if row.total.error is None and row.total.note)),
+        "notes": list(dict.fromkeys(row.total.note for row in rows if row.total.note)),  # most rows share theirs
     }
 
 
