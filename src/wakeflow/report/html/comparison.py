@@ -16,7 +16,7 @@ from ..many import main_quantities
 from ..words import NO_VALUE, difference_text, percent
 from .asked import input_text
 from .document import page_template
-from .inlined import inlined_pictures, is_long
+from .inlined import inlined_pictures, shape_of
 from .rows import number
 
 if TYPE_CHECKING:
@@ -134,5 +134,5 @@ def _pairs(names: Sequence[str], runs: Sequence[Result]) -> list[_Pair]:
     for which, caption in texts.items():
         found = [(name, pictures[which]) for name, pictures in folders.items() if which in pictures]
         if len(found) > 1:
-            pairs.append(_Pair(which, caption, found, any(is_long(picture) for _, picture in found)))
+            pairs.append(_Pair(which, caption, found, any(shape_of(picture) == "long" for _, picture in found)))
     return pairs

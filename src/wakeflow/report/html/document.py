@@ -31,7 +31,7 @@ from ..words import (
 )
 from .asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from .film import film_in, film_section
-from .inlined import inlined_pictures, is_long
+from .inlined import inlined_pictures, shape_of
 from .live import live_data
 from .rows import airflow_rows, end_rows, funnel_rows, number, percentage_points, seconds
 
@@ -110,10 +110,10 @@ def render(
     return text
 
 
-def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[bool, str, str]]:
-    """Whether each picture is a long one, the picture, and what it shows; the sketch has a place of its own."""
+def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """The shape of each picture, the picture, and what it shows; the sketch has a place of its own."""
     names = [name for name in texts if name in pictures and name != SKETCH]
-    return [(is_long(pictures[name]), pictures[name], texts[name]) for name in names]
+    return [(shape_of(pictures[name]), pictures[name], texts[name]) for name in names]
 
 
 def page_template(name: str) -> Any:

@@ -7,9 +7,10 @@ import struct
 from collections.abc import Iterable
 from pathlib import Path
 
-__all__ = ["inlined_pictures", "is_long"]
+__all__ = ["inlined_pictures", "shape_of"]
 
 LONG = 1.75  # width over height of a picture that takes the page's whole width
+TALL = 0.8  # of one that takes a sheet's whole height
 
 
 def inlined_pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
@@ -18,7 +19,7 @@ def inlined_pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
     return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
 
 
-def is_long(picture: str) -> bool:
-    """Whether a base64 PNG is so much wider than high that half a page is too narrow for it."""
+def shape_of(picture: str) -> str:
+    """What a base64 PNG is on a page: "long" where half of its width is too narrow for it, "tall", or neither."""
     width, height = struct.unpack(">II", base64.b64decode(picture[:48])[16:24])
-    return bool(width > LONG * height)
+    return "long" if width > LONG * height else "tall" if width < TALL * height else ""
