@@ -18,6 +18,7 @@ import pytest
 import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.cli import main
+from wakeflow.core.errors import SceneError
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
@@ -323,6 +324,22 @@ def flown_by_chance(flight: Flight, folder: Path, *, drawn: bool) -> None:
         columns |= {"position": rng.normal(size=(count, 2)), "bin": place, "replicate": replicate}
         columns |= {"diameter": flat + 1e-3, "fate": flat + int(Fate.BINNED)}
         np.savez(folder / f"{name}.npz", **columns)
+
+
+def test_files_that_no_run_wrote_are_not_replaced(tmp_path: Path) -> None:
+    scene = shipped("vacuum", {"feed.count": 64})
+    (tmp_path / "machine").mkdir()
+    (tmp_path / "machine" / "drawing.dwg").write_text("my own")
+    (tmp_path / "notes.txt").write_text("my own")
+    with pytest.raises(SceneError, match=r"holds machine, which no run of wakeflow wrote .* name another folder"):
+        wf.run(scene, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["machine", "notes.txt"]
+    (tmp_path / "machine").rename(tmp_path / "drawings")
+    wf.run(scene, tmp_path, report=False)  # beside files that it does not touch
+    (tmp_path / "result.json").unlink()
+    (tmp_path / "report.html").write_text("of a run that was stopped before it ended")
+    assert wf.run(scene, tmp_path).landings is not None
+    assert (tmp_path / "notes.txt").read_text() == "my own"
 
 
 @pytest.mark.openfoam

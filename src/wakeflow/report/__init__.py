@@ -16,7 +16,16 @@ if TYPE_CHECKING:
     from ..results.funnel_summary import FunnelSummary
     from ..results.result import PictureSummary
 
-__all__ = ["Landed", "Outcome", "clear_report", "draw_discharge", "is_whole", "pictures_of", "write_report"]
+__all__ = [
+    "Landed",
+    "Outcome",
+    "clear_report",
+    "draw_discharge",
+    "is_whole",
+    "pictures_of",
+    "report_files",
+    "write_report",
+]
 
 # every finished report has them
 LASTING = ("tracks.vtp", "machine.vtm", "landings.vtp", "separation.csv", "budget.csv", "report.html")
@@ -74,19 +83,24 @@ def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
     return all(file.exists() for file in files) and set(pictures_of(folder)) == set(names)
 
 
+def report_files(folder: Path) -> list[Path]:
+    """What stands in ``folder`` of all that a report replaces there: files, and folders of its own."""
+    from . import vtk
+    from .figures import figure_files
+
+    own = (folder / name for name in (*LASTING, *AT_TIMES, *vtk.FILES, *vtk.FOLDERS))
+    return [*(path for path in own if path.exists()), *figure_files(folder / "figures")]
+
+
 def clear_report(folder: Path, *, film: bool = True) -> None:
     """Remove what an earlier report left here, so that nothing of another scene stands beside the new one; without
     ``film`` the one that was made of the same answer stays.
     """
-    from . import pictures, vtk
-    from .figures import clear_figures
+    from . import pictures
     from .film import FORMATS
 
-    for name in (*LASTING, *AT_TIMES, *vtk.FILES):
-        (folder / name).unlink(missing_ok=True)
-    for name in vtk.FOLDERS:
-        shutil.rmtree(folder / name, ignore_errors=True)
-    clear_figures(folder / "figures")
+    for path in report_files(folder):
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     for suffix in FORMATS if film else ():
         (folder / "figures" / f"film.{suffix}").unlink(missing_ok=True)
     pictures.clear_pictures(folder / "figures")

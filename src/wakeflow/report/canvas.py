@@ -355,7 +355,12 @@ def _save_data(path: Path, data: Mapping[str, NDArray[Any]]) -> None:
         np.savez_compressed(stream, **data)  # type: ignore[arg-type]
 
 
+def saved(path: Path) -> list[Path]:
+    """What :func:`save` left for ``path`` (.png)."""
+    return [file for suffix in SUFFIXES if (file := path.with_suffix(suffix)).exists()]
+
+
 def clear(path: Path) -> None:
     """Remove what :func:`save` left for ``path`` (.png)."""
-    for suffix in SUFFIXES:
-        path.with_suffix(suffix).unlink(missing_ok=True)
+    for file in saved(path):
+        file.unlink()

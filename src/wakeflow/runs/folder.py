@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.errors import SceneError
 from ..core.sources import code_key
 from ..core.store import content_key
 from ..pipeline.pipeline import Pipeline
@@ -15,6 +16,7 @@ from ..report.views import Result
 from ..results.airflow_summary import (
     Airflow,
 )
+from ..results.result import FILE, GRANULES, key_in
 from ..results.solved_case import cells_of, forces_of
 from ..scene import Scene
 from .packages import versions
@@ -23,7 +25,23 @@ if TYPE_CHECKING:
     from ..pipeline.landings import Landings, Tracked
     from ..report import Landed
 
-__all__ = ["field_files", "report_into", "some_granules"]
+__all__ = ["LOCK", "field_files", "refuse_foreign", "report_into", "some_granules"]
+
+LOCK = ".lock"  # stands in every folder that a run was begun in
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raise SceneError where a run in ``folder`` would replace files that no run wrote."""
+    from ..report import report_files
+
+    if (folder / LOCK).exists() or key_in(folder) is not None:
+        return
+    found = [*report_files(folder), *(path for name in (FILE, GRANULES) if (path := folder / name).exists())]
+    if found:
+        raise SceneError(
+            f"--out {folder}: holds {found[0].relative_to(folder)}, which no run of wakeflow wrote and this one would "
+            "replace; name another folder"
+        )
 
 
 def report_into(

@@ -22,6 +22,7 @@ from ..results.result import (
 from ..results.source import Flights
 from ..scene import Scene
 from .answer import OneRun
+from .folder import LOCK, refuse_foreign
 from .stages import one_thread_of_blas, stages_of
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def run_once(
     _check(scene, folder, request, workers)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with FileLock(folder / ".lock", timeout=0), one_thread_of_blas():
+        with FileLock(folder / LOCK, timeout=0), one_thread_of_blas():
             pipeline, poured = stages_of(scene, request, workers, listener, crew, planned, made)
             result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
             if workers is None and crew == 1 and request.near is None:  # all cores, from rest: as the plan expects it
@@ -138,3 +139,4 @@ def _check(scene: Scene, folder: Path, request: Request, workers: int | None) ->
         raise SceneError(f"--near {request.near}: is the run's own folder; name another run")
     if folder.exists() and not folder.is_dir():
         raise SceneError(f"--out {folder}: is a file; name a folder")
+    refuse_foreign(folder)

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...scene.pictures import STANDARD_FIGURES
-from ..canvas import clear
+from ..canvas import saved
 from .figure import Figure, figures
 
 if TYPE_CHECKING:
     from ..outcome import Outcome
 
-__all__ = ["Figure", "captions", "clear_figures", "draw_figures", "figures", "lasting_figures"]
+__all__ = ["Figure", "captions", "draw_figures", "figure_files", "figures", "lasting_figures"]
 
 for _name in STANDARD_FIGURES:
     import_module(f".{_name}", __name__)
@@ -32,10 +32,9 @@ def draw_figures(folder: Path, outcome: Outcome) -> None:
             figures[name].draw(folder / f"{name}.png", outcome)
 
 
-def clear_figures(folder: Path) -> None:
-    """Remove what :func:`draw_figures` left in ``folder``."""
-    for name in figures:
-        clear(folder / f"{name}.png")
+def figure_files(folder: Path) -> list[Path]:
+    """What stands in ``folder`` of all that :func:`draw_figures` may write there."""
+    return [file for name in figures for file in saved(folder / f"{name}.png")]
 
 
 def lasting_figures() -> Iterator[str]:
