@@ -346,6 +346,7 @@ def test_files_that_no_run_wrote_are_not_replaced(tmp_path: Path) -> None:
 def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarser mesh's airflow is solved beside the answer's; on one core after it."""
     scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard"})
+    compiled = Path(os.environ["WAKEFLOW_CACHE"]) / "numba"
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
         monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_, **__: None)
@@ -353,7 +354,10 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     monkeypatch.setattr(Pipeline, "residence", None)  # of tracers, which the tracker flies too
     found, order = {}, {}
     for cores in (1, 2):
-        monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / f"cache-{cores}"))
+        cache = tmp_path / f"cache-{cores}"
+        cache.mkdir()
+        (cache / "numba").symlink_to(compiled)
+        monkeypatch.setenv("WAKEFLOW_CACHE", str(cache))
         monkeypatch.setattr("os.sched_getaffinity", lambda _, cores=cores: set(range(cores)))
         told: list[str] = []
 
@@ -361,7 +365,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
             told.append(stage + text[:4])
 
         done = wf.run(scene, tmp_path / f"{cores}", listener=hear, force=ALONE)
-        case = next((tmp_path / f"cache-{cores}" / "airflow").glob("*/case/loop.json")).parent
+        case = next((cache / "airflow").glob("*/case/loop.json")).parent
         measured = json.loads((case / "airflow.json").read_text()) | {"seconds": None}
         found[cores] = (done.table["separation"], measured)
         order[cores] = told.index("grid x 1.5 airflowdone") < told.index("airflowdone")

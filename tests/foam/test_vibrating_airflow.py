@@ -183,7 +183,7 @@ def locked(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlowSpec, Path, An
     """Vibration at twice the shedding frequency, a w / U = 0.2: every second vibration sheds a pair of vortices."""
     folder = tmp_path_factory.mktemp("locked")
     omega = 2 * np.pi * 7.5
-    spec = flow(RHOMBUS, MeshMotion(0.2 / omega, omega))
+    spec = flow(RHOMBUS, MeshMotion(0.2 / omega, omega), accuracy=0.1)
     build_mesh(spec.mesh, folder)
     return spec, folder / "case", solve_airflow(spec, folder / "mesh.msh", folder / "case")
 
