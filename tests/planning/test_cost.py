@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from support import shipped
 from wakeflow.planning.cost import wall_seconds
-from wakeflow.planning.machine_rates import COMPILE, kind_of_work, learn, on_this_machine
+from wakeflow.planning.machine_rates import COMPILE, STARTS, kind_of_work, learn, on_this_machine
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan, StageCost
 
@@ -55,8 +56,32 @@ def test_a_machine_is_known_by_its_runs(plan: Plan, tmp_path: Path) -> None:
         learn(tmp_path, plan.stages, {name: slower / 2.0 * seconds for name, seconds in twice.items()})
     here, runs = on_this_machine(plan, tmp_path)
     assert runs == 3
+    meant = sum(twice.values()) / 2.0
+    rate = (2.0 * meant + STARTS) / (meant + STARTS)  # a little below two: programs start, too
     for stage, own in zip([one for one in here if one.name != COMPILE], plan.stages, strict=True):
-        assert stage.seconds == pytest.approx(own.seconds * (2.0 if own.name in twice else 1.0))
+        assert stage.seconds == pytest.approx(own.seconds * (rate if own.name in twice else 1.0), rel=1e-3)
+
+
+def test_a_run_of_seconds_tells_little_of_one_of_minutes(plan: Plan, tmp_path: Path) -> None:
+    """Of coarse runs starting the programs is the most: five times as long as expected is none of a full one's pace."""
+    air = [stage for stage in plan.stages if kind_of_work(stage.name) == "airflow"]
+    coarse = [replace(stage, seconds=0.01 * stage.seconds) for stage in air]
+    for _ in range(4):
+        learn(tmp_path, coarse, {stage.name: 5.0 * stage.seconds for stage in coarse})
+    expected, after_coarse = (sum(one.seconds for one in air), _of_air(plan, tmp_path))
+    assert expected < after_coarse < 1.5 * expected
+    learn(tmp_path, air, {stage.name: 0.9 * stage.seconds for stage in air})
+    assert _of_air(plan, tmp_path) == pytest.approx(0.9 * expected, rel=0.1)
+
+
+def _of_air(plan: Plan, root: Path) -> float:
+    return sum(one.seconds for one in on_this_machine(plan, root)[0] if kind_of_work(one.name) == "airflow")
+
+
+@pytest.mark.parametrize("text", ['{"mesh": [1.2, 0.9]}', '{"mesh": []}', "[]", "{"])
+def test_a_note_of_another_version_or_damaged_teaches_nothing(plan: Plan, tmp_path: Path, text: str) -> None:
+    (tmp_path / "machine-rates.json").write_text(text)
+    assert on_this_machine(plan, tmp_path)[1] == 0
 
 
 def test_what_came_from_the_cache_teaches_nothing(plan: Plan, tmp_path: Path) -> None:

@@ -8,10 +8,11 @@ compare with what was expected of them.
 from __future__ import annotations
 
 import json
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import accumulate
 from pathlib import Path
-from statistics import median
 
 import wakeflow
 
@@ -20,8 +21,9 @@ from .plan import Plan, StageCost
 
 __all__ = ["COMPILE", "kind_of_work", "learn", "on_this_machine"]
 
-FILE = "machine-rates.json"  # by kind of work: seconds over expected ones, of the last runs
-KEPT = 9  # runs that a rate is the median of
+FILE = "machine-rates.json"  # by kind of work: (seconds, those expected), of the last runs
+KEPT = 9  # runs that a rate is the median of, weighted by the seconds that were expected of each
+STARTS = 20.0  # s added to both: a run of seconds tells how long programs take to start, not how fast they compute
 COMPILE, COMPILED = "compile", 45.0  # the stage of the tracker's compilation, and its seconds
 WORK = {  # a kind of work: the last words of the stages in which it is done
     "mesh": ("mesh",),
@@ -52,8 +54,8 @@ def learn(root: Path, expected: Sequence[StageCost], spent: Mapping[str, float])
         return
     known = _read(root)
     for work, pairs in both.items():
-        ratio = sum(pair[0] for pair in pairs) / sum(pair[1] for pair in pairs)
-        known[work] = [*known.get(work, []), round(ratio, 3)][-KEPT:]
+        took, meant = (round(sum(column), 2) for column in zip(*pairs, strict=True))
+        known[work] = [*known.get(work, []), (took, meant)][-KEPT:]
     root.mkdir(parents=True, exist_ok=True)
     write_json(root / FILE, known)
 
@@ -65,12 +67,19 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     The tracker's compilation is one of them where it is still to be done, beside the airflow where there is one.
     """
     known = _read(root)
-    rates = {work: median(ratios) for work, ratios in known.items()}
+    rates = {work: _rate(runs) for work, runs in known.items()}
     here = [replace(one, seconds=one.seconds * rates.get(kind_of_work(one.name), 1.0)) for one in plan.stages]
     if plan.flown_by == "tracker" and not _compiled(root):
         waits = any(one.when == "answer" for one in here)
         here.insert(0, StageCost(COMPILE, COMPILED, "beside" if waits else "first"))
     return tuple(here), max(map(len, known.values()), default=0)
+
+
+def _rate(runs: Sequence[tuple[float, float]]) -> float:
+    """Seconds over expected ones: long runs outweigh short ones, and one that the machine slept through counts once."""
+    rates = sorted(((took + STARTS) / (meant + STARTS), meant) for took, meant in runs)
+    below = list(accumulate(weight for _, weight in rates))
+    return rates[bisect_left(below, 0.5 * below[-1])][0]
 
 
 def _compiled(root: Path) -> bool:
@@ -83,10 +92,10 @@ def _compiled(root: Path) -> bool:
     return bool(made) and max(made) > max(changed)
 
 
-def _read(root: Path) -> dict[str, list[float]]:
-    """The rates that are known; none where no run has noted any, and where the file is not whole."""
+def _read(root: Path) -> dict[str, list[tuple[float, float]]]:
+    """What is known; nothing where no run has noted any, and where the file is not whole or of another version."""
     try:
-        found: dict[str, list[float]] = json.loads((root / FILE).read_text())
-    except (FileNotFoundError, json.JSONDecodeError):
+        found = json.loads((root / FILE).read_text())
+        return {work: [(float(took), float(meant)) for took, meant in runs] for work, runs in found.items() if runs}
+    except (FileNotFoundError, json.JSONDecodeError, TypeError, ValueError, AttributeError):
         return {}
-    return found

@@ -50,6 +50,7 @@ PARTS: dict[str, tuple[str, str | tuple[str, ...]]] = {  # of the run time: how 
     "companions": ("", ""),
 }
 WORTH_TELLING = 0.04  # of the whole run time: a part that takes less is not named
+SIDE_BY_SIDE = 1.15  # parts that add up to so many times the whole run overlap
 
 
 def show_plan(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) -> None:
@@ -167,12 +168,14 @@ def _cost(plan: Plan) -> str:
     spent = _parts(stages)
     whole = wall_seconds(stages, cores())
     told = [f"{part} {duration(time)}" for part, time in spent.items() if time >= WORTH_TELLING * sum(spent.values())]
+    if sum(spent.values()) > SIDE_BY_SIDE * whole:
+        told.append("partly side by side")
     lately = "run" if runs == 1 else f"{runs} runs"
-    learned = f"as its last {lately} took" if runs else "not measured on this machine yet"
+    learned = f"at the pace of the last {lately} here" if runs else "not measured on this machine yet"
     cost = plan.estimate
     return (
-        f"about {duration(whole)}, {learned} ({', '.join(told)}); {cost['memory'] / 1e9:.1f} GB of memory, "
-        f"{cost['disk'] / 1e6:.0f} MB of disk"
+        f"about {duration(whole)}, {learned} ({', '.join(told)}); "
+        f"{cost['memory'] / 1e9:.1f} GB of memory, {cost['disk'] / 1e6:.0f} MB of disk"
     )
 
 
