@@ -20,6 +20,7 @@ from wakeflow.report.canvas import bins_across
 from wakeflow.report.html.asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from wakeflow.report.html.live import FRAMES, POINTS, _frames
 from wakeflow.results.provenance import commit_of
+from wakeflow.results.result import Request
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import flat
 from wakeflow.scene.rungs import rungs
@@ -156,6 +157,15 @@ def test_the_scene_on_the_page_computes_the_same(name: str, cases: Path) -> None
     for key, value in asked.items():
         number = isinstance(value, float) or (isinstance(value, list) and not isinstance(value[0], str | list))
         assert again[key] == (pytest.approx(value, rel=1e-11) if number else value), key
+
+
+def test_what_was_asked_beside_the_scene_is_in_it(cases: Path) -> None:
+    scene = Scene.load(cases / "rhombus.toml", {"force": {"lift": "on", "magnus": "off"}})
+    whole = tomllib.loads(scene_in_full(scene, Request(None, "draft", {"magnus": True, "dust.lift": False}, 0.05)))
+    again = Scene.parse(whole)
+    assert (again.numerics.rung, again.numerics.target_error) == ("draft", 0.05)
+    assert again.force == {"lift": True, "magnus": True, "dust.lift": False}
+    assert Scene.parse(tomllib.loads(scene_in_full(scene, Request(None, None, {}, None)))).numerics == scene.numerics
 
 
 def test_the_machine_is_told_in_the_units_of_machines(cases: Path) -> None:

@@ -14,6 +14,7 @@ from ...core.quantities import say, speaking
 from ...laws.material import materials
 from ...laws.restitution import Restitution
 from ...laws.uncertainties import default_margins
+from ...results.result import Request
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
@@ -133,13 +134,18 @@ def source_of(key: str, why: str) -> str:
     return why if margin is None else f"{why}: {margin.source}"
 
 
-def scene_in_full(scene: Scene) -> str:
-    """The scene as TOML in SI units with every default that was used; loading it gives a scene that computes the
-    same.
+def scene_in_full(scene: Scene, asked: Request | None = None) -> str:
+    """The scene as TOML in SI units with every default that was used, and what was ``asked`` beside it, as --rung or
+    --force; loading it gives a scene that computes the same.
     """
     import tomlkit
 
-    return tomlkit.dumps(_rounded(json.loads(scene.model_dump_json(exclude_none=True, by_alias=True))))
+    tables = json.loads(scene.model_dump_json(exclude_none=True, by_alias=True))
+    if asked is not None:
+        beside = {"rung": asked.rung, "target_error": asked.target_error}
+        tables["numerics"].update({key: value for key, value in beside.items() if value is not None})
+        tables["force"] = {**tables.get("force", {}), **asked.force}
+    return tomlkit.dumps(_rounded(tables))
 
 
 def _rounded(value: Any) -> Any:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.files import atomic_write
+from ...core.quantities import say, speaking
 from ...results.landing_results import BudgetPart, BudgetRow, PartitionCurve
 from ...results.measured import Measured
 from ...scene import RESERVED_BIN, Scene
@@ -18,6 +19,7 @@ from ..colours import fraction_colours
 from ..csv import IMPACT_COLUMNS, impact_cells
 from ..figures import captions
 from ..pictures import found
+from ..sketch import UNITS
 from ..words import (
     NO_VALUE,
     UNKNOWN_ERROR,
@@ -161,7 +163,7 @@ def _asked(result: Result, scene: Scene) -> dict[str, Any]:
         "proofs": proofs_of(result.plan.rung),
         "rung_about": rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
         "origin": _origin(result),
-        "scene": scene_in_full(scene),
+        "scene": scene_in_full(scene, result.options),
         "colours": fraction_colours(list(scene.fraction)),
     }
 
@@ -296,6 +298,7 @@ def _inputs(result: Result) -> dict[str, Any]:
     for key, one in known.items():
         most = sorted(moves[key], key=lambda move: -move[0])[:MOST_MOVED]
         told = ", ".join(text for _, text in most)
-        ends = (number(value) for value in (one.value, one.low, one.high))
-        rows.append((most[0][0] if most else 0.0, (key, *ends, one.unit, source_of(key, one.why), told)))
+        with speaking(UNITS):
+            ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
+        rows.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), told)))
     return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
