@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import wakeflow as wf
-from support import ALONE, shipped
+from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.report.many import draw_lines
 from wakeflow.report.words import percent
+from wakeflow.results.difference import Difference, differences_of
 from wakeflow.results.quantities import TableQuantity
+from wakeflow.results.result import VOID
 from wakeflow.results.table import DONE, FAILED, Entry, ResultTable
 from wakeflow.sweeps.show import show_table
 
@@ -21,10 +24,11 @@ from wakeflow.sweeps.show import show_table
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[wf.Result]:
     folder = tmp_path_factory.mktemp("runs")
-    scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 1024, "fraction.*.impact": "paper"})
+    few = {"feed.rate": "0.5 kg/hour", "feed.count": 1024}  # nobody meets
+    scene = shipped("rhombus", {"numerics.rung": "none", **few, "fraction.*.impact": "paper"})
     bouncy = scene.replace({"fraction.wheat.restitution": 0.6, "bin.middle.from": "-13 mm"})
     asked = {"as-it-is": scene, "bouncy": bouncy}
-    return [wf.run(one, folder / name, force=ALONE, report=False) for name, one in asked.items()]
+    return [wf.run(one, folder / name, report=False) for name, one in asked.items()]
 
 
 def test_inputs_are_what_differs(runs: list[wf.Result]) -> None:
@@ -50,6 +54,28 @@ def test_differences_have_intervals_that_hold_both(runs: list[wf.Result]) -> Non
     assert not found["share.dust.elsewhere"].clear  # the same dust in both
     assert found["throughput.middle"].low is None
     assert not found["throughput.middle"].clear
+
+
+def test_runs_that_leave_out_different_things_differ_by_all_that_is_not_known() -> None:
+    share = TableQuantity("recovery.dust", "1", 0.0, 0.0, 1.0, 0.5, numerical=0.01)
+    solved = replace(share, value=0.94, low=0.55, numerical=0.03)
+
+    def against(inputs: dict[str, object], reason: str = "") -> Difference:
+        other = dict.fromkeys(inputs) | ({"rung": "none"} if "rung" in inputs else {})
+        (found,) = differences_of(
+            [Entry("air", inputs, DONE, "", (solved,)), Entry("x", other, DONE, reason, (share,))]
+        )
+        return found
+
+    alike = against({})
+    assert alike.clear
+    assert alike.low == pytest.approx(-0.94 - math.hypot(0.01, 0.03))
+    for inputs in ({"rung": "draft"}, {"force.lift": True}):
+        unlike = against(inputs)
+        assert not unlike.clear
+        assert unlike.high > 0.0
+        assert unlike.low == -1.0  # parts of a whole differ by no more
+    assert not against({}, VOID).clear
 
 
 def test_the_command_prints_and_writes(

@@ -7,18 +7,25 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from .quantities import TableQuantity
+from .result import VOID
 from .table import Entry
 
-__all__ = ["Difference", "differences_of"]
+__all__ = ["RUNG", "SWITCHED", "Difference", "differences_of"]
+
+RUNG, SWITCHED = "rung", "force."  # keys of how runs were asked for, beside those of their scenes
+PARTS = ("share.", "purity.", "recovery.", "without_collisions.share.", "without_collisions.purity.",
+         "without_collisions.recovery.")  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Difference:
     """A quantity of one run less that of the first: ``value`` and its 95 % interval, None where one of them has none.
 
-    What is unknown of the scene is the same in both runs and moves both alike: the interval of a share holds what
-    computing adds, and takes that as independent (squares of the arms add up: Zou & Donner 2008, Stat. Med. 27, 1693).
-    Runs that feed the same granules agree better than that, so that it errs on the wide side.
+    What is unknown of the scene is the same in two runs on one rung with the same terms and moves both alike: the
+    interval of a share then holds what computing adds. Otherwise, and of purities, it holds all that is not known of
+    both. Either is taken as independent (squares of the arms add up: Zou & Donner 2008, Stat. Med. 27, 1693), and parts
+    of a whole differ by no more than one. Runs that feed the same granules agree better than that, so that it errs on
+    the wide side. ``void``: one of the two answers is worth nothing.
     """
 
     scene: str
@@ -28,30 +35,42 @@ class Difference:
     value: float
     low: float | None
     high: float | None
+    void: bool = False
 
     @property
     def clear(self) -> bool:
-        """Whether the interval leaves zero out."""
-        return self.low is not None and self.high is not None and (self.low > 0.0 or self.high < 0.0)
+        """Whether the interval leaves zero out, of answers that are worth something."""
+        return not self.void and self.low is not None and self.high is not None and (self.low > 0.0 or self.high < 0.0)
 
 
 def differences_of(entries: Sequence[Entry]) -> Iterator[Difference]:
     """Those of every later entry from the first, quantity by quantity."""
     first = entries[0]
     for entry in entries[1:]:
+        alike, void = _computed_alike(first, entry), VOID in (first.reason, entry.reason)
         for one in entry.quantities:
             base = first.by_name.get(one.name)
             if base is None:
                 continue
-            yield Difference(entry.name, first.name, one.name, one.unit, one.value - base.value, *_ends(base, one))
+            ends = _ends(base, one, alike)
+            yield Difference(entry.name, first.name, one.name, one.unit, one.value - base.value, *ends, void)
 
 
-def _ends(base: TableQuantity, one: TableQuantity) -> tuple[float | None, float | None]:
+def _computed_alike(first: Entry, entry: Entry) -> bool:
+    """Whether two runs leave out the same: their rung and the terms that were switched by hand."""
+    keys = {key for one in (first, entry) for key in one.inputs if key == RUNG or key.startswith(SWITCHED)}
+    return all(first.inputs.get(key) == entry.inputs.get(key) for key in keys)
+
+
+def _ends(base: TableQuantity, one: TableQuantity, alike: bool) -> tuple[float | None, float | None]:
     if base.low is None or base.high is None or one.low is None or one.high is None:
         return None, None
     value = one.value - base.value
-    if one.numerical is not None and base.numerical is not None:
-        half = math.hypot(one.numerical, base.numerical)
-        return value - half, value + half
-    low = value - math.hypot(one.value - one.low, base.high - base.value)
-    return low, value + math.hypot(one.high - one.value, base.value - base.low)
+    if alike and one.numerical is not None and base.numerical is not None:
+        below = above = math.hypot(one.numerical, base.numerical)
+    else:
+        below = math.hypot(one.value - one.low, base.high - base.value)
+        above = math.hypot(one.high - one.value, base.value - base.low)
+    if one.name.startswith(PARTS):
+        return max(value - below, -1.0), min(value + above, 1.0)
+    return value - below, value + above

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..results.difference import Difference, differences_of
+from ..results.difference import RUNG, SWITCHED, Difference, differences_of
 from ..results.quantities import quantities_of
 from ..results.result import Result
 from ..results.table import DONE, Entry, ResultTable
@@ -92,9 +92,9 @@ def _options(runs: Sequence[Result]) -> dict[str, list[Any]]:
     """How the runs were asked for, where that differs: the rung that was computed, the accuracy, switched terms."""
     terms = dict.fromkeys(term for run in runs for term in run.options.force)
     columns: dict[str, list[Any]] = {
-        "rung": [run.plan.rung for run in runs],
+        RUNG: [run.plan.rung for run in runs],
         "target-error": [run.plan.target_error for run in runs],
-        **{f"force.{term}": [run.options.force.get(term) for run in runs] for term in terms},
+        **{f"{SWITCHED}{term}": [run.options.force.get(term) for run in runs] for term in terms},
     }
     return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
 

@@ -31,6 +31,10 @@ FEW = 5  # scenes that are named in a line
 MOST_ROWS = 50  # of a table on a terminal; all are in the file
 GAP = 2  # letters between columns
 LEVEL = ("floor", "top")  # lines along x
+DIFFERENCES_HOLD = (
+    "bold: zero lies outside of the interval, of what computing adds; of all that is not known where rungs or terms "
+    "differ, and of purities"
+)
 
 Column = tuple[str, ...]  # its head and its cells
 
@@ -144,20 +148,19 @@ def show_comparison(found: RunComparison) -> None:
     others = [entry.name for entry in found.table.entries[1:]]
     for name in others:
         table.add_column(name, justify="right", overflow="fold")
-    void = found.table.caveats.get(VOID, [])
     rows: dict[str, dict[str, Difference]] = {}
     for one in found.differences:
         rows.setdefault(one.quantity, {})[one.scene] = one
     for quantity, row in rows.items():
         if quantity in names:
-            table.add_row(quantity, *(_difference(row[name], void) if name in row else NO_VALUE for name in others))
-    table.caption, table.caption_justify = "bold: zero lies outside of the interval, of what computing adds", "left"
+            table.add_row(quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others))
+    table.caption, table.caption_justify = DIFFERENCES_HOLD, "left"
     Console().print(table if table.row_count else f"no number of {first} stands in another of these runs")
 
 
-def _difference(one: Difference, void: Sequence[str]) -> str:
+def _difference(one: Difference) -> str:
     text = difference_text(one).replace("[", "\\[")
-    return f"[bold]{text}[/]" if one.clear and not {one.scene, one.against} & set(void) else text
+    return f"[bold]{text}[/]" if one.clear else text
 
 
 def show_dividers(found: Sequence[Dividers], on: str) -> None:
