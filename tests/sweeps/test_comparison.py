@@ -13,7 +13,7 @@ from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.report.many import draw_lines
-from wakeflow.report.words import percent
+from wakeflow.report.words import holds, percent
 from wakeflow.results.difference import Difference, differences_of
 from wakeflow.results.quantities import TableQuantity
 from wakeflow.results.result import VOID
@@ -76,6 +76,13 @@ def test_runs_that_leave_out_different_things_differ_by_all_that_is_not_known() 
         assert unlike.high > 0.0
         assert unlike.low == -1.0  # parts of a whole differ by no more
     assert not against({}, VOID).clear
+
+
+def test_an_air_that_is_left_out_stands_against_the_answer(runs: list[wf.Result]) -> None:
+    assert not runs[0].void
+    assert runs[0].caveat == "of dust, chaff, wheat mostly of the air, which is left out"
+    assert "Of dust, chaff, wheat mostly of the air" in holds(runs[0])
+    assert "sheddings" not in holds(runs[0])
 
 
 def test_the_command_prints_and_writes(

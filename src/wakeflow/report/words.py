@@ -32,7 +32,7 @@ __all__ = [
 ]
 
 NO_VALUE = "–"
-OF_WHAT = "what the scene does not say exactly, granules, sheddings, steps, mesh, terms left out"
+OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"
 UNPROVEN = "No measurement of granules validates this machine."
 UNKNOWN_ERROR = "unknown"
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
@@ -71,13 +71,15 @@ def holds(result: Result) -> str:
             text for text, grade in zip(result.warnings, result.grades, strict=True) if grade == Grade.VOID.value
         )
         return f"VOID: the answer is worth nothing, whatever its intervals say: {why}."
+    of_what = OF_WHAT.format("steps" if result.airflow is None else "sheddings, steps, mesh")
     if not result.lacking:
-        return f"The interval holds 95 %: {OF_WHAT}. {UNPROVEN}"
+        mostly = f" {result.caveat.capitalize()}." if result.caveat else ""
+        return f"The interval holds 95 %: {of_what}.{mostly} {UNPROVEN}"
     remedies = dict.fromkeys(REMEDIES[source] for source in result.lacking if source in REMEDIES)
     mend = f"; it takes {'; '.join(remedies)}" if remedies else ""
     return (
         f"The interval lacks {', '.join(result.lacking)}, whose size is not known{mend}. Of the rest it holds 95 %: "
-        f"{OF_WHAT}. {UNPROVEN}"
+        f"{of_what}. {UNPROVEN}"
     )
 
 

@@ -49,6 +49,7 @@ SCHEMA = 1
 FILE = "result.json"
 GRANULES = "granules.npz"
 VOID = "void"  # the caveat of an answer that is worth nothing
+AIR, WIDE = "air", 1.0  # left out as a whole; body widths that it could move a fraction by: beyond the bins' ends
 
 
 @dataclass(frozen=True)
@@ -224,8 +225,13 @@ class Result:
 
     @property
     def caveat(self) -> str:
-        """What stands against the intervals in a word: that the answer is void, or what they lack; empty without."""
-        return VOID if self.void else f"without {', '.join(self.lacking)}" if self.lacking else ""
+        """What stands against the intervals in a word: that the answer is void, what they lack, or that they hold an air
+        that was left out; empty without.
+        """
+        if self.void or self.lacking:
+            return VOID if self.void else f"without {', '.join(self.lacking)}"
+        blown = [one.fraction for one in self.plan.left_out if one.name == AIR and (one.bound or 0.0) > WIDE]
+        return f"of {', '.join(map(str, blown))} mostly of the air, which is left out" if blown else ""
 
     def __repr__(self) -> str:
         """The folder, and what is recovered of each fraction, with its 95 % interval, and what is wrong with that."""
