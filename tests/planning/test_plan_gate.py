@@ -6,6 +6,7 @@ less than it; it is not idle when it is at most 30 times what 95 % of them move.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -33,6 +34,7 @@ from wakeflow.planning.bounds import bounds
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.terms import TYPICAL, LeftOutTerm
+from wakeflow.planning.unusual import unusual_lines
 from wakeflow.results.bin_ends import free_ends
 from wakeflow.results.budget import together
 from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
@@ -251,8 +253,24 @@ def test_an_accuracy_that_is_no_number_is_refused(error: Any, draft: Scene) -> N
 def test_granules_lighter_than_the_air_are_doubted(draft: Scene) -> None:
     plan = make_plan(draft.replace({"fraction.dust.density": 0.7}), force={"basset-history": False})
     (doubt,) = [notice.text for notice in plan.notices if "lighter than the air" in notice.text]
+    assert not [notice for notice in plan.notices if "lighter than foam" in notice.text]
     assert doubt.startswith("dust: 0.7 kg/m3")
     assert "'0.7 g/cm3'" in doubt
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"air.density": 1204.0}, "air.density = 1204 kg/m3, of air about 1.2"),
+        ({"vibration.frequency": 1800.0}, "vibration.frequency = '1800 rpm'."),
+        ({"fraction.wheat.density": 1.3}, r"wheat: 1.3 kg/m3, lighter than foam; .* \('1.3 g/cm3' if that was meant\)"),
+        ({"fraction.wheat.density": 29000.0}, "wheat: 2.9e.04 kg/m3, denser than any matter; check"),
+    ],
+)
+def test_a_number_that_no_machine_has_is_asked_about(changes: dict[str, Any], told: str, draft: Scene) -> None:
+    (line,) = [n.text for n in unusual_lines(draft.replace(changes))]
+    assert re.search(told, line)
+    assert not list(unusual_lines(draft))
 
 
 def test_fine_dust_slips_between_the_airs_molecules(draft: Scene) -> None:

@@ -48,7 +48,12 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
     [
         ({"air.sped": 3}, "air.sped: unknown key; did you mean 'speed'?"),
         ({"air.speed": "5 kg"}, "air.speed = '5 kg': needs a number in m/s or a string such as '5 m/s'"),
-        ({"air.speed": -1}, "air.speed = -1: too small (allowed: >= 1e-06 m/s and <= 100 m/s)"),
+        (
+            {"air.speed": -1},
+            "air.speed = -1: too small (allowed: >= 1e-06 m/s and <= 100 m/s); which way it blows is said",
+        ),
+        ({"fraction.wheat.friction": "40 %"}, "needs a number (allowed: >= 0 and <= 10)"),
+        ({"channel.width": "40 mm"}, " and 4 more"),
         ({"air.speed": math.nan}, "air.speed"),
         ({"body.rhombus.slope_angle": 60}, "unit forgotten: a number alone is in rad? Write '60 deg'"),
         ({"body.rhombus.slope_angle": None}, "body.rhombus"),

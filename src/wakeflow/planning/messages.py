@@ -21,6 +21,7 @@ from .plan import COMPARED, REPLICATES, FractionPlan
 from .span import span_lines
 from .standing import standing
 from .terms import Gate
+from .unusual import unusual_lines
 
 __all__ = ["missing_lines", "used_lines", "warning_lines"]
 
@@ -179,6 +180,7 @@ def warning_lines(
     """
     yield from airflow.notices(scene)
     yield from _beyond_the_top(scene)
+    yield from unusual_lines(scene)
     for name, fraction in scene.fraction.items():
         size = float(fraction.diameters(np.array([LARGE]))[0])
         if size > POINT * scene.width:
@@ -190,12 +192,6 @@ def warning_lines(
         if fraction.properties.confidence == "low":
             yield less_sure(
                 f"{name}: material data of low confidence; measure yours and set fraction.{name}.terminal_velocity"
-            )
-        density = float(fraction.properties.density)
-        if scene.air is not None and density < scene.air.density:
-            yield less_sure(
-                f"{name}: {density:.3g} kg/m3, lighter than the air ({scene.air.density:.3g}), so that it rises; check "
-                f"fraction.{name}.density ('{density:.3g} g/cm3' if that was meant)"
             )
         plan = fractions[name]
         if plan.drag_scale < FASTER:

@@ -225,8 +225,8 @@ class Result:
 
     @property
     def caveat(self) -> str:
-        """What stands against the intervals in a word: that the answer is void, what they lack, or that they mostly hold
-        an air that was left out; empty without.
+        """What stands against the intervals in a word: that the answer is void, what they lack, or an air that was left
+        out and fills them; empty without.
         """
         if self.void or self.lacking:
             return VOID if self.void else f"without {', '.join(self.lacking)}"

@@ -17,7 +17,7 @@ from ..laws.size import sizes, within
 from .distributions import Size, Speeds
 from .rebound import Coefficient, Rebound
 from .table import Array, Shorthand, Table
-from .units import Diameter, MassDensity, Portion, PositiveSpeed, ScatterAngle
+from .units import SHARE, Diameter, MassDensity, Portion, PositiveSpeed, ScatterAngle
 
 __all__ = ["COEFFICIENTS", "Fraction"]
 
@@ -68,7 +68,7 @@ class Fraction(Table):
     drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
     restitution: (
         Annotated[
-            Annotated[float, Field(ge=0, le=1), Tag("[number]")]
+            Annotated[float, Field(ge=0, le=1), SHARE, Tag("[number]")]
             | Annotated[Rebound, Tag("[law]")]
             | Annotated[Coefficient, Tag("[table]")],
             Discriminator(_number_law_or_table),
@@ -87,7 +87,7 @@ class Fraction(Table):
     rebound_scatter: ScatterAngle | None = Field(
         None, description="rms angle by which its shape turns the wall's normal at an impact; 0 of spheres"
     )
-    tangential_restitution: Annotated[float, Field(ge=0, le=1)] | None = Field(
+    tangential_restitution: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
         None, description="part of its slip that a contact which sticks gives back, of granules that turn"
     )
     impact: str | None = Field(

@@ -34,6 +34,8 @@ WANTED = {  # pydantic's types of errors, in the user's words
 }
 SIZES = {"too_short": ("least", "min_length"), "too_long": ("most", "max_length")}
 TOO_LARGE = ("less_than", "less_than_equal")
+TOO_SMALL = ("greater_than", "greater_than_equal")
+BELOW = {"air.speed": "; which way it blows is said by air.direction, and a scene without [air] has none"}
 TABLE = ("model_type", "dict_type", "model_attributes_type")
 
 
@@ -60,7 +62,8 @@ def explain(problem: ValidationError, data: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {_words(error)}"
         else:
             unit_lost = _unit_lost(place, data, value) if error["type"] in TOO_LARGE else ""
-            yield f"{key} = {value!r}: {_words(error)}{_allowed(place, data, value)}{unit_lost}"
+            hint = BELOW.get(key, "") if error["type"] in TOO_SMALL else ""
+            yield f"{key} = {value!r}: {_words(error)}{_allowed(place, data, value)}{unit_lost}{hint}"
 
 
 def units_in(data: Mapping[str, Any]) -> dict[str, str]:
@@ -118,8 +121,9 @@ def _no_table(place: Place, data: Mapping[str, Any]) -> str:
 def _allowed(place: Place, data: Mapping[str, Any], value: Any) -> str:
     """The range of a field, in the unit of the value as it is written."""
     node = described(place, data)
-    unit, _ = unit_and_example(node) or ("1", "")
-    written = split_quantity(value) if isinstance(value, str) else None
+    measure = unit_and_example(node)
+    unit, _ = measure or ("1", "")
+    written = split_quantity(value) if measure and isinstance(value, str) else None
     spoken = {unit: written[1]} if written and _converts(written[1], unit) else {}
     with speaking(spoken):
         words = allowed_range(node, unit)

@@ -34,6 +34,7 @@ from .whole import SceneTables
 __all__ = ["Scene", "units_written"]
 
 Array = NDArray[np.float64]
+MOST_MISTAKES = 3  # that are told of tables which do not agree: the first is often the cause of the others
 
 
 class Scene(SceneTables):
@@ -58,7 +59,8 @@ class Scene(SceneTables):
                 raise SceneError(f"{name}: {'; '.join(explain(problem, data))}") from None
             mistakes = [message for check in CHECKS for message in check(scene)]
         if mistakes:
-            raise SceneError(f"{name}: {'; '.join(mistakes)}")
+            more = f"; and {len(mistakes) - MOST_MISTAKES} more" if len(mistakes) > MOST_MISTAKES else ""
+            raise SceneError(f"{name}: {'; '.join(mistakes[:MOST_MISTAKES])}{more}")
         return scene
 
     @classmethod
