@@ -110,7 +110,7 @@ class StageCache:
                 write_json(spent, before + already() + time.monotonic() - started)
 
         folder, cached = self.store.make(
-            stage, key, timed, on_wait=lambda: self.tell(stage, "computed elsewhere at this moment; waiting for it")
+            stage, key, timed, on_wait=lambda: self.tell(stage, "being computed beside this; waiting for it")
         )
         seconds = json.loads((folder / SECONDS).read_text())
         name = StageKey(self.label, stage)

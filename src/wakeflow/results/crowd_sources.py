@@ -88,7 +88,7 @@ def _noise(changed: np.ndarray, own: np.ndarray, *, paired: bool) -> str | None:
         told = f"a difference of {len(changed)} replicates from {len(own)}"
         variance = changed.var(ddof=1) + own.var(ddof=1) * len(changed) / len(own)
     half = student(len(changed) - 1) * float(np.sqrt(variance / len(changed)))
-    return f"{told}, itself known to {100 * half:.2g} points"
+    return f"{told}, of which chance alone may make {100 * half:.2g} points"
 
 
 for _source in (SlabStep(), SlabDepth()):
