@@ -108,6 +108,14 @@ def test_rhombus_gives_a_whole_answer(rhombus_run: wf.Result) -> None:
 
 
 @pytest.mark.openfoam
+def test_what_is_recovered_in_one_bin_is_the_share_there(rhombus_run: wf.Result) -> None:
+    assert rhombus_run.landings is not None
+    found, share = rhombus_run.landings.separation.recovery["dust"], rhombus_run.share("dust", "middle")
+    assert found is not None
+    assert (found.value, found.low, found.high) == share
+
+
+@pytest.mark.openfoam
 def test_rhombus_separates_dust_from_wheat(rhombus_run: wf.Result) -> None:
     """Dust follows the air into the wake, chaff lands beside it, wheat is thrown outwards."""
     assert rhombus_run.share("dust", "middle")[0] > rhombus_run.share("wheat", "middle")[0] + 0.1

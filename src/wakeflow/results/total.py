@@ -88,12 +88,21 @@ def totalled(separation: Separation, budget: Sequence[BudgetRow], inputs: Inputs
         for place in shares
     }
     made = _Combined(separation, parts, inputs, scene)
-    recovery = {name: found and made.recovery(name, found) for name, found in separation.recovery.items()}
+    recovery = {
+        name: found and (made.recovery(name, found) if len(targets := scene.fraction[name].targets) > 1
+                         else _as_share(found, fractions[name][targets[0]]))
+        for name, found in separation.recovery.items()
+    }  # fmt: skip
     purity = {
         place: found and {name: made.purity(name, place, pure) for name, pure in found.items()}
         for place, found in separation.purity.items()
     }
     return replace(separation, fractions=fractions, recovery=recovery, purity=purity)
+
+
+def _as_share(found: Measured, share: Share) -> Measured:
+    """A recovery in one bin, which is the share there: one number has one interval."""
+    return replace(found, low=share.low, high=share.high, numerical=share.numerical)
 
 
 def _with_total(share: Share, row: BudgetRow | None) -> Share:
