@@ -170,7 +170,7 @@ def show_dividers(found: Sequence[Dividers], on: str) -> None:
     from rich.table import Table
 
     console, fraction = Console(), found[0].fraction
-    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice"
+    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice, ± of their number alone"
     table = Table(title=title, title_justify="left", pad_edge=False, box=SIMPLE_HEAD)
     level = on in LEVEL  # places are the machine's own x there
     for head in ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})"):
