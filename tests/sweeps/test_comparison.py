@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.report import many
 from wakeflow.report.many import draw_lines
 from wakeflow.report.words import percent
 from wakeflow.results.quantities import TableQuantity
@@ -141,3 +144,38 @@ def test_a_legend_leaves_its_panel_room_whatever_the_names(count: int, tmp_path:
     texts = (tmp_path / "lines.svg").read_text()
     assert all(texts.count(f">share.{one}.outer-left<") == 1 for one in fractions)
     assert (texts.count("at-the-left-of-the-channel 7, ") > 0) == (count == 2)  # more are points with bars
+
+
+def _grid_of(low: float, high: float) -> ResultTable:
+    """Scenes over two inputs, 0 and 0.001 of the dust recovered, each with the interval low to high."""
+    entries = [
+        Entry(
+            f"{speed}-{gamma}", {"air.speed": speed, "vibration.gamma": gamma}, DONE, "",
+            tuple(TableQuantity(f"{kind}.dust", "1", 0.001 * (speed > 3.0), low, high) for kind in KINDS),
+        )
+        for speed in (3.0, 4.0)
+        for gamma in (1.0, 2.0)
+    ]  # fmt: skip
+    return ResultTable(entries, {"dust": ("near",)})
+
+
+KINDS = ("recovery", "purity.near")
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Figures as they are about to be saved."""
+    kept: list[Any] = []
+    monkeypatch.setattr(many, "save", lambda figure, path: kept.append(figure))
+    return kept
+
+
+def test_whiskers_of_one_value_stand_beside_each_other(drawn: list[Any]) -> None:
+    many.draw_lines(Path("unused"), _grid_of(0.0, 1.0), ["recovery.dust"], "air.speed")
+    [axes] = drawn[0].axes
+    ends = np.array([part for bars in axes.collections for part in bars.get_segments()])  # whisker, end, x and y
+    assert len(ends) == 4
+    x = np.sort(ends[:, 0, 0])
+    assert np.diff(x).min() > 0.2  # of the 1 m/s between two speeds: none hides another
+    assert np.abs(x - [3.0, 3.0, 4.0, 4.0]).max() < 0.25  # each still next to its own
+    assert (ends[:, :, 1] == [0.0, 100.0]).all()

@@ -1,4 +1,4 @@
-"""Figures of many results at once: lines with bands over an input, maps over two, purity against recovery."""
+"""Figures of many results at once: lines with whiskers over an input, maps over two, purity against recovery."""
 
 from __future__ import annotations
 
@@ -41,6 +41,7 @@ LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches 
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
+SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one
 
 
 def main_quantities(table: ResultTable) -> list[str]:
@@ -81,8 +82,9 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
 
 
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
-    """Draw quantities over the input ``key``, with bands for their 95 % intervals: a panel each kind of quantity, a
-    line each combination of the other inputs, or points with bars where these are many.
+    """Draw quantities over the input ``key``, with whiskers for their 95 % intervals: a panel each kind of quantity, a
+    line each combination of the other inputs, or points alone where these are many. The lines of a panel are moved a
+    little along x, so that the whiskers of one value stand beside each other.
 
     Raises SceneError where a quantity or the input is not in the table.
     """
@@ -96,8 +98,9 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
     legends = [_Legend.of(_looks(members), styles) for members in panels.values()]
     figure = new_figure(1.2 + PANEL * len(panels), HIGH + ROW * max(legend.rows for legend in legends))
     for axes, legend, (kind, members) in zip(_row(figure, len(panels)), legends, panels.items(), strict=True):
+        shifts = _shifts({name: groups[name] for name in members})
         for name in members:
-            _lines(axes, groups[name], styles, legend.looks[name])
+            _lines(axes, groups[name], styles, legend.looks[name], shifts[name])
         axes.set_xlabel(_head(key))
         axes.set_ylabel(_label(kind, table.names[members[0]]))
         legend.draw(axes)
@@ -148,19 +151,34 @@ def _looks(quantities: Sequence[str]) -> dict[str, _Look]:
     return {name: _Look(colours[fraction], next(markers[fraction])) for name, fraction in fractions.items()}
 
 
-def _lines(axes: Axes, groups: Mapping[str, list[_Point]], styles: Mapping[str, LineStyleType], look: _Look) -> None:
-    """A quantity's lines in their styles; points with bars where there are no styles, for they are too many."""
-    if not styles:
-        points = sorted(itertools.chain(*groups.values()))
-        at, over = [p.x for p in points], [p.value for p in points]
-        axes.errorbar(at, over, [*_arms(points)], fmt=look.marker, ms=3, lw=0.8, color=look.colour)
-        return
+def _shifts(panel: Mapping[str, Mapping[str, list[_Point]]]) -> dict[str, dict[str, float]]:
+    """How far each line of a panel moves along x, by quantity and what else varies: whole intervals that lie on top of
+    each other cannot be told apart.
+    """
+    lines = [(name, rest) for name, groups in panel.items() for rest in groups]
+    values = np.unique([p.x for groups in panel.values() for points in groups.values() for p in points])
+    room = SPREAD * float(np.diff(values).min(initial=np.inf)) if len(values) > 1 and len(lines) > 1 else 0.0
+    found: dict[str, dict[str, float]] = {name: {} for name in panel}
+    for (name, rest), shift in zip(lines, np.linspace(-0.5 * room, 0.5 * room, len(lines)), strict=True):
+        found[name][rest] = float(shift)
+    return found
+
+
+def _lines(
+    axes: Axes,
+    groups: Mapping[str, list[_Point]],
+    styles: Mapping[str, LineStyleType],
+    look: _Look,
+    shifts: Mapping[str, float],
+) -> None:
+    """A quantity's lines in their styles with whiskers; points alone where there are no styles, for they are many."""
     for rest, points in groups.items():
         points.sort()
-        x, values = [p.x for p in points], np.array([p.value for p in points])
-        low, high = _arms(points)
-        axes.plot(x, values, styles[rest], marker=look.marker, ms=3, lw=1.2, color=look.colour)
-        axes.fill_between(x, values - low, values + high, color=look.colour, alpha=0.18, linewidth=0)
+        x, values = [p.x + shifts[rest] for p in points], [p.value for p in points]
+        axes.errorbar(
+            x, values, [*_arms(points)], linestyle=styles.get(rest, "none"), marker=look.marker, ms=3, lw=1.2,
+            elinewidth=0.8, capsize=1.5, color=look.colour,
+        )  # fmt: skip
 
 
 class _Point(NamedTuple):
