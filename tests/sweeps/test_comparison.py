@@ -179,3 +179,15 @@ def test_whiskers_of_one_value_stand_beside_each_other(drawn: list[Any]) -> None
     assert np.diff(x).min() > 0.2  # of the 1 m/s between two speeds: none hides another
     assert np.abs(x - [3.0, 3.0, 4.0, 4.0]).max() < 0.25  # each still next to its own
     assert (ends[:, :, 1] == [0.0, 100.0]).all()
+
+
+@pytest.mark.parametrize(("low", "high", "ends"), [(0.0, 1.0, (0.0, 50.05)), (0.0, 0.0005, (0.0, 0.1))])
+def test_a_map_shows_no_difference_that_the_intervals_hide(
+    low: float, high: float, ends: tuple[float, float], drawn: list[Any]
+) -> None:
+    many.draw_map(Path("unused"), _grid_of(low, high), ["recovery.dust"], "air.speed", "vibration.gamma")
+    axes = drawn[0].axes[0]
+    assert axes.collections[0].get_clim() == pytest.approx(ends)
+    told = [text.get_text() for text in axes.texts]
+    assert told.count("0.1") == 2
+    assert told.count("±50") == (4 if high == 1.0 else 0)

@@ -37,6 +37,7 @@ STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
 LONGEST = 60  # letters of what tells a line from the others
 PANEL, HIGH = 4.4, 3.8  # inches, of a panel with lines
+SMALL = 5.5  # points: of what stands below a number
 LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches a line's sample takes
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
@@ -203,8 +204,9 @@ def _groups(table: ResultTable, name: str, key: str) -> dict[str, list[_Point]]:
 
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
-    """Draw quantities as colours over two inputs that form a grid, with the numbers where there is room. Raises
-    SceneError where they form none: a value of each input for every scene, and no two scenes at one place.
+    """Draw quantities as colours over two inputs that form a grid, with the numbers and half their 95 % intervals where
+    there is room. Raises SceneError where they form none: a value of each input for every scene, and no two scenes at
+    one place.
     """
     grid = _grid(table, x, y)
     if grid is None:
@@ -216,18 +218,42 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     for axes in panels[len(names) :]:
         axes.set_visible(False)
     for axes, name in zip(panels, names, strict=False):
-        unit = table.names[table.quantity(name)]
-        values = _scale(name, unit) * np.array([[_value(entry, name) for entry in row] for row in grid.rows])
-        drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis")
-        figure.colorbar(drawn, ax=axes, label=_label(name, unit))
-        if values.size <= CELLS_WITH_TEXT:
-            middle = 0.5 * (np.nanmin(values) + np.nanmax(values))
-            for (row, column), value in np.ndenumerate(values):
-                ink = INK if value > middle else "white"
-                axes.text(grid.x[column], grid.y[row], f"{value:.3g}", ha="center", va="center", fontsize=7, color=ink)
+        drawn = _cells(axes, grid, name, table.names[table.quantity(name)])
+        figure.colorbar(drawn, ax=axes, label=_label(name, table.names[name]))
         axes.set_xlabel(_head(x))
         axes.set_ylabel(_head(y))
     save(figure, path)
+
+
+def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
+    """A quantity as colours, which :func:`_colour_range` spreads; returns what a colour bar is made from."""
+    scale = _scale(name, unit)
+    values = scale * np.array([[_value(entry, name) for entry in row] for row in grid.rows])
+    widths = scale * np.array([[_width(entry, name) for entry in row] for row in grid.rows])
+    low, high = _colour_range(values, widths, percent=scale != 1.0)
+    drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis", vmin=low, vmax=high)
+    if values.size > CELLS_WITH_TEXT:
+        return drawn
+    for (row, column), value in np.ndenumerate(values):
+        if np.isnan(value):
+            continue
+        at, ink = (grid.x[column], grid.y[row]), INK if value > 0.5 * (low + high) else "white"
+        known = widths[row, column] > 0.0
+        axes.text(*at, f"{value:.3g}", ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
+        if known:
+            axes.text(*at, f"±{0.5 * widths[row, column]:.2g}", ha="center", va="top", fontsize=SMALL, color=ink)
+    return drawn
+
+
+def _colour_range(values: Array, widths: Array, *, percent: bool) -> tuple[float, float]:
+    """The ends of a map's colours: of its ``values``, but no closer than the median width of their intervals, since
+    what the intervals hide is no difference to be seen; shares in percent end at 0 and 100.
+    """
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    wider = 0.5 * max(0.0, float(np.nanmedian(widths)) - (high - low))
+    if not percent:
+        return low - wider, high + wider
+    return max(min(low, 0.0), low - wider), min(max(high, 100.0), high + wider)
 
 
 class _Grid(NamedTuple):
@@ -331,6 +357,12 @@ def _number(entry: Entry, key: str) -> float | None:
 def _value(entry: Entry | None, name: str) -> float:
     found = None if entry is None else entry.by_name.get(name)
     return np.nan if found is None else found.value
+
+
+def _width(entry: Entry | None, name: str) -> float:
+    """Of a quantity's 95 % interval; zero where none is known, NaN where there is no quantity."""
+    found = None if entry is None else entry.by_name.get(name)
+    return np.nan if found is None else sum(_arm(found))
 
 
 def _ends(found: TableQuantity) -> tuple[float, float]:
