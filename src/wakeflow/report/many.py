@@ -42,6 +42,9 @@ LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches 
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
+FEW = 8  # scenes whose points have their numbers
+SHORT = 40  # letters of what such a scene is
+CLOSE = 0.035  # of an axis: numbers at points that are no further from each other are written as one
 SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one
 
 
@@ -191,16 +194,26 @@ class _Point(NamedTuple):
 
 def _groups(table: ResultTable, name: str, key: str) -> dict[str, list[_Point]]:
     """Points of a quantity over ``key``, by the text of what the other inputs are that vary."""
-    others = [k for k in table.inputs if k != key and len({str(e.inputs.get(k)) for e in table.done}) > 1]
+    others = [k for k in _varied(table) if k != key]
     groups: dict[str, list[_Point]] = {}
     for entry in table.done:
         found, x = entry.by_name.get(name), _number(entry, key)
         if found is not None and x is not None:
-            told = [k for k in others if entry.inputs.get(k) is not None]
-            rest = ", ".join(f"{k.rpartition('.')[2]} {_short(entry.inputs[k])}" for k in told)
             scale = _scale(name, table.names[name])
-            groups.setdefault(rest, []).append(_Point(x, *(scale * one for one in (found.value, *_ends(found)))))
+            point = _Point(x, *(scale * one for one in (found.value, *_ends(found))))
+            groups.setdefault(_told(entry, others), []).append(point)
     return groups
+
+
+def _varied(table: ResultTable) -> list[str]:
+    """The inputs that differ among the scenes that are done."""
+    return [key for key in table.inputs if len({str(entry.inputs.get(key)) for entry in table.done}) > 1]
+
+
+def _told(entry: Entry, keys: Sequence[str]) -> str:
+    """What a scene's inputs of these ``keys`` are, by the last part of each key."""
+    told = [key for key in keys if entry.inputs.get(key) is not None]
+    return ", ".join(f"{key.rpartition('.')[2]} {_short(entry.inputs[key])}" for key in told)
 
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
@@ -278,33 +291,74 @@ def _grid(table: ResultTable, x: str, y: str) -> _Grid | None:
 
 def draw_trade_off(path: Path, table: ResultTable) -> None:
     """Draw purity against recovery of every fraction and target, a point a scene, and the front: scenes of which none
-    other is better in both.
+    other is better in both. A few scenes have numbers at their points, and what they are beside the picture.
     """
     pairs = _pairs(table)
     if not pairs:
         raise SceneError("no fraction of these scenes has a target; there is no purity against recovery to draw")
-    figure = new_figure(5.6, 4.2)
+    named = _scene_texts(table)
+    figure = new_figure(5.6 + max(text_width(text, LETTERS) for text in (f"{'M' * 20}", *named)), 4.2)
     axes, colours = figure.add_subplot(), fraction_colours(sorted({fraction for fraction, _ in pairs}))
+    places: list[tuple[int, float, float]] = []  # scene, recovery and purity in percent
     for marker, (fraction, place) in zip(itertools.cycle(MARKERS), pairs, strict=False):
-        found = [
-            (entry.by_name[f"recovery.{fraction}"], entry.by_name[f"purity.{place}.{fraction}"])
-            for entry in table.done
-            if {f"recovery.{fraction}", f"purity.{place}.{fraction}"} <= set(entry.by_name)
-        ]
+        wanted = (f"recovery.{fraction}", f"purity.{place}.{fraction}")
+        found = {
+            number: tuple(entry.by_name[name] for name in wanted)
+            for number, entry in enumerate(table.done, start=1)
+            if set(wanted) <= set(entry.by_name)
+        }
         if not found:
             continue
-        spots = np.array([(recovery.value, purity.value) for recovery, purity in found])
-        arms = [np.array([_arm(one) for one in side]).T for side in zip(*found, strict=True)]
+        spots = np.array([(recovery.value, purity.value) for recovery, purity in found.values()])
+        arms = [np.array([_arm(one) for one in side]).T for side in zip(*found.values(), strict=True)]
         axes.errorbar(
             100 * spots[:, 0], 100 * spots[:, 1], xerr=100 * arms[0], yerr=100 * arms[1], fmt=marker, ms=4, lw=0.7,
             color=colours[fraction], label=f"{fraction} in {place}",
         )  # fmt: skip
         front = spots[on_front(spots)]
         axes.plot(*(100 * front[np.argsort(front[:, 0])].T), color=colours[fraction], lw=1.2, alpha=0.6)
+        places += [(number, 100 * x, 100 * y) for number, (x, y) in zip(found, spots, strict=True)]
     axes.set_xlabel("recovery (%)")
     axes.set_ylabel("purity (%)")
-    axes.legend(fontsize=7, frameon=False)
+    _name_scenes(axes, named, places)
+    handles = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda one: one[1] in named)
+    axes.legend(*zip(*handles, strict=True), fontsize=LETTERS, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
     save(figure, path)
+
+
+def _scene_texts(table: ResultTable) -> list[str]:
+    """What each of a few scenes is, in the order of the table: what varies, or its name where that tells too little;
+    empty where the scenes are many.
+    """
+    if len(table.done) > FEW:
+        return []
+    keys = _varied(table)
+    texts = [_told(entry, keys) for entry in table.done]
+    if "" in texts or len(set(texts)) < len(texts):
+        texts = [entry.name for entry in table.done]
+    return [shorten(text, SHORT, placeholder=" ...") for text in texts]
+
+
+def _name_scenes(axes: Axes, named: Sequence[str], places: Sequence[tuple[int, float, float]]) -> None:
+    """The numbers of scenes at their points, together where points lie so close that numbers would hide each other,
+    and a line of the legend for each.
+    """
+    if not named:
+        return
+    reach = CLOSE * np.array([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())])
+    groups: list[tuple[Array, set[int]]] = []
+    for number, *spot in places:
+        here = next((one for at, one in groups if np.all(np.abs(at - spot) < reach)), None)
+        if here is None:
+            groups.append((np.array(spot), {number}))
+        else:
+            here.add(number)
+    box = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+    for at, numbers in groups:
+        text = ",".join(map(str, sorted(numbers))) if len(numbers) < len(named) else "all"
+        axes.annotate(text, tuple(at), (3, 3), textcoords="offset points", fontsize=6.5, color=INK, bbox=box, zorder=5)
+    for number, text in enumerate(named, start=1):
+        axes.plot([], [], linestyle="none", marker=f"${number}$", mew=0, color=INK, label=text)
 
 
 def on_front(spots: Array) -> NDArray[np.bool_]:
