@@ -82,6 +82,16 @@ def test_forces_tell_what_was_dropped_and_kept(drawn: list[Any]) -> None:
     assert steady.axes[1].get_xlabel() == "iteration"
 
 
+def test_forces_that_settled_look_settled(drawn: list[Any]) -> None:
+    steps = np.arange(300.0)
+    draw_forces(Path("unused"), ForceHistory(steps, 1.5 + 1e-4 * (-1.0) ** steps, 0.0 * steps, False, None, None))
+    lift, drag = (np.ptp(axes.get_ylim()) for axes in drawn[0][0].axes)
+    assert lift == pytest.approx(0.01)
+    assert drag == pytest.approx(0.03)  # 2 % of 1.5: what oscillates by 2e-4 is a line
+    draw_forces(Path("unused"), ForceHistory(steps, 1.5 + np.sin(steps), np.sin(steps), False, None, None))
+    assert all(2.4 < np.ptp(axes.get_ylim()) < 2.6 for axes in drawn[1][0].axes)
+
+
 def test_the_mesh_shows_the_cells_in_its_windows(rhombus: Scene, drawn: list[Any]) -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     places = [(0.026, 0.0), (0.1, 0.05), (0.19, -0.9)]  # m: at the body, in the window, below the channel

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Canvas
 
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains
@@ -27,7 +28,9 @@ from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
 from wakeflow.report.figures.landing import draw_landing
 from wakeflow.report.figures.pressure import draw_pressure
+from wakeflow.report.figures.residence import draw_residence
 from wakeflow.report.figures.tracks import draw_tracks
+from wakeflow.report.figures.vorticity import draw_vorticity
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.results.airflow_summary import Airflow
@@ -290,6 +293,23 @@ def test_no_picture_of_a_scene_takes_the_name_of_a_figure(cases: Path) -> None:
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("width", "told"), [(0.061, ""), (0.399, "the zone spans the channel")])
+def test_times_in_a_zone_from_wall_to_wall_are_told_as_such(width: float, told: str, cases: Path) -> None:
+    scene = Scene.load(cases / "rhombus.toml", {"channel.width": "400 mm"})
+    assert FOUND.suction is not None
+    airflow = replace(FOUND, suction=replace(FOUND.suction, width=width))
+    legend = draw_residence(Canvas(), _field(scene), scene, airflow, _tracks(scene)).get_legend()
+    assert legend is not None
+    assert legend.get_title().get_text().startswith(told)
+    assert bool(legend.get_title().get_text()) == bool(told)
+
+
+def test_the_vorticity_of_steady_air_is_one_panel_that_its_caption_fits(rhombus: Scene) -> None:
+    panels = draw_vorticity(Canvas(), _field(rhombus), rhombus, FOUND)
+    assert [axes.get_title(loc="left") for axes in panels] == ["mean"]
+    assert figures["vorticity"].caption.startswith("Mean vorticity")
 
 
 @pytest.mark.parametrize("name", ["rhombus", "prism"])
