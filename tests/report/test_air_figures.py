@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from support import field_of
-from wakeflow.report.air import suction_nodes
+from wakeflow.report.air import _levels_of_bodies, suction_nodes
 from wakeflow.report.canvas import new_figure, pdf_too, save
 from wakeflow.report.figures import cost, forces, mesh
 from wakeflow.report.figures.cost import draw_cost
@@ -63,6 +63,12 @@ def test_the_suction_zone_begins_at_the_bodys_widest_place_and_touches_it(rhombu
     assert found[near & (points[:, 1] < widest - 1e-3)].all()
     assert not found[points[:, 1] > widest + 1e-3].any()
     assert not found[apart].any()
+
+
+def test_each_body_has_its_own_line_of_the_stream_function() -> None:
+    psi = np.array([0.201, 0.0, 0.2, 0.001, 0.002, 0.199])  # m2/s: two bodies, constant on each but for rounding
+    assert _levels_of_bodies(psi, step=0.05) == pytest.approx([0.001, 0.2])
+    assert _levels_of_bodies(psi, step=1.0) == pytest.approx([0.1005])
 
 
 def test_forces_tell_what_was_dropped_and_kept(drawn: list[Any]) -> None:

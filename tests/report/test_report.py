@@ -23,12 +23,14 @@ from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
 from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
-from wakeflow.report.canvas import new_axes, save
+from wakeflow.report.air import window_round_body
+from wakeflow.report.canvas import inside_window, new_axes, save
 from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
 from wakeflow.report.figures.landing import draw_landing
 from wakeflow.report.figures.pressure import draw_pressure
 from wakeflow.report.figures.residence import draw_residence
+from wakeflow.report.figures.surface import draw_surface
 from wakeflow.report.figures.tracks import draw_tracks
 from wakeflow.report.figures.vorticity import draw_vorticity
 from wakeflow.report.html.live import live_data
@@ -293,6 +295,29 @@ def test_no_picture_of_a_scene_takes_the_name_of_a_figure(cases: Path) -> None:
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------
+
+
+SECOND = {"shape": "rhombus", "width": "30 mm", "slope_angle": "50 deg"}
+
+
+def _with_a_second(cases: Path) -> Scene:
+    """The prism in upward air with a deflector ahead of it, further off than the picture of one body reaches."""
+    deflector = {**SECOND, "at": ["60 mm", "-120 mm"]}
+    changes = {f"body.deflector.{key}": value for key, value in deflector.items()}
+    return Scene.load(cases / "prism.toml", changes)
+
+
+def test_the_window_of_the_air_holds_every_body(cases: Path) -> None:
+    alone, scene = Scene.load(cases / "prism.toml"), _with_a_second(cases)
+    outline = scene.body["deflector"].outline()
+    assert not inside_window(outline, window_round_body(alone, FOUND)).all()
+    assert inside_window(outline, window_round_body(scene, FOUND)).all()
+
+
+def test_the_body_whose_surface_is_drawn_is_named_among_several(cases: Path) -> None:
+    alone, scene = Scene.load(cases / "prism.toml"), _with_a_second(cases)
+    titles = [draw_surface(Canvas(), _field(one), one, FOUND).get_title(loc="left") for one in (alone, scene)]
+    assert titles == ["", "prism, the first of 2 bodies"]
 
 
 @pytest.mark.parametrize(("width", "told"), [(0.061, ""), (0.399, "the zone spans the channel")])
