@@ -28,6 +28,7 @@ from wakeflow.report.canvas import inside_window, new_axes, save
 from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
 from wakeflow.report.figures.landing import draw_landing
+from wakeflow.report.figures.partition import draw_partition
 from wakeflow.report.figures.pressure import draw_pressure
 from wakeflow.report.figures.residence import draw_residence
 from wakeflow.report.figures.surface import draw_surface
@@ -36,7 +37,7 @@ from wakeflow.report.figures.vorticity import draw_vorticity
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.results.airflow_summary import Airflow
-from wakeflow.results.landing_results import Separation
+from wakeflow.results.landing_results import PartitionCurve, Separation
 from wakeflow.results.measured import Measured, Share
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
@@ -434,6 +435,27 @@ def test_ink_is_in_proportion_to_mass(rhombus: Scene, drawn: list[Any]) -> None:
     assert {name: value / ink["wheat"] for name, value in ink.items()} == pytest.approx(
         {name: share / shares["wheat"] for name, share in shares.items()}
     )
+
+
+def test_the_few_tracks_of_a_small_fraction_lie_as_all_of_them_do(rhombus: Scene, drawn: list[Any]) -> None:
+    ends = np.tile([-0.1, 0.1], 24) * np.linspace(1.0, 1.2, 48)  # m: every second one on the left
+    paths = [np.array([[0.0, 0.1], [x, -0.1]]) for x in ends]
+    draw_tracks("unused", None, rhombus, {"wheat": paths, "dust": paths[1::2] + paths[::2]})
+    lines = {str(line.get_label()).partition(",")[0]: line.get_xydata() for line in drawn[0].axes[0].lines}
+    last = {name: np.sort(xy[xy[:, 1] == -100.0][:, 0]) for name, xy in lines.items() if name in rhombus.fraction}
+    assert len(last["wheat"]) == 48
+    assert last["dust"] == pytest.approx([-115.0, -105.0, 105.0, 115.0], abs=2.0)
+
+
+def test_the_cut_of_a_partition_curve_has_its_unit(rhombus: Scene) -> None:
+    curves = [
+        PartitionCurve(("middle",), by, unit, (at, 3 * at), (0.5, 0.5), (1.0, 0.0), (0.9, 0.0), (1.0, 0.1),
+                       Measured(2 * at, at, 3 * at), 0.5 * at, 0.25)
+        for by, unit, at in (("size", "m", 1e-3), ("terminal velocity", "m/s", 1.0))
+    ]  # fmt: skip
+    panels = draw_partition(Canvas(), rhombus, curves)
+    told = [axes.get_legend().get_texts()[0].get_text() for axes in panels]
+    assert told == ["middle: cut 2 mm, Ep 0.5 mm, I 0.25", "middle: cut 2 m/s, Ep 0.5 m/s, I 0.25"]
 
 
 def test_histograms_hold_the_mass_of_their_bins(scene: Scene, drawn: list[Any]) -> None:
