@@ -176,8 +176,8 @@ def test_whiskers_of_one_value_stand_beside_each_other(drawn: list[Any]) -> None
     ends = np.array([part for bars in axes.collections for part in bars.get_segments()])  # whisker, end, x and y
     assert len(ends) == 4
     x = np.sort(ends[:, 0, 0])
-    assert np.diff(x).min() > 0.2  # of the 1 m/s between two speeds: none hides another
-    assert np.abs(x - [3.0, 3.0, 4.0, 4.0]).max() < 0.25  # each still next to its own
+    assert np.diff(x).min() > 0.1  # of the 1 m/s between two speeds: none hides another
+    assert np.abs(x - [3.0, 3.0, 4.0, 4.0]).max() < 0.1  # each still next to its own
     assert (ends[:, :, 1] == [0.0, 100.0]).all()
 
 

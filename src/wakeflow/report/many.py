@@ -45,7 +45,8 @@ MARKERS = "osD^vP*X"
 FEW = 8  # scenes whose points have their numbers
 SHORT = 40  # letters of what such a scene is
 CLOSE = 0.035  # of an axis: numbers at points that are no further from each other are written as one
-SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one
+SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one,
+WIDE = 0.15  # but over no more of the whole range: whiskers must be seen to belong together
 
 
 def main_quantities(table: ResultTable) -> list[str]:
@@ -161,7 +162,9 @@ def _shifts(panel: Mapping[str, Mapping[str, list[_Point]]]) -> dict[str, dict[s
     """
     lines = [(name, rest) for name, groups in panel.items() for rest in groups]
     values = np.unique([p.x for groups in panel.values() for points in groups.values() for p in points])
-    room = SPREAD * float(np.diff(values).min(initial=np.inf)) if len(values) > 1 and len(lines) > 1 else 0.0
+    room = 0.0
+    if len(values) > 1 and len(lines) > 1:
+        room = float(min(SPREAD * np.diff(values).min(), WIDE * np.ptp(values)))
     found: dict[str, dict[str, float]] = {name: {} for name in panel}
     for (name, rest), shift in zip(lines, np.linspace(-0.5 * room, 0.5 * room, len(lines)), strict=True):
         found[name][rest] = float(shift)
