@@ -26,7 +26,7 @@ __all__ = ["draw_residence", "times_in_zone"]
 
 Array = NDArray[np.float64]
 SURE = 0.95
-SPANS = "the zone spans the channel: this is the time of passing through it, not of being held behind the body"
+SPANS = "the zone spans the channel: this is the time of passing through it, not behind the body alone"
 
 
 def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: Sequence[Track]) -> Array:
@@ -51,7 +51,7 @@ def draw_residence(
 ) -> Axes:
     """Draw of each fraction the share of its drawn tracks that stay longer in the suction zone than the time along the
     axis; in words the share that comes through it, and their median time with its 95 % interval. A zone from wall to
-    wall is told: every granule must cross it, and who stays longest in it only falls slowest.
+    wall is told: every granule crosses it, so that a long time may be a slow fall and no stay behind the body.
     """
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
