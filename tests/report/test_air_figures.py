@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from support import field_of
-from wakeflow.report.air import suction_nodes
+from wakeflow.report.air import _levels_of_bodies, suction_nodes
 from wakeflow.report.canvas import new_figure, pdf_too, save
 from wakeflow.report.figures import cost, forces, mesh
 from wakeflow.report.figures.cost import draw_cost
@@ -65,6 +65,12 @@ def test_the_suction_zone_begins_at_the_bodys_widest_place_and_touches_it(rhombu
     assert not found[apart].any()
 
 
+def test_each_body_has_its_own_line_of_the_stream_function() -> None:
+    psi = np.array([0.201, 0.0, 0.2, 0.001, 0.002, 0.199])  # m2/s: two bodies, constant on each but for rounding
+    assert _levels_of_bodies(psi, step=0.05) == pytest.approx([0.001, 0.2])
+    assert _levels_of_bodies(psi, step=1.0) == pytest.approx([0.1005])
+
+
 def test_forces_tell_what_was_dropped_and_kept(drawn: list[Any]) -> None:
     time = np.linspace(0.0, 4.0, 401)
     lift, drag = np.sin(2 * np.pi * time), np.where(time < 1.0, 9.0, 2.0)
@@ -80,6 +86,16 @@ def test_forces_tell_what_was_dropped_and_kept(drawn: list[Any]) -> None:
     steady = drawn[1][0]
     assert steady.axes[0].get_legend() is None
     assert steady.axes[1].get_xlabel() == "iteration"
+
+
+def test_forces_that_settled_look_settled(drawn: list[Any]) -> None:
+    steps = np.arange(300.0)
+    draw_forces(Path("unused"), ForceHistory(steps, 1.5 + 1e-4 * (-1.0) ** steps, 0.0 * steps, False, None, None))
+    lift, drag = (np.ptp(axes.get_ylim()) for axes in drawn[0][0].axes)
+    assert lift == pytest.approx(0.01)
+    assert drag == pytest.approx(0.03)  # 2 % of 1.5: what oscillates by 2e-4 is a line
+    draw_forces(Path("unused"), ForceHistory(steps, 1.5 + np.sin(steps), np.sin(steps), False, None, None))
+    assert all(2.4 < np.ptp(axes.get_ylim()) < 2.6 for axes in drawn[1][0].axes)
 
 
 def test_the_mesh_shows_the_cells_in_its_windows(rhombus: Scene, drawn: list[Any]) -> None:

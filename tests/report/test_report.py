@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Canvas
 
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains
@@ -22,16 +23,21 @@ from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
 from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
-from wakeflow.report.canvas import new_axes, save
+from wakeflow.report.air import window_round_body
+from wakeflow.report.canvas import inside_window, new_axes, save
 from wakeflow.report.figures import Figure, figures, landing, pressure
 from wakeflow.report.figures import tracks as tracks_figure
 from wakeflow.report.figures.landing import draw_landing
+from wakeflow.report.figures.partition import draw_partition
 from wakeflow.report.figures.pressure import draw_pressure
+from wakeflow.report.figures.residence import draw_residence
+from wakeflow.report.figures.surface import draw_surface
 from wakeflow.report.figures.tracks import draw_tracks
+from wakeflow.report.figures.vorticity import draw_vorticity
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.results.airflow_summary import Airflow
-from wakeflow.results.landing_results import Separation
+from wakeflow.results.landing_results import PartitionCurve, Separation
 from wakeflow.results.measured import Measured, Share
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
@@ -292,6 +298,46 @@ def test_no_picture_of_a_scene_takes_the_name_of_a_figure(cases: Path) -> None:
 # -- pictures ----------------------------------------------------------------------------------------------------------
 
 
+SECOND = {"shape": "rhombus", "width": "30 mm", "slope_angle": "50 deg"}
+
+
+def _with_a_second(cases: Path) -> Scene:
+    """The prism in upward air with a deflector ahead of it, further off than the picture of one body reaches."""
+    deflector = {**SECOND, "at": ["60 mm", "-120 mm"]}
+    changes = {f"body.deflector.{key}": value for key, value in deflector.items()}
+    return Scene.load(cases / "prism.toml", changes)
+
+
+def test_the_window_of_the_air_holds_every_body(cases: Path) -> None:
+    alone, scene = Scene.load(cases / "prism.toml"), _with_a_second(cases)
+    outline = scene.body["deflector"].outline()
+    assert not inside_window(outline, window_round_body(alone, FOUND)).all()
+    assert inside_window(outline, window_round_body(scene, FOUND)).all()
+
+
+def test_the_body_whose_surface_is_drawn_is_named_among_several(cases: Path) -> None:
+    alone, scene = Scene.load(cases / "prism.toml"), _with_a_second(cases)
+    titles = [draw_surface(Canvas(), _field(one), one, FOUND).get_title(loc="left") for one in (alone, scene)]
+    assert titles == ["", "prism, the first of 2 bodies"]
+
+
+@pytest.mark.parametrize(("width", "told"), [(0.061, ""), (0.399, "the zone spans the channel")])
+def test_times_in_a_zone_from_wall_to_wall_are_told_as_such(width: float, told: str, cases: Path) -> None:
+    scene = Scene.load(cases / "rhombus.toml", {"channel.width": "400 mm"})
+    assert FOUND.suction is not None
+    airflow = replace(FOUND, suction=replace(FOUND.suction, width=width))
+    legend = draw_residence(Canvas(), _field(scene), scene, airflow, _tracks(scene)).get_legend()
+    assert legend is not None
+    assert legend.get_title().get_text().startswith(told)
+    assert bool(legend.get_title().get_text()) == bool(told)
+
+
+def test_the_vorticity_of_steady_air_is_one_panel_that_its_caption_fits(rhombus: Scene) -> None:
+    panels = draw_vorticity(Canvas(), _field(rhombus), rhombus, FOUND)
+    assert [axes.get_title(loc="left") for axes in panels] == ["mean"]
+    assert figures["vorticity"].caption.startswith("Mean vorticity")
+
+
 @pytest.mark.parametrize("name", ["rhombus", "prism"])
 def test_zones_are_named_where_they_are(name: str, cases: Path, drawn: list[Any]) -> None:
     scene = Scene.load(cases / f"{name}.toml")
@@ -389,6 +435,27 @@ def test_ink_is_in_proportion_to_mass(rhombus: Scene, drawn: list[Any]) -> None:
     assert {name: value / ink["wheat"] for name, value in ink.items()} == pytest.approx(
         {name: share / shares["wheat"] for name, share in shares.items()}
     )
+
+
+def test_the_few_tracks_of_a_small_fraction_lie_as_all_of_them_do(rhombus: Scene, drawn: list[Any]) -> None:
+    ends = np.tile([-0.1, 0.1], 24) * np.linspace(1.0, 1.2, 48)  # m: every second one on the left
+    paths = [np.array([[0.0, 0.1], [x, -0.1]]) for x in ends]
+    draw_tracks("unused", None, rhombus, {"wheat": paths, "dust": paths[1::2] + paths[::2]})
+    lines = {str(line.get_label()).partition(",")[0]: line.get_xydata() for line in drawn[0].axes[0].lines}
+    last = {name: np.sort(xy[xy[:, 1] == -100.0][:, 0]) for name, xy in lines.items() if name in rhombus.fraction}
+    assert len(last["wheat"]) == 48
+    assert last["dust"] == pytest.approx([-115.0, -105.0, 105.0, 115.0], abs=2.0)
+
+
+def test_the_cut_of_a_partition_curve_has_its_unit(rhombus: Scene) -> None:
+    curves = [
+        PartitionCurve(("middle",), by, unit, (at, 3 * at), (0.5, 0.5), (1.0, 0.0), (0.9, 0.0), (1.0, 0.1),
+                       Measured(2 * at, at, 3 * at), 0.5 * at, 0.25)
+        for by, unit, at in (("size", "m", 1e-3), ("terminal velocity", "m/s", 1.0))
+    ]  # fmt: skip
+    panels = draw_partition(Canvas(), rhombus, curves)
+    told = [axes.get_legend().get_texts()[0].get_text() for axes in panels]
+    assert told == ["middle: cut 2 mm, Ep 0.5 mm, I 0.25", "middle: cut 2 m/s, Ep 0.5 m/s, I 0.25"]
 
 
 def test_histograms_hold_the_mass_of_their_bins(scene: Scene, drawn: list[Any]) -> None:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import wakeflow as wf
 from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.report import many
 from wakeflow.report.many import draw_lines
 from wakeflow.report.words import holds, percent
 from wakeflow.results.difference import Difference, differences_of
@@ -174,3 +177,63 @@ def test_a_legend_leaves_its_panel_room_whatever_the_names(count: int, tmp_path:
     texts = (tmp_path / "lines.svg").read_text()
     assert all(texts.count(f">share.{one}.outer-left<") == 1 for one in fractions)
     assert (texts.count("at-the-left-of-the-channel 7, ") > 0) == (count == 2)  # more are points with bars
+
+
+def _grid_of(low: float, high: float) -> ResultTable:
+    """Scenes over two inputs, 0 and 0.001 of the dust recovered, each with the interval low to high."""
+    entries = [
+        Entry(
+            f"{speed}-{gamma}", {"air.speed": speed, "vibration.gamma": gamma}, DONE, "",
+            tuple(TableQuantity(f"{kind}.dust", "1", 0.001 * (speed > 3.0), low, high) for kind in KINDS),
+        )
+        for speed in (3.0, 4.0)
+        for gamma in (1.0, 2.0)
+    ]  # fmt: skip
+    return ResultTable(entries, {"dust": ("near",)})
+
+
+KINDS = ("recovery", "purity.near")
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Figures as they are about to be saved."""
+    kept: list[Any] = []
+    monkeypatch.setattr(many, "save", lambda figure, path: kept.append(figure))
+    return kept
+
+
+def test_whiskers_of_one_value_stand_beside_each_other(drawn: list[Any]) -> None:
+    many.draw_lines(Path("unused"), _grid_of(0.0, 1.0), ["recovery.dust"], "air.speed")
+    [axes] = drawn[0].axes
+    ends = np.array([part for bars in axes.collections for part in bars.get_segments()])  # whisker, end, x and y
+    assert len(ends) == 4
+    x = np.sort(ends[:, 0, 0])
+    assert np.diff(x).min() > 0.1  # of the 1 m/s between two speeds: none hides another
+    assert np.abs(x - [3.0, 3.0, 4.0, 4.0]).max() < 0.1  # each still next to its own
+    assert (ends[:, :, 1] == [0.0, 100.0]).all()
+
+
+@pytest.mark.parametrize(("low", "high", "ends"), [(0.0, 1.0, (0.0, 50.05)), (0.0, 0.0005, (0.0, 0.1))])
+def test_a_map_shows_no_difference_that_the_intervals_hide(
+    low: float, high: float, ends: tuple[float, float], drawn: list[Any]
+) -> None:
+    many.draw_map(Path("unused"), _grid_of(low, high), ["recovery.dust"], "air.speed", "vibration.gamma")
+    axes = drawn[0].axes[0]
+    assert axes.collections[0].get_clim() == pytest.approx(ends)
+    told = [text.get_text() for text in axes.texts]
+    assert told.count("0.1") == 2
+    assert told.count("±50") == (4 if high == 1.0 else 0)
+
+
+def test_a_few_scenes_are_named_at_their_points(drawn: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    many.draw_trade_off(Path("unused"), _grid_of(0.0, 0.0))
+    [axes] = drawn[0].axes
+    told = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert told == ["dust in near", *(f"speed {speed}, gamma {gamma}" for speed in (3, 4) for gamma in (1, 2))]
+    assert {text.get_text(): text.xy for text in axes.texts} == {"1,2": (0.0, 0.0), "3,4": (0.1, 0.1)}
+    monkeypatch.setattr(many, "FEW", 3)
+    many.draw_trade_off(Path("unused"), _grid_of(0.0, 0.0))
+    [axes] = drawn[1].axes
+    assert not axes.texts
+    assert len(axes.get_legend().get_texts()) == 1

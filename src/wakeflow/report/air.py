@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 
 SUCTION_LEVEL = -0.5  # Cp that bounds the suction zone
 UPSTREAM, DOWNSTREAM, ASIDE = 2.2, 5.0, 3.0  # the window from the body's middle, in body widths
+BESIDE = 0.5  # of the first body's width, round every other body
 LINES = 26  # streamlines across the window, with as much air between any two
 SLOW = (0.5, 0.25, 0.12, 0.06, 0.03)  # of that: further ones on either side of a body's own, for the eddies behind it
 TOUCHING = 1e-6  # of the first body's width: how far off its outline a node of the mesh still lies on it
@@ -95,14 +96,22 @@ def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGri
     if step <= 0.0:
         return
     outline = inside_window(mean.points, window) & _on_solids(mean)
-    own = float(np.median(psi[outline])) if outline.any() else float(np.median(here))
-    whole = np.arange(np.ceil((here.min() - own) / step), np.floor((here.max() - own) / step) + 1) * step
-    levels = np.unique(np.concatenate([whole, *([part * step, -part * step] for part in SLOW)])) + own
+    own = _levels_of_bodies(psi[outline], step) if outline.any() else [float(np.median(here))]
+    whole = np.arange(np.ceil((here.min() - own[0]) / step), np.floor((here.max() - own[0]) / step) + 1) * step + own[0]
+    slow = [level + sign * part * step for level in own for part in (0.0, *SLOW) for sign in (1.0, -1.0)]
+    levels = np.unique(np.concatenate([whole, slow]))
     lines = axes.tricontour(
         triangulation(mean), psi, levels=levels, colors=INK_OF_LINES, linewidths=0.45, linestyles="solid"
     )
     parts = [np.asarray(part) for path in lines.get_paths() for part in path.to_polygons(closed_only=False)]
     _arrows(axes, parts, grid, window)
+
+
+def _levels_of_bodies(psi: Array, step: float) -> list[float]:
+    """Each body's stream function, of that at nodes of all, ``psi`` (k,): half a ``step`` or more tells two apart."""
+    ordered = np.sort(psi)
+    parts = np.split(ordered, np.flatnonzero(np.diff(ordered) > 0.5 * step) + 1)
+    return [float(np.median(part)) for part in parts]
 
 
 def _on_solids(mean: FlowField) -> NDArray[np.bool_]:
@@ -185,7 +194,9 @@ def inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
 
 
 def window_round_body(scene: Scene, airflow: Airflow) -> Window:
-    """Round the body, far enough downstream for the whole suction zone, clipped to the channel."""
+    """Round the first body, far enough downstream for the whole suction zone and wide enough for every other body,
+    clipped to the channel.
+    """
     assert scene.air is not None
     channel, width = scene.channel, scene.width
     middle = first_outline(scene).mean(axis=0)
@@ -193,9 +204,11 @@ def window_round_body(scene: Scene, airflow: Airflow) -> Window:
     longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
     behind = max(DOWNSTREAM * width, 1.5 * width + longest)
     above, below = (UPSTREAM * width, behind) if scene.air.direction == "down" else (behind, UPSTREAM * width)
+    corners = np.concatenate([body.outline() for body in scene.body.values()])
+    (left, low), (right, high) = corners.min(axis=0) - BESIDE * width, corners.max(axis=0) + BESIDE * width
     return (
-        max(-channel.width / 2, float(middle[0]) - ASIDE * width),
-        min(channel.width / 2, float(middle[0]) + ASIDE * width),
-        max(channel.bottom, float(middle[1]) - below),
-        min(channel.top, float(middle[1]) + above),
+        max(-channel.width / 2, min(float(middle[0]) - ASIDE * width, float(left))),
+        min(channel.width / 2, max(float(middle[0]) + ASIDE * width, float(right))),
+        max(channel.bottom, min(float(middle[1]) - below, float(low))),
+        min(channel.top, max(float(middle[1]) + above, float(high))),
     )

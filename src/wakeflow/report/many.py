@@ -1,4 +1,4 @@
-"""Figures of many results at once: lines with bands over an input, maps over two, purity against recovery."""
+"""Figures of many results at once: lines with whiskers over an input, maps over two, purity against recovery."""
 
 from __future__ import annotations
 
@@ -37,10 +37,16 @@ STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
 LONGEST = 60  # letters of what tells a line from the others
 PANEL, HIGH = 4.4, 3.8  # inches, of a panel with lines
+SMALL = 5.5  # points: of what stands below a number
 LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches a line's sample takes
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
+FEW = 8  # scenes whose points have their numbers
+SHORT = 40  # letters of what such a scene is
+CLOSE = 0.035  # of an axis: numbers at points that are no further from each other are written as one
+SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one,
+WIDE = 0.15  # but over no more of the whole range: whiskers must be seen to belong together
 
 
 def main_quantities(table: ResultTable) -> list[str]:
@@ -81,8 +87,9 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
 
 
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
-    """Draw quantities over the input ``key``, with bands for their 95 % intervals: a panel each kind of quantity, a
-    line each combination of the other inputs, or points with bars where these are many.
+    """Draw quantities over the input ``key``, with whiskers for their 95 % intervals: a panel each kind of quantity, a
+    line each combination of the other inputs, or points alone where these are many. The lines of a panel are moved a
+    little along x, so that the whiskers of one value stand beside each other.
 
     Raises SceneError where a quantity or the input is not in the table.
     """
@@ -96,8 +103,9 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
     legends = [_Legend.of(_looks(members), styles) for members in panels.values()]
     figure = new_figure(1.2 + PANEL * len(panels), HIGH + ROW * max(legend.rows for legend in legends))
     for axes, legend, (kind, members) in zip(_row(figure, len(panels)), legends, panels.items(), strict=True):
+        shifts = _shifts({name: groups[name] for name in members})
         for name in members:
-            _lines(axes, groups[name], styles, legend.looks[name])
+            _lines(axes, groups[name], styles, legend.looks[name], shifts[name])
         axes.set_xlabel(_head(key))
         axes.set_ylabel(_label(kind, table.names[members[0]]))
         legend.draw(axes)
@@ -148,19 +156,36 @@ def _looks(quantities: Sequence[str]) -> dict[str, _Look]:
     return {name: _Look(colours[fraction], next(markers[fraction])) for name, fraction in fractions.items()}
 
 
-def _lines(axes: Axes, groups: Mapping[str, list[_Point]], styles: Mapping[str, LineStyleType], look: _Look) -> None:
-    """A quantity's lines in their styles; points with bars where there are no styles, for they are too many."""
-    if not styles:
-        points = sorted(itertools.chain(*groups.values()))
-        at, over = [p.x for p in points], [p.value for p in points]
-        axes.errorbar(at, over, [*_arms(points)], fmt=look.marker, ms=3, lw=0.8, color=look.colour)
-        return
+def _shifts(panel: Mapping[str, Mapping[str, list[_Point]]]) -> dict[str, dict[str, float]]:
+    """How far each line of a panel moves along x, by quantity and what else varies: whole intervals that lie on top of
+    each other cannot be told apart.
+    """
+    lines = [(name, rest) for name, groups in panel.items() for rest in groups]
+    values = np.unique([p.x for groups in panel.values() for points in groups.values() for p in points])
+    room = 0.0
+    if len(values) > 1 and len(lines) > 1:
+        room = float(min(SPREAD * np.diff(values).min(), WIDE * np.ptp(values)))
+    found: dict[str, dict[str, float]] = {name: {} for name in panel}
+    for (name, rest), shift in zip(lines, np.linspace(-0.5 * room, 0.5 * room, len(lines)), strict=True):
+        found[name][rest] = float(shift)
+    return found
+
+
+def _lines(
+    axes: Axes,
+    groups: Mapping[str, list[_Point]],
+    styles: Mapping[str, LineStyleType],
+    look: _Look,
+    shifts: Mapping[str, float],
+) -> None:
+    """A quantity's lines in their styles with whiskers; points alone where there are no styles, for they are many."""
     for rest, points in groups.items():
         points.sort()
-        x, values = [p.x for p in points], np.array([p.value for p in points])
-        low, high = _arms(points)
-        axes.plot(x, values, styles[rest], marker=look.marker, ms=3, lw=1.2, color=look.colour)
-        axes.fill_between(x, values - low, values + high, color=look.colour, alpha=0.18, linewidth=0)
+        x, values = [p.x + shifts[rest] for p in points], [p.value for p in points]
+        axes.errorbar(
+            x, values, [*_arms(points)], linestyle=styles.get(rest, "none"), marker=look.marker, ms=3, lw=1.2,
+            elinewidth=0.8, capsize=1.5, color=look.colour,
+        )  # fmt: skip
 
 
 class _Point(NamedTuple):
@@ -172,21 +197,32 @@ class _Point(NamedTuple):
 
 def _groups(table: ResultTable, name: str, key: str) -> dict[str, list[_Point]]:
     """Points of a quantity over ``key``, by the text of what the other inputs are that vary."""
-    others = [k for k in table.inputs if k != key and len({str(e.inputs.get(k)) for e in table.done}) > 1]
+    others = [k for k in _varied(table) if k != key]
     groups: dict[str, list[_Point]] = {}
     for entry in table.done:
         found, x = entry.by_name.get(name), _number(entry, key)
         if found is not None and x is not None:
-            told = [k for k in others if entry.inputs.get(k) is not None]
-            rest = ", ".join(f"{k.rpartition('.')[2]} {_short(entry.inputs[k])}" for k in told)
             scale = _scale(name, table.names[name])
-            groups.setdefault(rest, []).append(_Point(x, *(scale * one for one in (found.value, *_ends(found)))))
+            point = _Point(x, *(scale * one for one in (found.value, *_ends(found))))
+            groups.setdefault(_told(entry, others), []).append(point)
     return groups
 
 
+def _varied(table: ResultTable) -> list[str]:
+    """The inputs that differ among the scenes that are done."""
+    return [key for key in table.inputs if len({str(entry.inputs.get(key)) for entry in table.done}) > 1]
+
+
+def _told(entry: Entry, keys: Sequence[str]) -> str:
+    """What a scene's inputs of these ``keys`` are, by the last part of each key."""
+    told = [key for key in keys if entry.inputs.get(key) is not None]
+    return ", ".join(f"{key.rpartition('.')[2]} {_short(entry.inputs[key])}" for key in told)
+
+
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
-    """Draw quantities as colours over two inputs that form a grid, with the numbers where there is room. Raises
-    SceneError where they form none: a value of each input for every scene, and no two scenes at one place.
+    """Draw quantities as colours over two inputs that form a grid, with the numbers and half their 95 % intervals where
+    there is room. Raises SceneError where they form none: a value of each input for every scene, and no two scenes at
+    one place.
     """
     grid = _grid(table, x, y)
     if grid is None:
@@ -198,18 +234,42 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     for axes in panels[len(names) :]:
         axes.set_visible(False)
     for axes, name in zip(panels, names, strict=False):
-        unit = table.names[table.quantity(name)]
-        values = _scale(name, unit) * np.array([[_value(entry, name) for entry in row] for row in grid.rows])
-        drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis")
-        figure.colorbar(drawn, ax=axes, label=_label(name, unit))
-        if values.size <= CELLS_WITH_TEXT:
-            middle = 0.5 * (np.nanmin(values) + np.nanmax(values))
-            for (row, column), value in np.ndenumerate(values):
-                ink = INK if value > middle else "white"
-                axes.text(grid.x[column], grid.y[row], f"{value:.3g}", ha="center", va="center", fontsize=7, color=ink)
+        drawn = _cells(axes, grid, name, table.names[table.quantity(name)])
+        figure.colorbar(drawn, ax=axes, label=_label(name, table.names[name]))
         axes.set_xlabel(_head(x))
         axes.set_ylabel(_head(y))
     save(figure, path)
+
+
+def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
+    """A quantity as colours, which :func:`_colour_range` spreads; returns what a colour bar is made from."""
+    scale = _scale(name, unit)
+    values = scale * np.array([[_value(entry, name) for entry in row] for row in grid.rows])
+    widths = scale * np.array([[_width(entry, name) for entry in row] for row in grid.rows])
+    low, high = _colour_range(values, widths, percent=scale != 1.0)
+    drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis", vmin=low, vmax=high)
+    if values.size > CELLS_WITH_TEXT:
+        return drawn
+    for (row, column), value in np.ndenumerate(values):
+        if np.isnan(value):
+            continue
+        at, ink = (grid.x[column], grid.y[row]), INK if value > 0.5 * (low + high) else "white"
+        known = widths[row, column] > 0.0
+        axes.text(*at, f"{value:.3g}", ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
+        if known:
+            axes.text(*at, f"±{0.5 * widths[row, column]:.2g}", ha="center", va="top", fontsize=SMALL, color=ink)
+    return drawn
+
+
+def _colour_range(values: Array, widths: Array, *, percent: bool) -> tuple[float, float]:
+    """The ends of a map's colours: of its ``values``, but no closer than the median width of their intervals, since
+    what the intervals hide is no difference to be seen; shares in percent end at 0 and 100.
+    """
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    wider = 0.5 * max(0.0, float(np.nanmedian(widths)) - (high - low))
+    if not percent:
+        return low - wider, high + wider
+    return max(min(low, 0.0), low - wider), min(max(high, 100.0), high + wider)
 
 
 class _Grid(NamedTuple):
@@ -234,33 +294,74 @@ def _grid(table: ResultTable, x: str, y: str) -> _Grid | None:
 
 def draw_trade_off(path: Path, table: ResultTable) -> None:
     """Draw purity against recovery of every fraction and target, a point a scene, and the front: scenes of which none
-    other is better in both.
+    other is better in both. A few scenes have numbers at their points, and what they are beside the picture.
     """
     pairs = _pairs(table)
     if not pairs:
         raise SceneError("no fraction of these scenes has a target; there is no purity against recovery to draw")
-    figure = new_figure(5.6, 4.2)
+    named = _scene_texts(table)
+    figure = new_figure(5.6 + max(text_width(text, LETTERS) for text in (f"{'M' * 20}", *named)), 4.2)
     axes, colours = figure.add_subplot(), fraction_colours(sorted({fraction for fraction, _ in pairs}))
+    places: list[tuple[int, float, float]] = []  # scene, recovery and purity in percent
     for marker, (fraction, place) in zip(itertools.cycle(MARKERS), pairs, strict=False):
-        found = [
-            (entry.by_name[f"recovery.{fraction}"], entry.by_name[f"purity.{place}.{fraction}"])
-            for entry in table.done
-            if {f"recovery.{fraction}", f"purity.{place}.{fraction}"} <= set(entry.by_name)
-        ]
+        wanted = (f"recovery.{fraction}", f"purity.{place}.{fraction}")
+        found = {
+            number: tuple(entry.by_name[name] for name in wanted)
+            for number, entry in enumerate(table.done, start=1)
+            if set(wanted) <= set(entry.by_name)
+        }
         if not found:
             continue
-        spots = np.array([(recovery.value, purity.value) for recovery, purity in found])
-        arms = [np.array([_arm(one) for one in side]).T for side in zip(*found, strict=True)]
+        spots = np.array([(recovery.value, purity.value) for recovery, purity in found.values()])
+        arms = [np.array([_arm(one) for one in side]).T for side in zip(*found.values(), strict=True)]
         axes.errorbar(
             100 * spots[:, 0], 100 * spots[:, 1], xerr=100 * arms[0], yerr=100 * arms[1], fmt=marker, ms=4, lw=0.7,
             color=colours[fraction], label=f"{fraction} in {place}",
         )  # fmt: skip
         front = spots[on_front(spots)]
         axes.plot(*(100 * front[np.argsort(front[:, 0])].T), color=colours[fraction], lw=1.2, alpha=0.6)
+        places += [(number, 100 * x, 100 * y) for number, (x, y) in zip(found, spots, strict=True)]
     axes.set_xlabel("recovery (%)")
     axes.set_ylabel("purity (%)")
-    axes.legend(fontsize=7, frameon=False)
+    _name_scenes(axes, named, places)
+    handles = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda one: one[1] in named)
+    axes.legend(*zip(*handles, strict=True), fontsize=LETTERS, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
     save(figure, path)
+
+
+def _scene_texts(table: ResultTable) -> list[str]:
+    """What each of a few scenes is, in the order of the table: what varies, or its name where that tells too little;
+    empty where the scenes are many.
+    """
+    if len(table.done) > FEW:
+        return []
+    keys = _varied(table)
+    texts = [_told(entry, keys) for entry in table.done]
+    if "" in texts or len(set(texts)) < len(texts):
+        texts = [entry.name for entry in table.done]
+    return [shorten(text, SHORT, placeholder=" ...") for text in texts]
+
+
+def _name_scenes(axes: Axes, named: Sequence[str], places: Sequence[tuple[int, float, float]]) -> None:
+    """The numbers of scenes at their points, together where points lie so close that numbers would hide each other,
+    and a line of the legend for each.
+    """
+    if not named:
+        return
+    reach = CLOSE * np.array([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())])
+    groups: list[tuple[Array, set[int]]] = []
+    for number, *spot in places:
+        here = next((one for at, one in groups if np.all(np.abs(at - spot) < reach)), None)
+        if here is None:
+            groups.append((np.array(spot), {number}))
+        else:
+            here.add(number)
+    box = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+    for at, numbers in groups:
+        text = ",".join(map(str, sorted(numbers))) if len(numbers) < len(named) else "all"
+        axes.annotate(text, tuple(at), (3, 3), textcoords="offset points", fontsize=6.5, color=INK, bbox=box, zorder=5)
+    for number, text in enumerate(named, start=1):
+        axes.plot([], [], linestyle="none", marker=f"${number}$", mew=0, color=INK, label=text)
 
 
 def on_front(spots: Array) -> NDArray[np.bool_]:
@@ -313,6 +414,12 @@ def _number(entry: Entry, key: str) -> float | None:
 def _value(entry: Entry | None, name: str) -> float:
     found = None if entry is None else entry.by_name.get(name)
     return np.nan if found is None else found.value
+
+
+def _width(entry: Entry | None, name: str) -> float:
+    """Of a quantity's 95 % interval; zero where none is known, NaN where there is no quantity."""
+    found = None if entry is None else entry.by_name.get(name)
+    return np.nan if found is None else sum(_arm(found))
 
 
 def _ends(found: TableQuantity) -> tuple[float, float]:

@@ -22,6 +22,7 @@ __all__ = ["draw_forces"]
 
 DROPPED, KEPT = "#d9dde2", "#f7c873"
 SETTLED = 0.25  # of a record without a start-up: what the picture's height does not follow before that
+LEAST, LEAST_PART = 0.01, 0.02  # an axis spans at least that much, or that part of the mean: what settled looks it
 ROOM = 0.12  # of the range of what counts, above and below it: a kick at the start may leave the picture
 
 
@@ -65,7 +66,8 @@ def _mark(axes: Axes, history: ForceHistory) -> None:
 
 def _limits(axes: Axes, values: NDArray[np.float64]) -> None:
     low, high = float(values.min()), float(values.max())
-    room = ROOM * (high - low) or 0.05 * max(abs(high), 0.1)
+    least = max(LEAST, LEAST_PART * abs(float(values.mean())))
+    room = max(ROOM * (high - low), 0.5 * (least - (high - low)))
     axes.set_ylim(low - room, high + room)
 
 

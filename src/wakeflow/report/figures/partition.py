@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_partition"]
 
 EMPTY = 0.3  # decades without granules: across them a curve is dotted and has no band
-AXES = {"size": (MM, "diameter (mm)"), "terminal velocity": (1.0, "terminal velocity (m/s)")}
+AXES = {"size": (MM, "diameter", "mm"), "terminal velocity": (1.0, "terminal velocity", "m/s")}
 
 
 def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve]) -> NDArray[Any]:
@@ -32,7 +32,7 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
     panels: NDArray[Any] = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
     colours = _product_colours(scene, curves)
     for axes, kind in zip(panels, kinds, strict=True):
-        scale, label = AXES[kind]
+        scale, label, unit = AXES[kind]
         for curve in (one for one in curves if one.by == kind):
             at, colour = scale * np.array(curve.at), colours[curve.product]
             share, low, high = (100 * np.array(ends) for ends in (curve.share, curve.low, curve.high))
@@ -41,14 +41,14 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
                 axes.plot(at[part], share[part], "o-", ms=3, lw=1.2, color=colour)
             axes.errorbar(at, share, [share - low, high - share], fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
             axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
-            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale))
+            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale, unit))
             if curve.cut is not None and curve.cut.value is not None:
                 axes.plot([scale * curve.cut.value] * 2, [0.0, 50.0], ":", color=colour, linewidth=1.0)
         for level in (25.0, 50.0, 75.0):
             axes.axhline(level, color="#9aa3ad", linewidth=0.5, zorder=0)
         axes.set_xscale("log")
         axes.set_ylim(-2.0, 102.0)
-        axes.set_xlabel(label)
+        axes.set_xlabel(f"{label} ({unit})")
         axes.legend(fontsize=7, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     panels[0].set_ylabel("share of its mass in the product (%)")
     save(figure, paper, _columns(curves))
@@ -63,12 +63,12 @@ def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tup
     return {product: wanted.get(product, COLOURS[i % len(COLOURS)]) for i, product in enumerate(products)}
 
 
-def _told(curve: PartitionCurve, scale: float) -> str:
+def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
     name = " or ".join(curve.product)
     if curve.cut is None or curve.cut.value is None:
         return f"{name}: {curve.why}"
-    sharp = "" if curve.ep is None else f", Ep {scale * curve.ep:.3g}, I {curve.imperfection:.2g}"
-    return f"{name}: cut {scale * curve.cut.value:.3g}{sharp}"
+    sharp = "" if curve.ep is None else f", Ep {scale * curve.ep:.3g} {unit}, I {curve.imperfection:.2g}"
+    return f"{name}: cut {scale * curve.cut.value:.3g} {unit}{sharp}"
 
 
 def _columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:

@@ -26,6 +26,7 @@ __all__ = ["draw_residence", "times_in_zone"]
 
 Array = NDArray[np.float64]
 SURE = 0.95
+SPANS = "the zone spans the channel: this is the time of passing through it, not behind the body alone"
 
 
 def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: Sequence[Track]) -> Array:
@@ -49,7 +50,8 @@ def draw_residence(
     paper: Paper, field: FlowField, scene: Scene, airflow: Airflow, tracks: Mapping[str, Sequence[Track]]
 ) -> Axes:
     """Draw of each fraction the share of its drawn tracks that stay longer in the suction zone than the time along the
-    axis; in words the share that comes through it, and their median time with its 95 % interval.
+    axis; in words the share that comes through it, and their median time with its 95 % interval. A zone from wall to
+    wall is told: every granule crosses it, so that a long time may be a slow fall and no stay behind the body.
     """
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
@@ -66,7 +68,10 @@ def draw_residence(
     axes.set_xlabel("time in the suction zone (ms)")
     axes.set_ylabel("share of the tracks that stay longer (%)")
     axes.grid(color="#dddddd", linewidth=0.5)
-    axes.legend(fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    axes.legend(
+        title=SPANS if _spans(scene, airflow) else None, title_fontsize=7.5, alignment="left", fontsize=7.5,
+        frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0),
+    )  # fmt: skip
     sizes = [len(found) for found in times.values()]
     save(axes.figure, paper, {
         "fraction": np.repeat(list(times), sizes),
@@ -74,6 +79,14 @@ def draw_residence(
         "time in the suction zone (s)": np.concatenate(list(times.values())),
     })  # fmt: skip
     return axes
+
+
+def _spans(scene: Scene, airflow: Airflow) -> bool:
+    """Whether the suction zone reaches both walls, by the bound of the notice that says so."""
+    from ...results.notices import SPANNED  # here, for it loads the pipeline
+
+    zone = airflow.suction
+    return zone is not None and zone.width is not None and zone.width > SPANNED * scene.channel.width
 
 
 def _told(times: Array) -> str:

@@ -44,7 +44,10 @@ def pressure_along(field: FlowField, outline: Array, cp: Array) -> tuple[Array, 
 
 
 def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow) -> Axes:
-    """Draw Cp of the mean air along the first body, its corners, and the momentum model on the edges that air meets."""
+    """Draw Cp of the mean air along the first body, its corners, and the momentum model on the edges that air meets.
+
+    Among several bodies the title names it: the others are not drawn.
+    """
     assert scene.air is not None
     mean, outline = as_flown(field.mean(), scene), first_outline(scene)
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
@@ -62,6 +65,8 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
     axes.set_xlabel("along the body, counter-clockwise (mm); lines: its corners")
     axes.set_ylabel("pressure coefficient")
     axes.legend(fontsize=8, frameon=False)
+    if len(scene.body) > 1:
+        axes.set_title(f"{next(iter(scene.body))}, the first of {len(scene.body)} bodies", fontsize=9, loc="left")
     axes.grid(axis="y", color="#dddddd", linewidth=0.5)
     save(axes.figure, paper, {"along the body (m)": arc, "Cp": cp})
     return axes
@@ -84,5 +89,9 @@ def _draw(paper: Paper, outcome: Outcome) -> Axes:
 
 figures.add(
     "surface",
-    Figure("Pressure along the body beside the paper's momentum model, which knows the front only.", _draw, _needs),
+    Figure(
+        "Pressure along the first body and the paper's momentum model, which knows the front only.",
+        _draw,
+        _needs,
+    ),
 )

@@ -93,10 +93,15 @@ def _speed_map(axes: Axes, mean: FlowField) -> None:
 
 
 def _chosen(tracks: Sequence[Array], part: float) -> tuple[list[Array], float]:
-    """Evenly chosen tracks of a fraction with ``part`` of the mass that the largest has, and their width (points)."""
+    """Tracks of a fraction with ``part`` of the mass that the largest has, and their width (points).
+
+    They are evenly chosen in the order of where they end, so that the few of a small fraction lie as all of it does and
+    not on one side by chance.
+    """
     count = min(len(tracks), max(LEAST, round(DRAWN * part)), DRAWN)
-    picked = np.linspace(0, max(len(tracks) - 1, 0), count).astype(int)
-    return [np.asarray(tracks[i], dtype=float) for i in picked], WIDTH * DRAWN * part / max(count, 1)
+    across = sorted((np.asarray(track, dtype=float) for track in tracks), key=lambda track: tuple(track[-1]))
+    picked = ((np.arange(count) + 0.5) * len(tracks) / max(count, 1)).astype(int)
+    return [across[i] for i in picked], WIDTH * DRAWN * part / max(count, 1)
 
 
 def _draw_fraction(axes: Axes, tracks: Sequence[Array], name: str, colour: str, width: float) -> None:

@@ -1,4 +1,4 @@
-"""The vorticity figure: the air's turning at one moment of the shedding, and in the mean that granules fly in."""
+"""The vorticity figure: the air's turning in its mean, and of a wake in time also at one moment of the shedding."""
 
 from __future__ import annotations
 
@@ -86,5 +86,6 @@ def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
 
 
 figures.add(
-    "vorticity", Figure("Vorticity at one moment and in the mean, over air speed and body width.", _draw, _needs)
+    "vorticity",
+    Figure("Mean vorticity over air speed and body width; of a wake in time also that of one moment.", _draw, _needs),
 )
