@@ -33,6 +33,8 @@ __all__ = [
     "with_residence",
 ]
 
+SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
+
 
 @dataclass(frozen=True)
 class SuctionZone(Partial):
@@ -46,6 +48,10 @@ class SuctionZone(Partial):
     reversal_length: float | None = column(
         "m", "how far behind the body the mean air on its axis runs backwards", default=None
     )
+
+    def spans(self, channel: float) -> bool:
+        """Whether it reaches both walls of a channel so wide (m), but for a cell at each."""
+        return self.width is not None and self.width > SPANNED * channel
 
 
 @dataclass(frozen=True)

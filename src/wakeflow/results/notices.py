@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["notices"]
 
 LOOSE_LOOP = 0.1  # of the rms fluctuation: a stored loop that joins with more kicks the granules once a period
-SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
 LONGER = 1e-9  # m: rounding of the mesh's ends, no longer channel
 JAM = "granules that lie still become more as long as it runs; widen the gap, or lower feed.rate"
 MANY = 0.05  # of a fraction: more granules without a landing void its shares; chosen
@@ -121,8 +120,7 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
         )
     suction = airflow.suction
     assert suction is not None
-    assert suction.width is not None
-    if suction.width > SPANNED * scene.channel.width:
+    if suction.spans(scene.channel.width):
         length = suction.reversal_length or 0.0
         turned = f"the reversed flow behind the body is {1e3 * length:.3g} mm long" if length else "no air turns back"
         yield information(f"the suction zone (Cp < -0.5) spans the channel, since the body narrows it; {turned}")

@@ -70,7 +70,7 @@ class Sweep:
         return self.table.frame(wide=wide)
 
     def plot(self, quantity: str, over: str, and_over: str | None = None, path: Path | str | None = None) -> Path:
-        """Draw a quantity over the input ``over`` as lines with bands, or with ``and_over`` as a map over two inputs.
+        """Draw a quantity over the input ``over``, lines with whiskers, or with ``and_over`` as a map over two inputs.
 
         Returns the PNG, by default in the folder's figures. Raises SceneError for names that the table does not have.
         """

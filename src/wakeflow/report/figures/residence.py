@@ -68,8 +68,9 @@ def draw_residence(
     axes.set_xlabel("time in the suction zone (ms)")
     axes.set_ylabel("share of the tracks that stay longer (%)")
     axes.grid(color="#dddddd", linewidth=0.5)
+    across = airflow.suction is not None and airflow.suction.spans(scene.channel.width)
     axes.legend(
-        title=SPANS if _spans(scene, airflow) else None, title_fontsize=7.5, alignment="left", fontsize=7.5,
+        title=SPANS if across else None, title_fontsize=7.5, alignment="left", fontsize=7.5,
         frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0),
     )  # fmt: skip
     sizes = [len(found) for found in times.values()]
@@ -79,14 +80,6 @@ def draw_residence(
         "time in the suction zone (s)": np.concatenate(list(times.values())),
     })  # fmt: skip
     return axes
-
-
-def _spans(scene: Scene, airflow: Airflow) -> bool:
-    """Whether the suction zone reaches both walls, by the bound of the notice that says so."""
-    from ...results.notices import SPANNED  # here, for it loads the pipeline
-
-    zone = airflow.suction
-    return zone is not None and zone.width is not None and zone.width > SPANNED * scene.channel.width
 
 
 def _told(times: Array) -> str:
