@@ -224,6 +224,12 @@ def test_a_path_is_a_scene(cases: Path) -> None:
         wf.run("nowhere.toml")
     with pytest.raises(SceneError, match="not dict"):
         wf.run({"air": {}})  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="scene file = 3: needs a path, not int"):
+        Scene.load(3)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="changes = 3: name each key"):
+        Scene.load(path).replace(3)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="takes a list of scenes"):
+        wf.sweep(Scene.load(path))
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ..core.errors import SceneError
+from ..core.files import path_of
 from ..core.quantities import speaking
 from ..core.toml import read_toml
 from ..laws.constants import STANDARD_AIR
@@ -76,7 +77,7 @@ class Scene(SceneTables):
 
         Raises SceneError as :meth:`parse` does, and where a length without a unit is far off the scene's scale.
         """
-        path = Path(path)
+        path = path_of(path, "scene file")
         data = changed(_read(path), changes or {}, path.name)
         if asked := doubts(data):
             raise SceneError(f"{path.name}: {asked}")
@@ -128,7 +129,7 @@ class Scene(SceneTables):
 
         from ..core.files import atomic_write
 
-        with atomic_write(path) as stream:
+        with atomic_write(path_of(path, "scene file")) as stream:
             stream.write(tomlkit.dumps(with_units(self.tables())))
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
+from ..core.files import path_of
 from ..pipeline.cache import Listener, silent
 from ..scene import Scene
 from ..scene.changes import differing, flat, folder_name
@@ -61,7 +62,7 @@ def variants(
     keys = [key for axis in axes for key in axis.keys]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise SceneError(f"{twice.pop()} is swept twice; give all its values at once")
-    base = scene if isinstance(scene, Scene) else Path(scene)
+    base = scene if isinstance(scene, Scene) else path_of(scene, "scene")
     alone = [axis.changes(axis.values[0]) for axis in axes if len(axis.values) == 1]
     before = {**(fixed or {}), **{key: value for one in alone for key, value in one.items()}}
     axes = [axis for axis in axes if len(axis.values) > 1]
@@ -144,6 +145,8 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
     if isinstance(scenes, Mapping):
         names, members = list(scenes), [Scene.of(one) for one in scenes.values()]
     else:
+        if isinstance(scenes, Scene) or not isinstance(scenes, Iterable):
+            raise SceneError("a sweep takes a list of scenes, what wf.variants made, or the path of a sweep file")
         given = list(scenes)
         made = [one for one in given if isinstance(one, Variant)]
         if made and len(made) == len(given):
