@@ -193,6 +193,22 @@ class Result:
         """
         return self._shares.share(fraction, place)
 
+    def recovery(self, fraction: str) -> tuple[float, float, float]:
+        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares, and for a fraction that there is not or that has no
+        target.
+        """
+        return self._shares.recovered(fraction)
+
+    def purity(self, place: str, fraction: str) -> tuple[float, float, float]:
+        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares, for a bin or fraction that there is not, and for a bin
+        that stays empty.
+        """
+        return self._shares.part_of(place, fraction)
+
     def frame(self) -> Any:
         """The shares, a row for each fraction and bin: ``share`` by mass, ``low`` and ``high`` of its 95 % interval,
         ``target``: whether the fraction should land there.
