@@ -38,6 +38,13 @@ class Variant:
     scene: Scene | None
     problem: str = ""
 
+    def __repr__(self) -> str:
+        """Its name, what it changes where the name does not say that, and why it cannot be made."""
+        inputs = ", ".join(f"{key} = {value!r}" for key, value in self.inputs.items())
+        named = self.name.startswith(folder_name(self.inputs))
+        told = self.problem if self.scene is None else "" if named else inputs
+        return f"<Variant {': '.join(filter(None, (self.name, told)))}>"
+
 
 def variants(
     scene: Scene | Path | str,
