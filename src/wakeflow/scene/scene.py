@@ -10,6 +10,7 @@ import json
 import shlex
 from collections.abc import Mapping
 from html import escape
+from inspect import Parameter, Signature
 from pathlib import Path
 from typing import Any
 
@@ -155,6 +156,10 @@ class Scene(SceneTables):
         import tomlkit
 
         return tomlkit.dumps(with_units(self.tables()))
+
+
+# That of pydantic shows every validator inside, two screens long; what a scene may hold is in docs/scenes.md.
+Scene.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
 
 
 def units_written(path: Path | str) -> dict[str, str]:

@@ -18,7 +18,7 @@ from ..core.errors import SceneError
 from ..core.files import path_of
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener
 from ..results.difference import Difference, differences_of
 from ..results.result import Result
 from ..results.sensitivity import SWEEP, InputMove, grouped, least_sure, regressed_moves
@@ -119,8 +119,8 @@ def sensitivity(
     force: States | None = None,
     scheduler: str | distributed.Client | Executor | None = None,
     workers: int | None = None,
-    listener: Listener = silent,
-    planned: Callable[[Plan], object] = lambda _: None,
+    listener: Listener | None = None,
+    planned: Callable[[Plan], object] | None = None,
 ) -> Sensitivity:
     """Say which input of a scene, of a scene file or of a finished run (or its folder) moves which number.
 

@@ -54,7 +54,7 @@ def variants(
     count: int | None = None,
     seed: int = 0,
     fixed: Mapping[str, Any] | None = None,
-    listener: Listener = silent,
+    listener: Listener | None = None,
 ) -> list[Variant]:
     """``scene``, or the one in a file, changed along axes.
 
@@ -79,7 +79,7 @@ def variants(
         refuse_unknown(key, tables, key)
     rows, found = designs[design](axes, count, seed), []
     for number, changes in enumerate(rows, 1):
-        if number % TOLD_EVERY == 0:
+        if number % TOLD_EVERY == 0 and listener is not None:
             listener("sweep", f"reading scene {number} of {len(rows)}")
         found.append(_variant(load, before, changes, axes))
     return named(found)
