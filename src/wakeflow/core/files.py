@@ -32,7 +32,7 @@ def made_folder(folder: Path) -> Path:
     except OSError as problem:
         if problem.errno in FULL:  # no mistake of the caller's
             raise
-        raise SceneError(f"--out {folder}: cannot be made, {problem.strerror}; name another folder") from None
+        raise SceneError(f"{folder}: cannot be made, {problem.strerror}; choose another --out") from None
     return folder
 
 
