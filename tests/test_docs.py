@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import pydoc
 import re
 import shlex
 from collections.abc import Iterator
@@ -137,6 +138,12 @@ def test_prose_is_wrapped(page: Path) -> None:
     text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
     lines = [line for line in text.splitlines() if not line.startswith(("|", "<", "    ")) and "](" not in line]
     assert not [line for line in lines if len(line) > 120]
+
+
+def test_help_begins_with_a_screen_and_shows_no_addresses() -> None:
+    text = pydoc.plain(pydoc.render_doc(wakeflow))
+    assert "The rest of help() is the reference" in "\n".join(text.splitlines()[:32])
+    assert re.findall(r".* at 0x[0-9a-f]+", text) == []
 
 
 def test_the_glossary_has_the_words_of_the_output() -> None:

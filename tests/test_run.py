@@ -9,8 +9,11 @@ import subprocess
 import sys
 import time
 import zlib
+from collections.abc import Callable
 from functools import partial
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -348,6 +351,48 @@ def test_files_that_no_run_wrote_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("of a run that was stopped before it ended")
     assert wf.run(scene, tmp_path).landings is not None
     assert (tmp_path / "notes.txt").read_text() == "my own"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rung": 2}, "rung = 2: unknown (known: auto"),
+        ({"rung": ["draft"]}, "rung = ['draft']: unknown"),
+        ({"until": ["mesh"]}, "choose funnel, mesh"),
+        ({"workers": "two"}, "workers = 'two': a whole number"),
+        ({"workers": 1.5}, "workers = 1.5: a whole number"),
+        ({"workers": True}, "workers = True: a whole number"),
+        ({"workers": 0}, "workers = 0: at least 1"),
+        ({"out": 7}, "out = 7: needs a path, not int"),
+        ({"out": "/proc/x"}, "/proc/x: cannot be made"),
+        ({"near": 7}, "near = 7: needs a path, not int"),
+        ({"force": ["lift"]}, "name each term and its state"),
+        ({"target_error": "one"}, "target_error = 'one': needs a share"),
+    ],
+)
+@pytest.mark.parametrize("start", [wf.run, wf.sweep])
+def test_what_cannot_be_asked_for_is_one_line(
+    start: Callable[..., object], options: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    known = signature(start).parameters
+    if not set(options) <= set(known):
+        pytest.skip(f"{start.__name__} has no such option")
+    scene = shipped("vacuum", {"feed.count": 32})
+    with pytest.raises(SceneError) as caught:
+        start(scene if start is wf.run else [scene], **{"out": tmp_path / "out", **options})
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out" / "result.json").exists()
+
+
+def test_switches_and_errors_as_the_command_line_has_them_are_kept(tmp_path: Path) -> None:
+    scene = shipped("vacuum", {"feed.count": 32})
+    how: dict[str, Any] = {"force": {"collisions": "off"}, "target_error": "2 %", "report": False}
+    asked = wf.run(scene, tmp_path / "one", refine=False, **how).options
+    assert (asked.force, asked.target_error) == ({"collisions": False}, 0.02)
+    assert wf.Result.load(tmp_path / "one").options == asked
+    swept = wf.sweep([scene], tmp_path / "many", workers=1, figures=False, **how)
+    assert swept.result(swept.table.entries[0].name).options == asked
 
 
 @pytest.mark.openfoam

@@ -8,7 +8,7 @@
  1. Scene      what is asked: Scene.load(file), .replace({"air.speed": "7 m/s"}), .save(file)
  2. plan       what a scene needs, what is left out and by which bound, its cost: wf.plan(scene)
  3. run        the answer: wf.run(scene, out=folder, rung="draft"); a second time from the cache
- 4. Result     a finished run: Result.load(folder), .share(), .frame(), .granules(), .budget, .plot.landing(axes)
+ 4. Result     a run: Result.load(folder), .share(), .recovery(), .purity(), .frame(), .granules(), .plot.landing(axes)
  5. chain      impacts and parabolas without the air, in memory: for a first search
  6. variants   a scene changed along axes: wf.variants(scene, {"air.speed": ["3 m/s", "4 m/s"]})
  7. sweep      many scenes, each stage once, one table: wf.sweep(variants), .frame(), .plot(quantity, over)
@@ -19,6 +19,8 @@
 A scene is a Scene or the path of its file everywhere. ``wakeflow new rhombus machine.toml`` writes one to start from;
 docs/tutorial.md goes from there to a report in ten steps. What cannot be done is a WakeflowError, in one line. Below
 these stand the parts: track, FlowField, Granules and Body; impact, layer and layers.
+
+The rest of help() is the reference: every class and function with its options, units and errors.
 """
 
 from __future__ import annotations

@@ -40,6 +40,14 @@ class Chained:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
         return self.shares.share(fraction, place)
 
+    def recovery(self, fraction: str) -> tuple[float, float, float]:
+        """Share of a fraction in its targets, by mass, with its 95 % interval: (value, low, high)."""
+        return self.shares.recovered(fraction)
+
+    def purity(self, place: str, fraction: str) -> tuple[float, float, float]:
+        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high)."""
+        return self.shares.part_of(place, fraction)
+
 
 def chain(scene: Scene | Path | str, *, count: int | None = None) -> Chained:
     """Fly the granules of ``scene``, or that of a scene file, from impact to impact without air, ``count`` of each

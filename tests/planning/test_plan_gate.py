@@ -142,9 +142,13 @@ def test_granules_that_meet_fly_without_history_and_the_plan_says_so(draft: Scen
         ({"drag": False}, "always acts"),
         ({"wheat.gravity": False}, "always acts"),
         ({"wheat.collisions": False}, "those of all fractions"),
+        ({"lift": "maybe"}, "force: lift = 'maybe': write on or off"),
+        ({"lift": 1}, "force: lift = 1: write on or off"),
+        (["lift"], "force = ['lift']: name each term and its state"),
+        ("lift=off", "name each term and its state"),
     ],
 )
-def test_switches_that_make_no_sense_are_one_line(draft: Scene, force: dict[str, bool], message: str) -> None:
+def test_switches_that_make_no_sense_are_one_line(draft: Scene, force: Any, message: str) -> None:
     with pytest.raises(SceneError) as caught:
         make_plan(draft, force=force)
     assert message in str(caught.value)
@@ -170,6 +174,12 @@ def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(draft: Scene
         for force in ({"lift": False}, plan.force)
     ]
     assert keys[0] != keys[1]
+
+
+def test_off_in_python_is_off_as_on_the_command_line(draft: Scene) -> None:
+    said = make_plan(draft, force={"lift": "off", "chaff": {"lift": "on"}})
+    assert said.force == {"lift": False, "chaff.lift": True}
+    assert said.fractions == make_plan(draft, force={"lift": False, "chaff.lift": True}).fractions
 
 
 @pytest.mark.parametrize("table", [{"lift": "on", "chaff": {"lift": "off"}}, {"lift": True, "chaff.lift": False}])
@@ -244,9 +254,14 @@ def test_the_plan_prints_and_writes_a_bound_for_every_fraction(
     assert "above 0" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("error", ["1%", True, None.__class__])
+def test_an_accuracy_in_percent_is_a_share(draft: Scene) -> None:
+    assert make_plan(draft, target_error="0.5%").target_error == 0.005
+    assert make_plan(draft, target_error="0.5 %").summary() == make_plan(draft, target_error=0.005).summary()
+
+
+@pytest.mark.parametrize("error", ["one", True, None.__class__, [0.01]])
 def test_an_accuracy_that_is_no_number_is_refused(error: Any, draft: Scene) -> None:
-    with pytest.raises(SceneError, match="a number, 0"):
+    with pytest.raises(SceneError, match=r"target_error = .*(a number such as 0.01|needs a share)"):
         make_plan(draft, target_error=error)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -16,7 +17,7 @@ from matplotlib.axes import Axes
 import wakeflow as wf
 from support import field_of, shipped
 from wakeflow.core import frames
-from wakeflow.report.plot import outcome_of
+from wakeflow.report.plot import cells_left, outcome_of
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +86,55 @@ def test_what_a_run_has_not_is_said(result: wf.Result, tmp_path: Path) -> None:
         result.plot.pressure()
     with pytest.raises(AttributeError, match="did you mean 'landing'"):
         _ = result.plot.landings
+    for name in ("bracket", "history"):  # no nearest one, still all that there are
+        with pytest.raises(AttributeError, match=rf"no picture '{name}'.* \(known: sketch, tracks, landing"):
+            getattr(result.plot, name)
+    assert not hasattr(result.plot, "_repr_png_")
     moved = replace(result, folder=tmp_path)
+    with pytest.raises(AttributeError, match="known: sketch, pressure"):
+        _ = moved.plot.bracket
     with pytest.raises(wf.SceneError, match="holds no report to draw from"):
         moved.plot.tracks()
+
+
+def test_a_picture_is_drawn_on_one_axes_or_a_figure_and_nothing_else(result: wf.Result) -> None:
+    figure, panels = pyplot.subplots(1, 2)
+    for given, message in (
+        ((3,), "landing draws 2 panels in the place of matplotlib axes or in a figure, not on 3"),
+        (("landing.png",), "not on 'landing.png'"),
+        ((panels,), "takes one axes, in whose place its 2 panels are drawn, not 2: hand over one of them"),
+        ((panels[0], panels[1]), "takes one axes or a figure, not 2 of them"),
+    ):
+        with pytest.raises(wf.SceneError, match=message):
+            result.plot.landing(*given)
+    with pytest.raises(wf.SceneError, match=r"plot\.tracks takes one axes, not 2"):
+        result.plot.tracks(list(panels))
+    with pytest.raises(wf.SceneError, match=r"takes one axes or a figure, not ax=: plot.tracks\(axes\)"):
+        result.plot.tracks(ax=panels[0])
+    assert figure.axes == list(panels)  # all refused before anything was drawn or taken away
+    assert result.plot.landing(pyplot.figure()).shape == (2, 1)
+
+
+def test_what_a_run_does_not_keep_is_found_in_its_file(result: wf.Result, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(result.folder, folder)
+    (folder / "figures" / "forces.png").write_bytes(b"of a solved airflow")
+    with pytest.raises(wf.SceneError, match=f"see {folder}/figures/forces.png; wakeflow report"):
+        wf.Result.load(folder).plot.forces()
+
+
+def test_the_mesh_is_drawn_of_what_its_picture_left(tmp_path: Path) -> None:
+    corners = np.array([[0.0, 0.0], [1e-3, 0.0], [1e-3, 1e-3], [0.0, 1e-3], [2e-3, 0.0]])
+    ends = {"cell ends": [4, 7], "cell corners": [0, 1, 2, 3, 1, 4, 2]}
+    np.savez_compressed(tmp_path / "mesh.npz", **{"x (m)": corners[:, 0], "y (m)": corners[:, 1], **ends})
+    cells = cells_left(tmp_path / "mesh.npz")
+    assert cells is not None
+    assert np.array_equal(cells.points, corners)
+    assert [cell.tolist() for cell in cells.cells] == [[0, 1, 2, 3], [1, 4, 2]]
+    assert cells_left(tmp_path / "none.npz") is None
+    (tmp_path / "mesh.npz").write_bytes(b"PK no more")
+    with pytest.raises(wf.SceneError, match="damaged; wakeflow report"):
+        cells_left(tmp_path / "mesh.npz")
 
 
 def test_the_air_of_a_finished_run_is_read_back(tmp_path: Path) -> None:
@@ -146,6 +193,29 @@ def test_what_does_not_exist_is_said_with_the_nearest_name(result: wf.Result) ->
         result.share(f"{first}x", "near")
     with pytest.raises(wf.SceneError, match="no bin 'neer'; did you mean 'near'"):
         result.share(first, "neer")
+    with pytest.raises(wf.SceneError, match=f"no fraction '{first}x'; did you mean '{first}'"):
+        result.recovery(f"{first}x")
+    with pytest.raises(wf.SceneError, match="no bin 'neer'; did you mean 'near'"):
+        result.purity("neer", first)
+    with pytest.raises(wf.SceneError, match=f"no fraction '{first}x'"):
+        result.purity("near", f"{first}x")
+    with pytest.raises(wf.SceneError, match="nothing lands in elsewhere"):
+        result.purity("elsewhere", first)
+
+
+def test_recovery_and_purity_are_those_of_the_table(result: wf.Result) -> None:
+    table, first = result.separation, next(iter(result.scene["fraction"]))
+    for found, row in (
+        (result.recovery(first), table["recovery"][first]),
+        (result.purity("near", first), table["purity"]["near"][first]),
+    ):
+        assert found == (row["value"], row["low"], row["high"])
+    tables = shipped("vacuum", {"feed.count": 32}).tables()
+    del tables["fraction"][first]["target"]
+    chained = wf.chain(wf.Scene.parse(tables))
+    with pytest.raises(wf.SceneError, match=f"{first} has no target .* give fraction.{first}.target"):
+        chained.recovery(first)
+    assert chained.purity("near", first)[0] == chained.separation["purity"]["near"][first]["value"]
 
 
 class _Cells(HTMLParser):

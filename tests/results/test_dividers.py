@@ -79,6 +79,11 @@ def test_dividers_of_a_run_are_judged_on_other_granules(run: wf.Result) -> None:
     assert _held(landed, list(one.stretches))[0] <= _held(landed, list(found.stretches))[0]
 
 
+def test_a_purity_in_percent_is_a_share(run: wf.Result) -> None:
+    assert wf.dividers(run, "wheat", "97 %").asked == 0.97
+    assert wf.dividers(run, "wheat", "97%").stretches == wf.dividers(run, "wheat", 0.97).stretches
+
+
 def test_a_stretch_is_the_bin_that_a_new_run_would_have(run: wf.Result, tmp_path: Path) -> None:
     """Bins of the dividers, flown anew, hold what the dividers promised."""
     found = wf.dividers(run, "wheat", 0.97)
@@ -129,6 +134,8 @@ def test_damaged_landings_are_said_with_their_cure(run: wf.Result, tmp_path: Pat
     [
         ({"fraction": "weat"}, "did you mean 'wheat'"),
         ({"purity": 1.0}, "above 0 and below 1"),
+        ({"purity": "most"}, "purity = 'most': needs a share"),
+        ({"purity": None}, "purity = None: a number such as 0.01"),
         ({"stretches": 0}, "at least 1"),
         ({"on": "flor"}, "did you mean 'floor'"),
         ({"on": "top"}, "no granule of wheat landed on top"),

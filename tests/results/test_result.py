@@ -106,6 +106,8 @@ def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:
         Result.load(tmp_path)
     with pytest.raises(SceneError, match=r"is no run but holds some, .*: name "):
         Result.load(tmp_path.parent)
+    with pytest.raises(SceneError, match="folder of a run = 3: needs a path, not int"):
+        Result.load(3)  # type: ignore[arg-type]
     with pytest.raises(SceneError, match="is a file; name the folder"):
         Result.load(tmp_path / "result.json")
     (tmp_path / "result.json").write_text("[]")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -229,6 +230,30 @@ def test_a_path_is_a_scene(cases: Path) -> None:
         wf.run("nowhere.toml")
     with pytest.raises(SceneError, match="not dict"):
         wf.run({"air": {}})  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="scene file = 3: needs a path, not int"):
+        Scene.load(3)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="changes = 3: name each key"):
+        Scene.load(path).replace(3)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="takes a list of scenes"):
+        wf.sweep(Scene.load(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("rhombus", ("bodies rhombus", "air", " m/s down", "wheat", "bins")),
+        ("vacuum", ("bodies prism", "no air", "fractions soft, hard", "2 bins")),
+    ],
+)
+def test_a_scene_is_a_line_and_a_page(name: str, words: tuple[str, ...], cases: Path, tmp_path: Path) -> None:
+    scene = Scene.load(cases / f"{name}.toml")
+    assert len(repr(scene)) < 200
+    assert str(scene) == repr(scene)
+    assert [word for word in words if word not in repr(scene)] == []
+    scene.save(tmp_path / "scene.toml")
+    page = scene._repr_html_()
+    assert escape((tmp_path / "scene.toml").read_text()) in page
+    assert escape(repr(scene)) in page
 
 
 @pytest.mark.parametrize(

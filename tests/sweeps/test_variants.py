@@ -14,7 +14,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.scene.changes import differing, folder_name, run_folder
 from wakeflow.sweeps.axis import Axis, axes_of, axis_of_text
 from wakeflow.sweeps.design import designs
-from wakeflow.sweeps.variant import asked_for, read_sweep_file
+from wakeflow.sweeps.variant import Variant, asked_for, read_sweep_file
 
 
 @pytest.mark.parametrize(
@@ -138,6 +138,13 @@ def test_a_variant_that_is_no_scene_says_why_and_the_others_stand() -> None:
     assert "fraction.wheat.restitution = 1.5" in bad.problem
     with pytest.raises(SceneError, match=r"air\.spead"):
         wf.variants(CASES / "rhombus.toml", ["feed.count=64,128", "air.spead=3"])
+
+
+def test_variants_are_a_line_each() -> None:
+    found = wf.variants(shipped("vacuum"), {"fraction.soft.restitution": [0.1, 1.5]})
+    assert repr(found[0]) == "<Variant fraction.soft.restitution=0.1>"
+    assert repr(found[1]).startswith("<Variant fraction.soft.restitution=1.5: scene: fraction.soft.restitution = 1.5:")
+    assert repr(Variant("mine", {"feed.height": 0.1}, found[0].scene)) == "<Variant mine: feed.height = 0.1>"
 
 
 def test_folders_of_runs_tell_variants_apart() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import tempfile
@@ -10,7 +11,29 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-__all__ = ["atomic_write", "write_json"]
+from .errors import SceneError
+
+__all__ = ["atomic_write", "made_folder", "path_of", "write_json"]
+
+FULL = errno.ENOSPC, errno.EDQUOT
+
+
+def path_of(given: Path | str, name: str) -> Path:
+    """What a caller gives as a path. Raises SceneError, by its ``name``, where it is none."""
+    if not isinstance(given, str | os.PathLike):
+        raise SceneError(f"{name} = {given!r}: needs a path, not {type(given).__name__}")
+    return Path(given)
+
+
+def made_folder(folder: Path) -> Path:
+    """The folder for results, made where it is not there. Raises SceneError where it cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        if problem.errno in FULL:  # no mistake of the caller's
+            raise
+        raise SceneError(f"{folder}: cannot be made, {problem.strerror}; choose another --out") from None
+    return folder
 
 
 @contextmanager

@@ -17,18 +17,20 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any
 
 from . import errors
 from .beside import heed
-from .errors import ProgramError, WakeflowError
+from .errors import ProgramError, SceneError, WakeflowError
 
 __all__ = [
     "Finished",
     "call_in_child",
     "capture",
+    "check_workers",
     "cores",
     "end_group",
     "run_program",
@@ -52,6 +54,16 @@ class Finished:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0))
+
+
+def check_workers(workers: object) -> None:
+    """Raise SceneError for what is no number of threads or processes; None is one a core."""
+    if workers is None:
+        return
+    if isinstance(workers, bool) or not isinstance(workers, Integral):
+        raise SceneError(f"workers = {workers!r}: a whole number, or None for one a core")
+    if workers < 1:
+        raise SceneError(f"workers = {workers}: at least 1")
 
 
 def tail(log: Path, lines: int = 12) -> str:

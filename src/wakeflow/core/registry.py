@@ -16,8 +16,10 @@ __all__ = ["Registry", "did_you_mean"]
 Entry = TypeVar("Entry")
 
 
-def did_you_mean(name: str, known: list[str]) -> str:
+def did_you_mean(name: object, known: list[str]) -> str:
     """A hint ``; did you mean 'x'?`` when a known name is close to ``name``, else an empty string."""
+    if not isinstance(name, str):  # a caller from Python may ask for anything
+        return ""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else ""
 
@@ -55,13 +57,10 @@ class Registry(Generic[Entry]):
 
     def __getitem__(self, name: str) -> Entry:
         """The entry called ``name``. Raises SceneError naming the nearest known one."""
-        try:
-            return self._entries[name]
-        except KeyError:
+        if name not in self:
             known = list(self)
-            raise SceneError(
-                f"unknown {self.kind} {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})"
-            ) from None
+            raise SceneError(f"unknown {self.kind} {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
+        return self._entries[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
@@ -70,4 +69,4 @@ class Registry(Generic[Entry]):
         return len(self._entries)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._entries
+        return isinstance(name, str) and name in self._entries

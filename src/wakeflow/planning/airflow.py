@@ -16,11 +16,10 @@ from typing import Literal
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.graded import Notice, information, less_sure
-from ..core.registry import did_you_mean
 from ..laws.best_estimate import WakeEstimate
 from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
-from ..scene.rungs import rungs
+from ..scene.rungs import check_rung, rungs
 from ..scene.user_case import is_laminar
 from .bounds import LOADING, VIBRATION
 from .span import Span, span_of
@@ -229,8 +228,7 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
 
     Raises SceneError for a rung that the scene cannot have.
     """
-    if asked not in rungs:
-        raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(rungs))} (known: {', '.join(rungs)})")
+    check_rung(asked)
     if scene.air is None:
         if rungs[asked].needs_air:
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")

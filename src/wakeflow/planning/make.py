@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +15,8 @@ from ..core.errors import SceneError
 from ..core.graded import Notice, gravest_first, less_sure, void
 from ..laws.forces import forces
 from ..scene import Scene
+from ..scene.overrides import share_in
+from ..scene.switches import States, switched
 from .air_loading import feels_granules
 from .airflow import AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body
@@ -44,20 +45,20 @@ def make_plan(
     scene: Scene | Path | str,
     *,
     rung: str | None = None,
-    force: Mapping[str, bool] | None = None,
-    target_error: float | None = None,
+    force: States | None = None,
+    target_error: float | str | None = None,
 ) -> Plan:
-    """Decide what ``scene``, or that of a scene file, needs. ``rung`` and ``target_error`` (a share) override the
-    scene's; ``force`` switches terms on or off beside those of the scene's [force]: {"lift": True} for all fractions,
-    {"chaff.lift": True} for one.
+    """Decide what ``scene``, or that of a scene file, needs. ``rung`` and ``target_error`` (a share, 0.01 or "1 %")
+    override the scene's; ``force`` switches terms on or off beside those of the scene's [force]: {"lift": "on"} for all
+    fractions, {"chaff.lift": "on"} for one; True and False do as well.
 
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
     """
     given = Scene.of(scene).fed()
     target = _accuracy(given, target_error)
-    switches = {**given.force, **(force or {})}
-    airflow, motion = _airflow(given, rung or given.numerics.rung, target, switches.get(VIBRATION))
+    switches = {**given.force, **switched(force)}
+    airflow, motion = _airflow(given, given.numerics.rung if rung is None else rung, target, switches.get(VIBRATION))
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
@@ -89,11 +90,9 @@ def make_plan(
     )
 
 
-def _accuracy(scene: Scene, asked: float | None) -> float:
+def _accuracy(scene: Scene, asked: float | str | None) -> float:
     """The error of a share that is asked for, instead of the scene's own. Raises SceneError for one that is none."""
-    target = scene.numerics.target_error if asked is None else asked
-    if isinstance(target, bool) or not isinstance(target, Real):
-        raise SceneError(f"target_error = {target!r}: a number, 0.01 for one percent of a fraction")
+    target = scene.numerics.target_error if asked is None else share_in(asked, "target_error")
     if not 0.0 < target <= LARGEST_ERROR:
         raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
     return target

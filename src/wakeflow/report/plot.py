@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
 from ..results.result import kept_granules
+from ..results.solved_case import PlaneCells
 from ..scene import Scene
 from ..scene.pictures import STANDARD_FIGURES
 from .outcome import Landed, Outcome, Track
@@ -20,10 +22,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from ..results.result import Result
-    from .canvas import Paper
+    from matplotlib.axes import Axes
 
-__all__ = ["Plot", "outcome_of"]
+    from ..results.result import Result
+    from .canvas import AnyFigure
+
+__all__ = ["Plot", "cells_left", "outcome_of"]
 
 OF_A_TRACK = {"diameter": "diameter (m)", "bin": "bin", "fate": "fate"}  # columns of tracks.vtp
 
@@ -32,9 +36,10 @@ OF_A_TRACK = {"diameter": "diameter (m)", "bin": "bin", "fate": "fate"}  # colum
 class Plot:
     """The pictures of a finished run: ``result.plot.tracks()``, each called like its file in the folder ``figures``.
 
-    ``result.plot.tracks(axes)`` draws on given matplotlib axes; a picture of several panels takes the place that they
-    have in the grid of ``pyplot.subplots``. Without axes a new pyplot figure is made. Returns the axes drawn on, one or
-    an array. ``dir(result.plot)`` names what this run has. Raises SceneError for a picture that it has not.
+    ``result.plot.tracks(axes)`` draws on given matplotlib axes, or in a figure; a picture of several panels takes the
+    place that one axes has in the grid of ``pyplot.subplots``. Without axes a new pyplot figure is made. Returns the
+    axes drawn on, one or an array. ``dir(result.plot)`` names what this run has. Raises SceneError for a picture that
+    it has not, and for anything but one axes or a figure to draw on.
     """
 
     result: Result
@@ -46,12 +51,22 @@ class Plot:
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in STANDARD_FIGURES:
-            raise AttributeError(f"no picture {name!r}{did_you_mean(name, list(STANDARD_FIGURES))}")
+            if name.startswith("_"):  # asked for by notebooks and copies, not by people
+                raise AttributeError(name)
+            near = did_you_mean(name, list(STANDARD_FIGURES))
+            raise AttributeError(f"no picture {name!r}{near} (known: {', '.join(self._known())})")
         from .figures import figures
 
         draw = partial(self._draw, name)
         draw.__doc__ = figures[name].caption
         return draw
+
+    def _known(self) -> list[str]:
+        """The pictures that this run has; where it left nothing to draw from, all that runs can have."""
+        try:
+            return self._there()
+        except SceneError:
+            return list(STANDARD_FIGURES)
 
     def __dir__(self) -> list[str]:
         return self._there()
@@ -65,16 +80,46 @@ class Plot:
 
         return [name for name in STANDARD_FIGURES if (has := figures[name].needs) is None or has(self.outcome)]
 
-    def _draw(self, name: str, axes: Paper | None = None) -> Any:
+    def _draw(self, name: str, axes: Axes | AnyFigure | None = None, *more: object, **unknown: object) -> Any:
         from .figures import figures
 
+        if unknown or more:
+            given = f"{next(iter(unknown))}=" if unknown else f"{1 + len(more)} of them"
+            raise SceneError(f"plot.{name} takes one axes or a figure, not {given}: plot.{name}(axes)")
         if name not in self._there():
-            raise SceneError(f"{self.result.folder} has nothing to draw as {name}; it has {', '.join(self._there())}")
-        if axes is None:
+            raise SceneError(self._why_not(name))
+        return figures[name].draw(self._paper(name, axes), self.outcome)
+
+    def _why_not(self, name: str) -> str:
+        """Why a picture cannot be drawn here: there is nothing to show, or it is not kept."""
+        folder = self.result.folder
+        file = folder / "figures" / f"{name}.png"
+        if file.exists():
+            anew = f"wakeflow report {folder} draws it anew"
+            return f"{name} shows more of the solved airflow than {folder} keeps: see {file}; {anew}"
+        return f"{folder} has nothing to draw as {name}; it has {', '.join(self._there())}"
+
+    def _paper(self, name: str, given: Axes | AnyFigure | None) -> Axes | AnyFigure:
+        """What to draw on: ``given`` axes or figure, else a new figure of pyplot. Raises SceneError for anything else,
+        as for the array of ``pyplot.subplots``, which would stay empty.
+        """
+        from matplotlib.axes import Axes
+        from matplotlib.figure import Figure, SubFigure
+
+        from .figures import figures
+
+        if given is None:
             from matplotlib import pyplot
 
-            axes = pyplot.figure(layout="constrained")
-        return figures[name].draw(axes, self.outcome)
+            return pyplot.figure(layout="constrained")
+        if isinstance(given, Axes | Figure | SubFigure):
+            return given
+        panels = np.size(figures[name].draw(Figure(), self.outcome))
+        if isinstance(given, np.ndarray | list | tuple):
+            here = f"takes one axes, in whose place its {panels} panels are drawn" if panels > 1 else "takes one axes"
+            raise SceneError(f"plot.{name} {here}, not {np.size(given)}: hand over one of them, or their figure")
+        draws = f"draws {panels} panels" if panels > 1 else "draws"
+        raise SceneError(f"plot.{name} {draws} in the place of matplotlib axes or in a figure, not on {given!r}")
 
 
 def outcome_of(result: Result) -> Outcome:
@@ -96,7 +141,20 @@ def outcome_of(result: Result) -> Outcome:
 
         field = FlowField.load(air)
     granules = {head: values for head, values in kept_granules(folder).items() if head != "names"}
-    return Outcome(scene, field, _tracks(tracks), _landings(result, scene), result, {}, granules)
+    cells = None if field is None else cells_left(folder / "figures" / "mesh.npz")
+    return Outcome(scene, field, _tracks(tracks), _landings(result, scene), result, {}, granules, cells)
+
+
+def cells_left(file: Path) -> PlaneCells | None:
+    """The cells that the mesh's picture left beside itself; None where there is none."""
+    if not file.exists():
+        return None
+    try:
+        with np.load(file) as data:
+            points = np.stack([data["x (m)"], data["y (m)"]], axis=1)
+            return PlaneCells(points, np.split(data["cell corners"], data["cell ends"][:-1]))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        raise SceneError(f"{file} is damaged; wakeflow report {file.parent.parent} writes it anew") from None
 
 
 def _tracks(path: Path) -> dict[str, list[Track]]:

@@ -24,6 +24,7 @@ from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..planning.unknowns import SIGMAS
 from ..scene import Scene
+from ..scene.overrides import share_in
 from .measured import Measured
 from .result import Result, kept_granules
 
@@ -68,20 +69,21 @@ class Landed1D(NamedTuple):
 
 
 def dividers(
-    run: Result | Path | str, fraction: str, purity: float, *, stretches: int = 1, on: str = "floor"
+    run: Result | Path | str, fraction: str, purity: float | str, *, stretches: int = 1, on: str = "floor"
 ) -> Dividers:
-    """The dividers that give the most recovery of ``fraction`` at a ``purity`` (0 to 1) of the product by mass.
+    """The dividers that give the most recovery of ``fraction`` at a ``purity`` (0.95 or "95 %") of the product by mass.
 
     ``run``: a finished run or its folder. ``stretches``: of the line that the product may be made of. ``on``: floor,
     top, left, right, or a bin of the scene whose line is taken. The granules are those of granules.npz
     (numerics.keep a fraction). Raises SceneError where the run has none, or not that fraction or line.
     """
-    if not 0.0 < purity < 1.0:
-        raise SceneError(f"purity = {purity:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
+    least = share_in(purity, "purity")
+    if not 0.0 < least < 1.0:
+        raise SceneError(f"purity = {least:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
     if stretches < 1:
         raise SceneError(f"stretches = {stretches}: at least 1")
     landed = landed_along(run, fraction, on)
-    return _judged(landed, fraction, purity, stretches)
+    return _judged(landed, fraction, least, stretches)
 
 
 def trade_off(

@@ -82,9 +82,36 @@ class Separation:
         found = _known("bin", _known("fraction", self.fractions, fraction), place)
         return found.value, found.low, found.high
 
+    def recovered(self, fraction: str) -> tuple[float, float, float]:
+        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a fraction that there is not, and for one without a target.
+        """
+        found = _known("fraction", self.recovery, fraction)
+        if found is None:
+            raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
+        return _whole(found, f"recovery of {fraction}")
+
+    def part_of(self, place: str, fraction: str) -> tuple[float, float, float]:
+        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a bin or fraction that there is not, and for a bin that stays empty.
+        """
+        here = _known("bin", self.purity, place)
+        _known("fraction", self.fractions, fraction)
+        if here is None:
+            raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
+        return _whole(here[fraction], f"purity of {place}")
+
+
+def _whole(found: Measured, what: str) -> tuple[float, float, float]:
+    if found.value is None or found.low is None or found.high is None:
+        raise SceneError(f"{what}: this run could not measure it")
+    return found.value, found.low, found.high
+
 
 def _known(kind: str, table: Mapping[str, Entry], name: str) -> Entry:
-    if name not in table:
+    if not isinstance(name, str) or name not in table:
         raise SceneError(f"no {kind} {name!r}{did_you_mean(name, list(table))} (known: {', '.join(table)})")
     return table[name]
 

@@ -12,13 +12,16 @@ from typing import Any, Self
 import numpy as np
 
 from ..core.errors import SceneError
-from ..core.files import write_json
+from ..core.files import path_of, write_json
 from ..core.frames import frame_of
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
 from ..core.record import Partial, column, from_json, to_json
 from ..core.registry import Registry
 from ..pipeline.stages import StageTime
+from ..scene.overrides import share_in
+from ..scene.rungs import check_rung
+from ..scene.switches import States, switched
 from .airflow_summary import Airflow
 from .funnel_summary import FunnelSummary
 from .impact_summary import ImpactSummary
@@ -62,6 +65,23 @@ class Request:
     target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
     near: str | None = column("", "folder of the run whose airflow this one's starts from; left out where it starts "
                                   "from rest", absent=True, default=None)  # fmt: skip
+
+    @classmethod
+    def asked(
+        cls,
+        until: str | None = None,
+        rung: str | None = None,
+        force: States | None = None,
+        target_error: float | str | None = None,
+        near: Path | str | None = None,
+    ) -> Self:
+        """The request of a caller from Python, who may write "on", "off" and "1 %". Raises SceneError where a part of
+        it means nothing in any scene.
+        """
+        if rung is not None:
+            check_rung(rung)
+        error = None if target_error is None else share_in(target_error, "target_error")
+        return cls(until, rung, switched(force), error, None if near is None else str(path_of(near, "near")))
 
 
 @dataclass(frozen=True)
@@ -174,6 +194,22 @@ class Result:
         """
         return self._shares.share(fraction, place)
 
+    def recovery(self, fraction: str) -> tuple[float, float, float]:
+        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares, and for a fraction that there is not or that has no
+        target.
+        """
+        return self._shares.recovered(fraction)
+
+    def purity(self, place: str, fraction: str) -> tuple[float, float, float]:
+        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares, for a bin or fraction that there is not, and for a bin
+        that stays empty.
+        """
+        return self._shares.part_of(place, fraction)
+
     def frame(self) -> Any:
         """The shares, a row for each fraction and bin: ``share`` by mass, ``low`` and ``high`` of its 95 % interval,
         ``target``: whether the fraction should land there.
@@ -265,7 +301,7 @@ accessors: Registry[Callable[[Result], Any]] = Registry("view of a result")  # f
 
 def _read(folder: Path | str) -> Any:
     try:
-        return json.loads((Path(folder) / FILE).read_text())
+        return json.loads((path_of(folder, "folder of a run") / FILE).read_text())
     except (FileNotFoundError, NotADirectoryError):
         raise _unfinished(folder) from None
     except json.JSONDecodeError:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import SceneError
+from ..core.files import made_folder, path_of
+from ..core.process import check_workers
 from ..pipeline.cache import Listener, silent
 from ..planning.machine_rates import learn
 from ..planning.make import make_plan
@@ -21,6 +23,7 @@ from ..results.result import (
 )
 from ..results.source import Flights
 from ..scene import Scene
+from ..scene.switches import States
 from .answer import OneRun
 from .folder import LOCK, refuse_foreign
 from .stages import one_thread_of_blas, stages_of
@@ -39,8 +42,8 @@ def run(
     *,
     until: str | None = None,
     rung: str | None = None,
-    force: Mapping[str, bool] | None = None,
-    target_error: float | None = None,
+    force: States | None = None,
+    target_error: float | str | None = None,
     near: Path | str | None = None,
     workers: int | None = None,
     listener: Listener | None = None,
@@ -65,8 +68,8 @@ def run(
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
-    asked, folder = Scene.of(scene), Path("runs", name) if out is None else Path(out)
-    request = Request(until, rung, dict(force or {}), target_error, None if near is None else str(near))
+    asked, folder = Scene.of(scene), Path("runs", name) if out is None else path_of(out, "out")
+    request = Request.asked(until, rung, force, target_error, near)
     listener, planned = heard(listener, planned)
     once = partial(
         run_once,
@@ -78,11 +81,11 @@ def run(
         redraw=redraw,
         crew=crew,
     )
-    if target_error is None or until is not None or not refine:
+    if request.target_error is None or until is not None or not refine:
         return once(asked, report=report)
 
-    plan = make_plan(asked, rung=rung, force=force, target_error=target_error)
-    found = refined(asked, target_error, partial(once, report=False), plan, listener)
+    plan = make_plan(asked, rung=rung, force=request.force, target_error=request.target_error)
+    found = refined(asked, request.target_error, partial(once, report=False), plan, listener)
     return once(Scene.parse(found.scene), report=True, refinement=found.refinement) if report else found
 
 
@@ -105,7 +108,7 @@ def run_once(
     from filelock import FileLock, Timeout
 
     _check(scene, folder, request, workers)
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     try:
         with FileLock(folder / LOCK, timeout=0), one_thread_of_blas():
             pipeline, poured = stages_of(scene, request, workers, listener, crew, planned, made)
@@ -133,8 +136,7 @@ def _check(scene: Scene, folder: Path, request: Request, workers: int | None) ->
         raise SceneError(f"until = {request.until!r}: choose funnel, mesh, airflow or tracks")
     if request.until == "funnel" and scene.funnel is None:
         raise SceneError("until = 'funnel': the scene has no [funnel] table")
-    if workers is not None and workers < 1:
-        raise SceneError(f"workers = {workers}: at least 1")
+    check_workers(workers)
     if request.near is not None and Path(request.near).resolve() == folder.resolve():
         raise SceneError(f"--near {request.near}: is the run's own folder; name another run")
     if folder.exists() and not folder.is_dir():

@@ -6,13 +6,15 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
+from numbers import Real
 from typing import Any
 
 from ..core.errors import SceneError
 from ..core.quantities import quantity
 from ..core.registry import did_you_mean
+from .switches import ON_OFF
 
-__all__ = ["changed", "changes_of", "setting", "share_of", "switches_of", "unquoted"]
+__all__ = ["changed", "changes_of", "setting", "share_in", "share_of", "switches_of", "unquoted"]
 
 
 def changes_of(settings: Sequence[str]) -> dict[str, Any]:
@@ -24,7 +26,7 @@ def switches_of(forced: Sequence[str]) -> dict[str, bool]:
     """Terms that are switched on or off, from texts TERM=on and TERM=off. Raises SceneError for any other text."""
     switches = {}
     for term, state in (setting(text, "--force", "TERM=on or TERM=off") for text in forced):
-        if state not in ("on", "off"):
+        if state not in ON_OFF:
             raise SceneError(f"--force {term}={state}: write on or off")
         switches[term] = state == "on"
     return switches
@@ -43,9 +45,23 @@ def setting(text: str, option: str, form: str = "KEY=VALUE") -> tuple[str, str]:
 def share_of(text: str) -> float:
     """A share from text, 0.05 or 5%. Raises ValueError for any other text."""
     try:
-        return quantity(text, "1", "5%") if "%" in text else float(text)
+        return float(f"{quantity(text, '1', '5%'):.15g}") if "%" in text else float(text)  # 95 % is 0.95 exactly
     except ValueError:
         raise ValueError(f"{text!r}: needs a share such as 0.05 or 5%") from None
+
+
+def share_in(value: float | str, name: str) -> float:
+    """A share that is given from Python as a number or as a text such as "5 %". Raises SceneError, by its ``name``, for
+    anything else.
+    """
+    if isinstance(value, str):
+        try:
+            return share_of(value)
+        except ValueError as problem:
+            raise SceneError(f"{name} = {problem}") from None
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise SceneError(f"{name} = {value!r}: a number such as 0.01, or '1 %'")
+    return float(value)
 
 
 def changed(data: Mapping[str, Any], changes: Mapping[str, Any], name: str = "scene") -> dict[str, Any]:
@@ -53,8 +69,10 @@ def changed(data: Mapping[str, Any], changes: Mapping[str, Any], name: str = "sc
     whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole. A star stands for
     all tables that are there.
 
-    Raises SceneError for a key in such a table, and for a key in a value.
+    Raises SceneError for a key in such a table, for a key in a value, and where ``changes`` are none.
     """
+    if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
+        raise SceneError(f"changes = {changes!r}: name each key and its value, {{'air.speed': '7 m/s'}}")
     result: dict[str, Any] = json.loads(json.dumps(data, default=str))
     for key, value in changes.items():
         *tables, last = key.split(".")

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..core.registry import Registry
+from ..core.errors import SceneError
+from ..core.registry import Registry, did_you_mean
 
-__all__ = ["Rung", "rungs"]
+__all__ = ["Rung", "check_rung", "rungs"]
 
 GRIDS = 1.5  # refinement ratio between the grids of a study: three grids span 1.5^4 = 5 times the cells
 
@@ -41,6 +42,14 @@ class Rung:
 
 
 rungs: Registry[Rung] = Registry("rung")
+
+
+def check_rung(asked: str) -> None:
+    """Raise SceneError, naming the nearest, for a rung that there is not."""
+    if asked not in rungs:
+        raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(rungs))} (known: {', '.join(rungs)})")
+
+
 rungs.add("auto", Rung("the rung that the Reynolds number and the accuracy asked for need", None))
 rungs.add("none", Rung("no air at all; the plan states what that leaves out", "none"))
 rungs.add(

@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
+from html import escape
+from inspect import Parameter, Signature
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,8 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ..core.errors import SceneError
-from ..core.quantities import speaking
+from ..core.files import path_of
+from ..core.quantities import say, speaking
 from ..core.toml import read_toml
 from ..laws.constants import STANDARD_AIR
 from .bins import Bin
@@ -39,6 +42,26 @@ MOST_MISTAKES = 3  # that are told of tables which do not agree: the first is of
 
 class Scene(SceneTables):
     """Everything that is asked, in SI units. Frozen: ``replace`` gives a changed copy."""
+
+    def __repr__(self) -> str:
+        """What stands in the channel, the air, what is fed, and into how many bins; all of it: ``tables``."""
+        bodies = f"bodies {', '.join(self.body)}" if self.body else "no body"
+        air = "no air" if self.air is None else f"air {say(self.air.speed, 'm/s', 3)} {self.air.direction}"
+        count = f"{len(self.bin)} bin{'s' if len(self.bin) != 1 else ''}"
+        return f"<Scene: {bodies}; {air}; {self._fed_by}; fractions {', '.join(self.fraction)}; {count}>"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """The scene in a line, and as the file that ``save`` writes, as a notebook shows it."""
+        line = f"<p>{escape(repr(self))}</p>"
+        return f"{line}<details><summary>as a file</summary><pre>{escape(self._toml())}</pre></details>"
+
+    @property
+    def _fed_by(self) -> str:
+        """Where granules come from and how many, in words."""
+        rate = "" if self.feed.rate is None else f" {say(self.feed.rate, 'kg/s', 3)}"
+        return f"feed{rate} from a funnel" if self.funnel is not None else f"feed{rate or ' without a rate'}"
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], name: str = "scene", base: Path | None = None) -> Scene:
@@ -78,7 +101,7 @@ class Scene(SceneTables):
 
         Raises SceneError as :meth:`parse` does, and where a length without a unit is far off the scene's scale.
         """
-        path = Path(path)
+        path = path_of(path, "scene file")
         data = changed(_read(path), changes or {}, path.name)
         if asked := doubts(data):
             raise SceneError(f"{path.name}: {asked}")
@@ -126,12 +149,19 @@ class Scene(SceneTables):
 
     def save(self, path: Path | str) -> None:
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""
-        import tomlkit
-
         from ..core.files import atomic_write
 
-        with atomic_write(path) as stream:
-            stream.write(tomlkit.dumps(with_units(self.tables())))
+        with atomic_write(path_of(path, "scene file")) as stream:
+            stream.write(self._toml())
+
+    def _toml(self) -> str:
+        import tomlkit
+
+        return tomlkit.dumps(with_units(self.tables()))
+
+
+# That of pydantic shows every validator inside, two screens long; what a scene may hold is in docs/scenes.md.
+Scene.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
 
 
 def units_written(path: Path | str) -> dict[str, str]:

@@ -19,13 +19,13 @@ from .funnel import Funnel
 from .pictures import AnyPicture
 from .rungs import rungs
 from .surroundings import Air, Body, Channel, Vibration
+from .switches import states_of
 from .table import Array, Table
 from .uncertainty import Margin, margins
 from .units import Name, WithUnit
 
 __all__ = ["Numerics", "SceneTables", "SpanTable"]
 
-STATES = "on", "off"
 Margins = dict[str, float | str | dict[str, float | str | dict[str, float | str]]]
 Switches = dict[str, bool | Literal["on", "off"] | dict[str, bool | Literal["on", "off"]]]
 MOST_RANKS = 256  # beyond what any mesh of one layer can use
@@ -81,18 +81,7 @@ class Numerics(Table):
 
 
 def _switches(value: object) -> object:
-    """{"chaff.lift": True} from {chaff: {lift: "on"}}, as TOML reads ``chaff.lift = "on"``."""
-    if not isinstance(value, Mapping):
-        return value
-    found: dict[str, object] = {}
-    for key, state in value.items():
-        inside = _switches(state)
-        each = inside.items() if isinstance(inside, Mapping) else [("", state)]
-        found.update({f"{key}.{term}" if term else str(key): on for term, on in each})
-    wrong = [key for key, on in found.items() if not isinstance(on, bool) and on not in STATES]
-    if wrong:
-        raise ValueError(f"{wrong[0]} = {found[wrong[0]]!r}: write on or off")
-    return {key: on is True or on == "on" for key, on in found.items()}
+    return states_of(value) if isinstance(value, Mapping) else value
 
 
 class SceneTables(Table):

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import SceneError
-from ..core.process import cores
+from ..core.files import made_folder, path_of
+from ..core.process import check_workers, cores
 from ..pipeline.cache import Listener
 from ..progress import heard
 from ..results.quantities import TableQuantity
@@ -86,9 +87,10 @@ def search(
     Raises SceneError where the task is none, a level lacks a quantity that is asked for, or no design can be computed.
     """
     asked = task if isinstance(task, SearchTask) else read_search_file(task)
-    listener, _ = heard(listener)
-    with executor_on(scheduler, workers or cores(), Path(out)) as executor:
-        scenes = _Scenes(asked, Path(out), partial(sweep, scheduler=executor, listener=listener))
+    check_workers(workers)
+    folder, (listener, _) = made_folder(path_of(out, "out")), heard(listener)
+    with executor_on(scheduler, workers or cores(), folder) as executor:
+        scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
         history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))
         best = history.recommended()
         if best is None:
@@ -102,7 +104,7 @@ def search(
     front, rivals = (tuple(map(design, places)) for places in (history.front(), history.rivals()))
     own = asked.as_it_stands
     stands = None if own is None or own not in history.found[-1] or own not in known else design(own)
-    return Search(asked, Path(out), design(best), front, rivals, tried, seconds, stands)
+    return Search(asked, folder, design(best), front, rivals, tried, seconds, stands)
 
 
 @dataclass

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.cluster import Cluster, TaskPlace
 from ..core.errors import SceneError
-from ..core.process import cores
+from ..core.files import made_folder, path_of
+from ..core.process import check_workers, cores
 from ..core.store import cache_root
 from ..core.workers import Workers
 from ..pipeline.cache import Listener, silent
@@ -24,6 +25,7 @@ from ..results.quantities import quantities_of
 from ..results.result import Request
 from ..results.table import DONE, FAILED, OPEN, Entry, ResultTable
 from ..scene import Scene
+from ..scene.switches import States
 from .agenda import Agenda, Step, make_agenda
 from .run_agenda import do_agenda
 from .variant import Variant, of_scenes, read_sweep_file
@@ -109,14 +111,14 @@ def look_ahead(
     out: Path | str = Path("runs", "sweep"),
     *,
     rung: str | None = None,
-    force: Mapping[str, bool] | None = None,
-    target_error: float | None = None,
+    force: States | None = None,
+    target_error: float | str | None = None,
     neighbours: bool = False,
     listener: Listener = silent,
 ) -> SweepEstimate:
     """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
-    found, request = _variants(scenes), Request(None, rung, dict(force or {}), target_error)
-    agenda = make_agenda(found, Path(out), request, neighbours=neighbours, listener=listener)
+    found, request = _variants(scenes), Request.asked(None, rung, force, target_error)
+    agenda = make_agenda(found, path_of(out, "out"), request, neighbours=neighbours, listener=listener)
     airflows = sum(step.airflow for step in agenda.steps)
     flights = len(agenda.steps) - airflows
     before = len(found) - flights - len(agenda.problems)
@@ -130,8 +132,8 @@ def sweep(
     scheduler: str | distributed.Client | Executor | None = None,
     workers: int | None = None,
     rung: str | None = None,
-    force: Mapping[str, bool] | None = None,
-    target_error: float | None = None,
+    force: States | None = None,
+    target_error: float | str | None = None,
     neighbours: bool = False,
     report: bool = False,
     figures: bool = True,
@@ -153,12 +155,12 @@ def sweep(
     """
     from filelock import FileLock, Timeout
 
-    folder, found, (listener, _) = Path(out), _variants(scenes), heard(listener)
-    count = workers or cores()
-    if workers is not None and (workers < 1 or scheduler is not None):
-        raise SceneError(f"workers = {workers}: at least 1, of this machine; those of a scheduler are its own")
-    folder.mkdir(parents=True, exist_ok=True)
-    request = Request(None, rung, dict(force or {}), target_error)
+    folder, found, (listener, _) = path_of(out, "out"), _variants(scenes), heard(listener)
+    check_workers(workers)
+    if workers is not None and scheduler is not None:
+        raise SceneError(f"workers = {workers}: of this machine; those of a scheduler are its own")
+    count, request = workers or cores(), Request.asked(None, rung, force, target_error)
+    made_folder(folder)
     try:
         with FileLock(folder / ".lock", timeout=0):
             listener("sweep", "planning")

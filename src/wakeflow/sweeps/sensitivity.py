@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..core.errors import SceneError
+from ..core.files import path_of
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener
 from ..results.difference import Difference, differences_of
 from ..results.result import Result
 from ..results.sensitivity import SWEEP, InputMove, grouped, least_sure, regressed_moves
@@ -25,6 +26,7 @@ from ..results.table import cell_frame, write_cells
 from ..runs import run
 from ..scene import Scene
 from ..scene.messages import unit_of
+from ..scene.switches import States
 from .axis import Axis, axes_of, axis_of_text
 from .compute import Sweep, sweep
 from .variant import Variant, variants
@@ -114,11 +116,11 @@ def sensitivity(
     *,
     over: Mapping[str, Any] | Sequence[str] = (),
     rung: str | None = None,
-    force: Mapping[str, bool] | None = None,
+    force: States | None = None,
     scheduler: str | distributed.Client | Executor | None = None,
     workers: int | None = None,
-    listener: Listener = silent,
-    planned: Callable[[Plan], object] = lambda _: None,
+    listener: Listener | None = None,
+    planned: Callable[[Plan], object] | None = None,
 ) -> Sensitivity:
     """Say which input of a scene, of a scene file or of a finished run (or its folder) moves which number.
 
@@ -134,7 +136,7 @@ def sensitivity(
     if not isinstance(scene, Result) and not (isinstance(scene, Path | str) and Path(scene).is_dir()):
         _ends(_axes(over), Scene.of(scene))  # what is wrong with a key is said before anything is computed
     result = _finished(scene, out, rung, force, partial(run, workers=workers, listener=listener, planned=planned))
-    folder = result.folder if out is None else Path(out)
+    folder = result.folder if out is None else path_of(out, "out")
     moves, axes, failed = regressed_moves(result.landings), _axes(over, result), {}
     if axes:
         found, pairs = _ends(axes, Scene.parse(result.scene))
@@ -157,7 +159,7 @@ def _finished(
     scene: Scene | Result | Path | str,
     out: Path | str | None,
     rung: str | None,
-    force: Mapping[str, bool] | None,
+    force: States | None,
     run_it: Callable[..., Result],
 ) -> Result:
     """The run that is asked about, computed where it has not been."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
+from ..core.files import path_of
 from ..core.registry import did_you_mean
 from ..core.toml import read_toml
 
@@ -29,7 +30,7 @@ class TaskFile:
         """The file's table, whose keys are all ``known``. Raises SceneError where it is none; what is raised within
         names the file.
         """
-        path = Path(path)
+        path = path_of(path, f"{kind} file")
         whole = _read(path)
         if not isinstance(whole.get(kind), Mapping):
             raise SceneError(f"{path}: has no [{kind}] table, so it is no {kind} file")

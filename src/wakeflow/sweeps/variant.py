@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
+from ..core.files import path_of
 from ..pipeline.cache import Listener, silent
 from ..scene import Scene
 from ..scene.changes import differing, flat, folder_name
@@ -37,6 +38,13 @@ class Variant:
     scene: Scene | None
     problem: str = ""
 
+    def __repr__(self) -> str:
+        """Its name, what it changes where the name does not say that, and why it cannot be made."""
+        inputs = ", ".join(f"{key} = {value!r}" for key, value in self.inputs.items())
+        named = self.name.startswith(folder_name(self.inputs))
+        told = self.problem if self.scene is None else "" if named else inputs
+        return f"<Variant {': '.join(filter(None, (self.name, told)))}>"
+
 
 def variants(
     scene: Scene | Path | str,
@@ -46,7 +54,7 @@ def variants(
     count: int | None = None,
     seed: int = 0,
     fixed: Mapping[str, Any] | None = None,
-    listener: Listener = silent,
+    listener: Listener | None = None,
 ) -> list[Variant]:
     """``scene``, or the one in a file, changed along axes.
 
@@ -61,7 +69,7 @@ def variants(
     keys = [key for axis in axes for key in axis.keys]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise SceneError(f"{twice.pop()} is swept twice; give all its values at once")
-    base = scene if isinstance(scene, Scene) else Path(scene)
+    base = scene if isinstance(scene, Scene) else path_of(scene, "scene")
     alone = [axis.changes(axis.values[0]) for axis in axes if len(axis.values) == 1]
     before = {**(fixed or {}), **{key: value for one in alone for key, value in one.items()}}
     axes = [axis for axis in axes if len(axis.values) > 1]
@@ -71,7 +79,7 @@ def variants(
         refuse_unknown(key, tables, key)
     rows, found = designs[design](axes, count, seed), []
     for number, changes in enumerate(rows, 1):
-        if number % TOLD_EVERY == 0:
+        if number % TOLD_EVERY == 0 and listener is not None:
             listener("sweep", f"reading scene {number} of {len(rows)}")
         found.append(_variant(load, before, changes, axes))
     return named(found)
@@ -144,6 +152,8 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
     if isinstance(scenes, Mapping):
         names, members = list(scenes), [Scene.of(one) for one in scenes.values()]
     else:
+        if isinstance(scenes, Scene) or not isinstance(scenes, Iterable):
+            raise SceneError("a sweep takes a list of scenes, what wf.variants made, or the path of a sweep file")
         given = list(scenes)
         made = [one for one in given if isinstance(one, Variant)]
         if made and len(made) == len(given):
