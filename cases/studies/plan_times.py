@@ -4,7 +4,8 @@
 
 Each scene runs in a cache of its own, in which nothing is but the compiled kernels. *new* is what is expected of a
 machine on which nothing has run, *learned* what is expected once the scenes of the rows above have. All times are of
-the whole command, its report too. With --stages a second table has every stage beside what was expected of it.
+the whole command, its report too. With --stages a second table has every stage beside what was expected of it, each
+time that it is done.
 """
 
 from __future__ import annotations
@@ -100,11 +101,11 @@ def main(names: Sequence[str], rung: str | None = None, count: int | None = None
         print(f", {farthest([row.learned / row.took for row in rows[1:]]):.2f} once it has run a scene", end="")
     print(".")
     if stages:
-        print("\n| scene | stage | when | expected, s | took, s |\n|---|---|---|---|---|")
+        print("\n| scene | stage | when | times | expected, s each | took, s the last |\n|---|---|---|---|---|---|")
         for row in rows:
             for stage in row.stages:
                 took = f"{row.spent[stage.name]:.1f}" if stage.name in row.spent else ""
-                print(f"| {row.scene} | {stage.name} | {stage.when} | {stage.whole:.1f} | {took} |")
+                print(f"| {row.scene} | {stage.name} | {stage.when} | {stage.times} | {stage.seconds:.1f} | {took} |")
     return rows
 
 

@@ -8,7 +8,7 @@ from .span import SpanCost, cost_of
 
 __all__ = ["ranks_for", "solver_seconds", "span_cost", "typical_cells"]
 
-SECONDS = {"steady": 20.0, "time-resolved": 95.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
+SECONDS = {"steady": 17.0, "time-resolved": 81.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
 UNMIRRORED = 3.4  # times as long: a steady solution of the whole channel, which has more cells and settles late
 WORTH_IT = 60_000  # cells from which a second MPI rank pays
 RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding

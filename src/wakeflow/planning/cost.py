@@ -21,14 +21,14 @@ from .plan import AT_ONCE, COMPARED, DRAWS, GATHERED, REPLICATES, FractionPlan, 
 __all__ = ["AirflowCost", "airflow_cost", "estimate_cost", "expected_stages", "wall_seconds"]
 
 STARTED = 2.0  # s: importing and planning
-REPORT = 5.0  # s: its figures, tables and the field's files
-SECONDS_A_GRANULE = 500e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
-IN_KNOWN_AIR = 150e-6  # s of both cores: the same in air that is known without triangles
+REPORT = 4.0  # s: its figures, tables and the field's files
+SECONDS_A_GRANULE = 450e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
+IN_KNOWN_AIR = 120e-6  # s of both cores: the same in air that is known without triangles
 BY_CHAIN = 30e-6  # s of both cores: of a flight from impact to impact without air
 EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
-DRAWN = 0.06  # s: to draw the granules of a fraction anew, and its air
+DRAWN = 0.05  # s: to draw the granules of a fraction anew, and its air
 PASSES, AGAIN_UNDER_FORCE = 3, 0.5  # of the air that feels the granules; a solution under force over a first one
 RESIDENCE = 5.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
@@ -38,7 +38,7 @@ FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
-SLAB_AGAIN = {"slab longer steps": 0.25, "thinner slab": 0.2}  # of the slab's time: part of it with one thing changed
+SLAB_AGAIN = {"slab longer steps": 0.18, "thinner slab": 0.14}  # of the slab's time: part of it with one thing changed
 SLAB_IN_KNOWN_AIR = 0.25  # of its time in air on triangles
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 

@@ -36,8 +36,8 @@ WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not w
 SAMPLES, MOST_REPLICATES = 4, 16  # fewest that an interval is told from; most that are flown
 FEWEST = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
 STEP = 1e-4  # s: that a granule of some mm is stepped by
-STEPS_A_SECOND = 2.1e6  # granule steps a second and core: measured with all forces
-MOST_STEPS = 1.2e9  # granule steps of all replicates: six minutes on two such cores; chosen
+STEPS_A_SECOND = 2.9e6  # granule steps a second and core: measured with all forces
+MOST_STEPS = 1.2e9  # granule steps of all replicates: some four minutes on two such cores; chosen
 CORES = 2
 BYTES_A_GRANULE = 1000.0  # of memory
 NO_RATE = "the scene gives no feed.rate; give one, or --force collisions=on takes 1 kg/s per metre of depth"
