@@ -29,11 +29,10 @@ from .lock_in import AirMotion, vibration_of_scene
 from .meetings import Encounters, shifted
 from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan, whole_terms
-from .terms import SWITCHED_OFF, Gate, LeftOut, LeftOutTerm, check_switches, limit_of, open_gate, too_small
+from .terms import AIR, SWITCHED_OFF, Gate, LeftOut, LeftOutTerm, check_switches, limit_of, open_gate, too_small
 
-__all__ = ["AIR", "TURNING", "Planner", "make_plan"]
+__all__ = ["TURNING", "Planner", "make_plan"]
 
-AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 TURNING = "turning-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
 LOOK = "rung none is a first look at each granule alone; --force collisions=on"

@@ -26,7 +26,8 @@ from .bounds import COLLISIONS, LOADING, VIBRATION, bounds
 from .crowd import why_no_crowd
 
 __all__ = [
-    "SWITCHED_OFF", "TYPICAL", "Gate", "LeftOut", "LeftOutTerm", "check_switches", "limit_of", "open_gate", "too_small",
+    "AIR", "SWITCHED_OFF", "TYPICAL", "Gate", "LeftOut", "LeftOutTerm", "check_switches", "limit_of", "open_gate",
+    "too_small",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ DEAR = 3.0  # weight of a term's run time against what it moves, when small term
 NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, whatever else is; chosen
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
 MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
+AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 SWITCHED_OFF = "switched off by --force"
 IN_SLAB = "granules that meet have no record of their past; --force basset-history=on computes it for granules alone"
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body

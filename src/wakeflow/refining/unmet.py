@@ -8,9 +8,9 @@ from math import hypot, sqrt
 
 from ..core.errors import SceneError
 from ..planning.bounds import COLLISIONS, LOADING, VIBRATION, bounds
-from ..planning.make import AIR, TURNING
+from ..planning.make import TURNING
 from ..planning.plan import Plan
-from ..planning.terms import check_switches
+from ..planning.terms import AIR, check_switches
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
 from ..results.refinement import KnobSettings
 from ..results.result import Result

@@ -42,7 +42,6 @@ __all__ = [
     "air_arrow",
     "bins_across",
     "canvas",
-    "clear",
     "draw_bins",
     "first_outline",
     "frame",
@@ -51,6 +50,7 @@ __all__ = [
     "new_figure",
     "pdf_too",
     "save",
+    "saved",
     "solids",
     "streams",
     "text_width",
@@ -358,9 +358,3 @@ def _save_data(path: Path, data: Mapping[str, NDArray[Any]]) -> None:
 def saved(path: Path) -> list[Path]:
     """What :func:`save` left for ``path`` (.png)."""
     return [file for suffix in SUFFIXES if (file := path.with_suffix(suffix)).exists()]
-
-
-def clear(path: Path) -> None:
-    """Remove what :func:`save` left for ``path`` (.png)."""
-    for file in saved(path):
-        file.unlink()

@@ -6,15 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from .quantities import TableQuantity
+from .quantities import TableQuantity, is_part
 from .result import VOID
 from .table import Entry
 
 __all__ = ["RUNG", "SWITCHED", "Difference", "differences_of"]
 
 RUNG, SWITCHED = "rung", "force."  # keys of how runs were asked for, beside those of their scenes
-PARTS = ("share.", "purity.", "recovery.", "without_collisions.share.", "without_collisions.purity.",
-         "without_collisions.recovery.")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -71,6 +69,6 @@ def _ends(base: TableQuantity, one: TableQuantity, alike: bool) -> tuple[float |
     else:
         below = math.hypot(one.value - one.low, base.high - base.value)
         above = math.hypot(one.high - one.value, base.value - base.low)
-    if one.name.startswith(PARTS):
+    if is_part(one.name):
         return max(value - below, -1.0), min(value + above, 1.0)
     return value - below, value + above

@@ -17,10 +17,11 @@ from .landing_results import Separation
 from .measured import Measured, Share
 from .result import Result
 
-__all__ = ["SECONDS", "TableQuantity", "names_for", "quantities_of"]
+__all__ = ["SECONDS", "TableQuantity", "is_part", "names_for", "quantities_of"]
 
 SECONDS = "seconds"
 RENAMED = {"fractions": "share"}  # as the rows of the budget are called
+PARTS = ("share.", "purity.", "recovery.")
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,11 @@ class TableQuantity:
     high: float | None = None
     error: float | None = None
     numerical: float | None = None
+
+
+def is_part(name: str) -> bool:
+    """Whether a number is a part of a whole, 0 to 1, with or without collisions."""
+    return name.removeprefix("without_collisions.").startswith(PARTS)
 
 
 def quantities_of(result: Result) -> tuple[TableQuantity, ...]:

@@ -19,6 +19,7 @@ from ..core.lazy import cached_property
 from ..core.record import Partial, column, from_json, to_json
 from ..core.registry import Registry
 from ..pipeline.stages import StageTime
+from ..planning.terms import AIR
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
 from ..scene.switches import States, switched
@@ -52,7 +53,7 @@ SCHEMA = 1
 FILE = "result.json"
 GRANULES = "granules.npz"
 VOID = "void"  # the caveat of an answer that is worth nothing
-AIR, WIDE = "air", 1.0  # left out as a whole; body widths that it could move a fraction by: beyond the bins' ends
+WIDE = 1.0  # body widths: an air that is left out and could move a fraction so far carries it past the bins' ends
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from math import hypot
 
 from .landing_results import LandingResults
+from .quantities import is_part
 
 __all__ = ["InputMove", "grouped", "least_sure", "regressed_moves"]
 
 SHARE = "share."
-PARTS = (SHARE, "purity.", "recovery.")
 REGRESSION, SWEEP = "regression", "sweep"
 
 
@@ -43,7 +43,7 @@ class InputMove:
     @property
     def is_part(self) -> bool:
         """Whether the quantity is a part of a whole, whose changes are told in percentage points."""
-        return self.measure == "1" and self.quantity.startswith(PARTS)
+        return self.measure == "1" and is_part(self.quantity)
 
     @property
     def reach(self) -> float:
