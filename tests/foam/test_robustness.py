@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import robustness
+from proofs.studies import robustness
 from support import RHOMBUS, WIDTH
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.files import write_json

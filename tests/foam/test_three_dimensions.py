@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import three_dimensions
+from proofs.studies import three_dimensions
 import wakeflow as wf
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.foam.case import FlowSpec

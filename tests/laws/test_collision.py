@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from support import CASES, DOCS
+from support import DOCS, ROOT
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import ImpactModel, bounce, collide, impact, impact_models
 
@@ -173,9 +173,8 @@ def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
 
 
 def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
-    done = subprocess.run(
-        [sys.executable, CASES / "studies" / "printed_form.py"], capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, ROOT / "tests" / "proofs" / "studies", "printed_form"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout in (DOCS / "model.md").read_text()
     rows = [[float(cell) for cell in line.strip("| ").split("|")] for line in done.stdout.splitlines()[2:]]
     assert all(row[4] <= 1.0 for row in rows)  # the derived form never does

@@ -1,29 +1,22 @@
-"""Compare the tracker of this checkout with that of another one: the same flights, bit by bit, and their times.
+"""The flights by which kernel_speed compares two checkouts, and the process that flies them.
 
-.venv/bin/python cases/studies/kernel_speed.py --against OTHER/src [--here PATH/src] [--pairs 30] [--only PART]
-
-Each checkout gets a child process of its own (PYTHONPATH), which compiles its kernel first. Then both fly the same
-flights in turn, one beside the other, and the order changes from pair to pair. The table gives for each flight the
-median of the ratios of processor time (here / other) with the quartiles, and the command fails when one number of one
-track differs. A busy machine disturbs both flights of a pair alike, so that medians of many short pairs hold.
-The flights use public names only, so that checkouts with other modules inside can be compared.
+They use public names only, so that checkouts with other modules inside can be compared: this file is a program of its
+own, run with one checkout's wakeflow on its path. Each flight takes some hundredths of a second.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+import wakeflow as wf
 
 Array = NDArray[np.float64]
 Flight = Callable[[], Any]
@@ -46,17 +39,12 @@ RANDOM = ("drag", "gravity", "dispersion", "brownian")
 COLUMNS = ("position", "velocity", "time", "spin", "fate", "steps", "impacts", "line", "evaluations")
 
 
-# -- what is flown: the same in both children --------------------------------------------------------------------------
-
-
 def rhombus(half: float = BODY) -> Array:
     return np.array([(half, 0.0), (0.0, half), (-half, 0.0), (0.0, -half)])
 
 
 def mesh(step: float) -> tuple[Array, NDArray[np.int64]]:
     """A channel with a rhombus in it, in triangles of about ``step`` (m) whose nodes are not in rows."""
-    from scipy.spatial import Delaunay
-
     x = np.linspace(-WIDTH / 2, WIDTH / 2, round(WIDTH / step) + 1)
     y = np.linspace(-HEIGHT / 2, HEIGHT / 2, round(HEIGHT / step) + 1)
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -87,8 +75,6 @@ def air(points: Array, phase: float) -> dict[str, Array]:
 
 def fields() -> dict[str, Any]:
     """The air: none, steady, snapshots, a smooth period, and both smooth ones on a mesh that swings."""
-    import wakeflow as wf
-
     points, cells = mesh(5e-3)
     gas = {"density": DENSITY, "viscosity": VISCOSITY}
     steady = wf.FlowField.from_arrays(points, cells, **air(points, 0.0), **gas)
@@ -106,8 +92,6 @@ def fields() -> dict[str, Any]:
 
 def shower(kind: str, count: int, **more: Any) -> Any:
     """Granules that enter above the rhombus at about the air's speed, at times spread over a period."""
-    import wakeflow as wf
-
     rng = np.random.default_rng(7)
     place = np.stack([rng.uniform(-0.03, 0.03, count), rng.uniform(0.05, 0.1, count)], axis=1)
     speed = np.stack([rng.uniform(-0.2, 0.2, count), rng.uniform(-4.0, -1.0, count)], axis=1)
@@ -117,8 +101,6 @@ def shower(kind: str, count: int, **more: Any) -> Any:
 
 def motions() -> dict[str, Any]:
     """The rhombus' vibration: none, harmonic, by samples."""
-    import wakeflow as wf
-
     t = np.array([0.0, 0.01, 0.03, 0.04, 0.06])
     return {
         "rest": None,
@@ -129,8 +111,6 @@ def motions() -> dict[str, Any]:
 
 def scene(field: Any, grains: Any, body: Any = None, **how: Any) -> Flight:
     """A flight past the rhombus and between the channel's walls to the bins below."""
-    import wakeflow as wf
-
     side, low, high = WIDTH / 2, -HEIGHT / 2, HEIGHT / 2
     walls = [
         wf.Body(np.array([(-side, low), (-side, high)]), open=True, restitution=0.3),
@@ -144,8 +124,6 @@ def scene(field: Any, grains: Any, body: Any = None, **how: Any) -> Flight:
 
 def contact(kind: str) -> Flight:
     """Flights in a vacuum that are mostly contact: a notch that shakes, one that does not, and rolling on slopes."""
-    import wakeflow as wf
-
     notch = np.array([(-0.02, -0.02), (0.02, -0.02), (0.02, 0.02), (0.0, 0.0), (-0.02, 0.02)])
     count = 256
     place = np.stack([np.linspace(-0.018, 0.018, count), np.full(count, 0.06)], axis=1)
@@ -198,9 +176,6 @@ def flights() -> dict[str, Flight]:
     return found
 
 
-# -- the child: compiles, then flies what it is told -------------------------------------------------------------------
-
-
 def child() -> None:
     """Answer each line ``{"name": .., "save": path or null}`` by the processor time (s) of that flight."""
     known = flights()
@@ -218,124 +193,5 @@ def child() -> None:
         print(json.dumps(spent), flush=True)
 
 
-class Checkout:
-    """A checkout's child process."""
-
-    def __init__(self, source: Path) -> None:
-        self.source = source
-        self.process = subprocess.Popen(
-            [sys.executable, __file__, "--child"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            env={**os.environ, "PYTHONPATH": str(source), "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        )  # fmt: skip
-
-    def answer(self) -> Any:
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        if not line:
-            raise SystemExit(f"{self.source}: the child ended")
-        return json.loads(line)
-
-    def ask(self, name: str, save: Path | None = None) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(json.dumps({"name": name, "save": None if save is None else str(save)}) + "\n")
-        self.process.stdin.flush()
-
-    def fly(self, name: str, save: Path | None = None) -> float:
-        self.ask(name, save)
-        return float(self.answer())
-
-
-# -- the parent --------------------------------------------------------------------------------------------------------
-
-
-def differences(one: Path, other: Path) -> list[str]:
-    """Names of the columns that are not equal, bit by bit, NaN where NaN."""
-    with np.load(one) as a, np.load(other) as b:
-        return sorted(
-            name
-            for name in set(a.files) | set(b.files)
-            if name not in a or name not in b or not np.array_equal(a[name], b[name], equal_nan=True)
-        )
-
-
-def same(here: Checkout, other: Checkout, names: list[str], folder: Path) -> int:
-    """Fly all flights once in both; tell which differ, and return how many do."""
-    bad = 0
-    here.ask(names[0])  # both compile at once
-    other.ask(names[0])
-    here.answer()
-    other.answer()
-    for name in names:
-        places = folder / "here.npz", folder / "other.npz"
-        here.fly(name, places[0])
-        other.fly(name, places[1])
-        differing = differences(*places)
-        with np.load(places[0]) as kept:
-            steps, impacts = kept["steps"].mean(), kept["impacts"].mean()
-        bad += bool(differing)
-        verdict = f"DIFFERS: {', '.join(differing)}" if differing else "identical"
-        print(f"  {name:32s} {steps:8.1f} steps {impacts:6.2f} impacts  {verdict}", flush=True)
-    return bad
-
-
-def ratios(here: Checkout, other: Checkout, name: str, pairs: int) -> tuple[Array, Array]:
-    """Ratio of processor times (here / other) of each pair, and the times (s) of the other."""
-    found, spent = [], []
-    for pair in range(pairs):
-        if pair % 2:
-            b = other.fly(name)
-            a = here.fly(name)
-        else:
-            a = here.fly(name)
-            b = other.fly(name)
-        found.append(a / b)
-        spent.append(b)
-    return np.array(found), np.array(spent)
-
-
-def main() -> None:
-    """Check that the tracks are the same, then measure."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--against", type=Path, help="folder src of the other checkout")
-    parser.add_argument("--here", type=Path, default=Path(__file__).parents[2] / "src", help="folder src of this one")
-    parser.add_argument("--pairs", type=int, default=30, help="pairs of each flight; 0: only whether tracks are equal")
-    parser.add_argument("--only", default="", help="flights whose name contains this")
-    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
-    told = parser.parse_args()
-    if told.child:
-        child()
-        return
-    if told.against is None:
-        parser.error("--against PATH/src is needed")
-    here, other = Checkout(told.here.resolve()), Checkout(told.against.resolve())
-    try:
-        names = [name for name in here.answer() if told.only in name]
-        other.answer()
-        with tempfile.TemporaryDirectory() as folder:
-            bad = same(here, other, names, Path(folder))
-        print(f"{len(names) - bad} of {len(names)} flights are identical, bit by bit")
-        everything = []
-        for name in names if told.pairs else []:
-            found, spent = ratios(here, other, name, told.pairs)
-            everything.append(found)
-            low, middle, high = np.quantile(found, [0.25, 0.5, 0.75])
-            print(
-                f"  {name:32s} {1e3 * np.median(spent):7.1f} ms  ratio {middle:.3f} ({low:.3f} to {high:.3f})",
-                flush=True,
-            )
-        if everything:
-            medians = np.array([np.median(found) for found in everything])
-            low, middle, high = np.quantile(np.concatenate(everything), [0.25, 0.5, 0.75])
-            print(
-                f"all: median ratio {middle:.3f}, quartiles {low:.3f} to {high:.3f}; medians of the flights "
-                f"{medians.min():.3f} to {medians.max():.3f}, their geometric mean {np.exp(np.log(medians).mean()):.3f}"
-            )
-    finally:
-        for process in (here.process, other.process):
-            process.kill()
-            process.wait()
-    raise SystemExit(1 if bad else 0)
-
-
 if __name__ == "__main__":
-    main()
+    child()

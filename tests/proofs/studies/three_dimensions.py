@@ -1,28 +1,25 @@
-"""The reference runs in three dimensions, beside the steady, the time-resolved and the blended wake of the same scene.
+"""The reference runs in three dimensions, next to the steady, the time-resolved and the blended wake of the scene.
 
-.venv/bin/python cases/studies/three_dimensions.py [rhombus] [prism-up] [prism-down] [--set KEY=VALUE ...]
-.venv/bin/python cases/studies/three_dimensions.py --analyse FOLDER... [--beside]
-
-The first form runs (hours a body; what stands in the cache goes on or is read) and prints the tables of
-docs/three-dimensions.md: the shipped scene with a rhombus, a prism apex up, a prism apex down, 12.5 % blocked, Re
-16 500, downward air. The second one analyses folders of runs made by hand: ``flat`` the one-layer case, ``deep`` the
-extruded one, ``packed`` and ``layers.npz`` as of ``wakeflow.foam.span_record``; a folder's name begins with the body's.
-``--count 0`` flies no granules.
+The shipped scene with a rhombus, a prism apex up, a prism apex down, 12.5 % blocked, Re 16 500, downward air: hours a
+body; what is in the cache goes on or is read. --analyse FOLDER reads a run made by hand instead: ``flat`` the one-layer
+case, ``deep`` the extruded one, ``packed`` and ``layers.npz`` as of ``wakeflow.foam.span_record``; its name begins with
+the body's. The tables of docs/three-dimensions.md.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from support import shipped
 from wakeflow.core.store import Store, cache_root
 from wakeflow.field import FlowField
 from wakeflow.field.cross_fade import cross_faded
@@ -30,22 +27,20 @@ from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec, axis_points
 from wakeflow.foam.case_fields import CaseFields
 from wakeflow.foam.cost import core_seconds
-from wakeflow.foam.history import Interval
 from wakeflow.foam.span_measure import measure_span
 from wakeflow.foam.span_read import lead_of, read_layers
 from wakeflow.foam.span_record import SpanRecord
 from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.solved_air import TimeResolvedAir
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene.overrides import changes_of
 from wakeflow.tracking.residence import residence_time
 
+from .common import BARE, Pipeline, Row, make_plan, show
+
 Array = NDArray[np.float64]
-SCENE = Path(__file__).parent.parent / "rhombus.toml"
 PRISM = {"body.rhombus.shape": "prism", "body.rhombus.slope_angle": "60 deg"}
 BODIES: dict[str, dict[str, Any]] = {
     "rhombus": {},
@@ -56,8 +51,12 @@ START_UP = 25.0  # convective times of a run made by hand that are no part of it
 COUNT = 4096  # granules of each fraction
 PLACES = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0])  # widths behind the body, in the profiles
 PAIRED = 2.36  # Student's t of the 8 pairs of replicates, 95 %
+AXIS = {
+    "speed": "speed", "u'": "along", "v'": "across", "v' along the whole span": "coherent", "w'": "spanwise",
+    "modelled": "modelled",
+}  # fmt: skip
 SHOWN = {"dust": ("middle",), "chaff": ("middle",), "wheat": ("outer-left", "outer-right")}
-Shares = dict[str, dict[str, Interval]]
+Shares = dict[str, dict[str, tuple[float, float]]]  # and half of the interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ class Column:
 
 def scene_of(body: str, count: int = COUNT, changes: dict[str, Any] | None = None) -> wf.Scene:
     """The shipped scene with one of the BODIES."""
-    return wf.Scene.load(SCENE).replace({**BODIES[body], "feed.count": count, **(changes or {})})
+    return shipped("rhombus", {**BODIES[body], "feed.count": count, **(changes or {})})
 
 
 def spec_of(scene: wf.Scene) -> FlowSpec:
@@ -86,11 +85,9 @@ def analysed(folder: Path, spec: FlowSpec, begin: float | None = None) -> Column
     record = SpanRecord(folder, CaseFields(folder / "flat"))
     since = START_UP * spec.convective_time if begin is None else begin
     found = measure_span(spec, record, folder / "deep", since)
-    assert found.span is not None
     fields = []
     for arrays in read_layers(record, found.span["flown"], since, spec.density):
         field = FlowField.from_arrays(**arrays)
-        assert field.times is not None
         fields.append(cross_faded(field, lead_of(spec, field.times)))
     return Column("3D", plain(found), fields, core_seconds(folder / "deep") / 3600)
 
@@ -111,7 +108,7 @@ def tell(stage: str, text: str) -> None:
 
 def pipeline_at(scene: wf.Scene, rung: str) -> Pipeline:
     """The scene's pipeline at a rung; what it makes stands in the cache afterwards."""
-    return Pipeline(scene, wf.plan(scene, rung=rung, force={"air-loading": False}), tell, store=Store(cache_root()))
+    return Pipeline(scene, make_plan(scene, rung=rung, force=BARE), tell, store=Store(cache_root()))
 
 
 def plane(scene: wf.Scene) -> Iterator[Column]:
@@ -120,7 +117,6 @@ def plane(scene: wf.Scene) -> Iterator[Column]:
     steady, spent = draft.solution[1] / "case", core_seconds(standard.solution[1] / "case") / 3600
     yield Column("steady", draft.airflow, [draft.field[1]], core_seconds(steady) / 3600)
     air = standard.kind
-    assert isinstance(air, TimeResolvedAir)
     yield Column("2D", air.measured, [air.resolved[1]], spent)
     yield Column("blended", standard.airflow, [standard.field[1]], spent)
 
@@ -137,30 +133,25 @@ def shares(scene: wf.Scene, fields: Sequence[FlowField]) -> Shares:
     """Share of every fraction in every bin with its 95 % interval. Pairs of replicates fly in turn in ``fields``, the
     second of each pair in the mirror image; all airflows get the same granules, forces and random numbers.
     """
-    plan = wf.plan(scene, rung="standard", force={"air-loading": False})
-    bins = [*scene.bin, "elsewhere"]
+    plan, bins = make_plan(scene, rung="standard", force=BARE), [*scene.bin, "elsewhere"]
     found: Shares = {}
     for name in scene.fraction:
         rows = np.zeros((REPLICATES, len(bins)))
-        for number, field in enumerate(fields):
-            for mirrored in (0, 1):
-                mine = [r for r in range(REPLICATES) if r // 2 % len(fields) == number and r % 2 == mirrored]
-                if not mine:
-                    continue
-                flown = field.reflected() if mirrored else field
-                feed = feedstock(scene, plan, name, flown.period, mine)
-                flight = Flight(scene, plan, Realisations(flown), scene.numerics.tolerance)
-                columns = landing_columns(feed, flight.fly(name, feed.granules, stream=number), len(scene.bin))
-                place = np.where(columns["bin"] < 0, len(scene.bin), columns["bin"])
-                for replicate in mine:
-                    rows[replicate] = np.bincount(place[feed.replicate == replicate], minlength=len(bins))
+        for number, mirrored in np.ndindex(len(fields), 2):
+            mine = [r for r in range(REPLICATES) if r // 2 % len(fields) == number and r % 2 == mirrored]
+            if not mine:
+                continue
+            flown = fields[number].reflected() if mirrored else fields[number]
+            feed = feedstock(scene, plan, name, flown.period, mine)
+            flight = Flight(scene, plan, Realisations(flown), scene.numerics.tolerance)
+            columns = landing_columns(feed, flight.fly(name, feed.granules, stream=number), len(scene.bin))
+            place = np.where(columns["bin"] < 0, len(scene.bin), columns["bin"])
+            for replicate in mine:
+                rows[replicate] = np.bincount(place[feed.replicate == replicate], minlength=len(bins))
         rows /= rows.sum(axis=1, keepdims=True)
-        pairs = 0.5 * (rows[::2] + rows[1::2])
+        pairs, mean = 0.5 * (rows[::2] + rows[1::2]), rows.mean(axis=0)
         half = PAIRED * pairs.std(axis=0, ddof=1) / np.sqrt(len(pairs))
-        mean = rows.mean(axis=0)
-        found[name] = {
-            bin_: Interval(float(m), float(m - h), float(m + h)) for bin_, m, h in zip(bins, mean, half, strict=True)
-        }
+        found[name] = {place: (float(m), float(h)) for place, m, h in zip(bins, mean, half, strict=True)}
     return found
 
 
@@ -186,55 +177,47 @@ def on_axis(spec: FlowSpec, fields: Sequence[FlowField]) -> tuple[Array, Array, 
 
 def told(part: dict[str, float] | None, digits: int = 2) -> str:
     """A number with its interval."""
-    return (
-        "–" if part is None else f"{part['value']:.{digits}f} ({part['low']:.{digits}f} to {part['high']:.{digits}f})"
-    )
+    return "–" if part is None else "{value:.{n}f} ({low:.{n}f} to {high:.{n}f})".format(**part, n=digits)
 
 
-def percent(row: dict[str, Interval], bins: Sequence[str]) -> str:
+def percent(row: dict[str, tuple[float, float]], bins: Sequence[str]) -> str:
     """The share in some bins together, %."""
-    value = sum(row[name].value for name in bins)
-    half = np.sqrt(sum((row[name].high - row[name].value) ** 2 for name in bins))
-    return f"{100 * value:.1f} ± {100 * half:.1f}"
+    half = np.sqrt(sum(row[name][1] ** 2 for name in bins))
+    return f"{100 * sum(row[name][0] for name in bins):.1f} ± {100 * half:.1f}"
 
 
-def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Column], *, fly: bool) -> None:
+def numbers(spec: FlowSpec, scene: wf.Scene, column: Column, *, fly: bool) -> dict[str, str]:
+    """What is compared of one airflow."""
+    table, width = column.table, spec.mesh.projected_width
+    found = {"cells": str(table["cells"])}
+    for name, key, digits in (
+        ("Cd", "cd", 2),
+        ("Cl rms", "cl_rms", 2),
+        ("St", "strouhal", 3),
+        ("Cp base", "cp_base", 2),
+    ):
+        found[name] = told(table[key], digits)
+    found["reversal length / D"] = f"{table['suction']['reversal_length'] / width:.2f}"
+    for place, *parts in zip(PLACES, *on_axis(spec, column.fields), strict=True):
+        found[f"axis, {place:g} D behind: speed, u', v'"] = ", ".join(f"{part:.2f}" for part in parts)
+    stay = residence_time(column.fields, scene.first_outline, scene.air.direction, scene.air.speed)
+    found["residence time, D / U"] = f"{stay.value:.1f} ({stay.low:.1f} to {stay.high:.1f})"
+    flown = shares(scene, column.fields) if fly else {}
+    for name, bins in SHOWN.items() if fly else ():
+        found[f"{name} in {bins[0].split('-')[0]}, %"] = percent(flown[name], bins)
+    return found | {"core-hours": f"{column.core_hours:.2f}"}
+
+
+def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Column], *, fly: bool) -> list[Row]:
     """All airflows of a body side by side."""
-    width = spec.mesh.projected_width
-    assert scene.first_outline is not None
-    assert scene.air is not None
-    rows: dict[str, list[str]] = {}
-
-    def add(name: str, value: str) -> None:
-        rows.setdefault(name, []).append(value)
-
-    for column in columns:
-        table, zone = column.table, column.table["suction"]
-        add("cells", str(table["cells"]))
-        for name, key, digits in (("Cd", "cd", 2), ("Cl rms", "cl_rms", 2), ("St", "strouhal", 3)):
-            add(name, told(table[key], digits))
-        add("Cp base", told(table["cp_base"]))
-        add("reversal length / D", f"{zone['reversal_length'] / width:.2f}")
-        speed, along, across = on_axis(spec, column.fields)
-        for i, place in enumerate(PLACES):
-            add(f"axis, {place:g} D behind: speed, u', v'", f"{speed[i]:.2f}, {along[i]:.2f}, {across[i]:.2f}")
-        stay = residence_time(column.fields, scene.first_outline, scene.air.direction, scene.air.speed)
-        add("residence time, D / U", f"{stay.value:.1f} ({stay.low:.1f} to {stay.high:.1f})")
-        if fly:
-            found = shares(scene, column.fields)
-            for name, bins in SHOWN.items():
-                add(f"{name} in {bins[0].split('-')[0]}, %", percent(found[name], bins))
-        add("core-hours", f"{column.core_hours:.2f}")
-    print(f"\n## {body}\n\n| | {' | '.join(column.name for column in columns)} |")
-    print("|---" * (len(columns) + 1) + "|")
-    for name, values in rows.items():
-        print(f"| {name} | {' | '.join(values)} |")
+    found = {column.name: numbers(spec, scene, column, fly=fly) for column in columns}
+    rows = ({"": name, **{title: cells[name] for title, cells in found.items()}} for name in next(iter(found.values())))
+    return show(("", *found), rows, f"## {body}")
 
 
 def print_proof(column: Column, spec: FlowSpec) -> None:
     """That the flow is three-dimensional, and how long it was looked at."""
     span, width = column.table["span"], spec.mesh.projected_width
-    assert span is not None
     quarters = ", ".join(f"{part:.3f}" for part in span["quarters"])
     lengths = ", ".join(f"{length / width:.2f}" for length in span["integral_lengths"])
     periods = column.table["statistics"].get("periods", "–")
@@ -247,34 +230,33 @@ def print_proof(column: Column, spec: FlowSpec) -> None:
     for note in column.table["notes"]:
         print(f"Note: {note}.")
     axis = span["axis"]
-    print("\n| behind / D | speed | u' | v' | v' along the whole span | w' | modelled |\n|---|---|---|---|---|---|---|")
-    for i, place in enumerate(axis["behind"]):
-        parts = (axis[name][i] for name in ("speed", "along", "across", "coherent", "spanwise", "modelled"))
-        print(f"| {place:g} | {' | '.join(f'{part:.2f}' for part in parts)} |")
+    heads = {"behind / D": "{behind:g}", **{head: f"{{{key}:.2f}}" for head, key in AXIS.items()}}
+    print()
+    show(heads, (dict(zip(axis, row, strict=False)) for row in zip(*axis.values(), strict=False)))
 
 
-def main() -> None:
-    """Print the tables of what the command line asks for."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("bodies", nargs="*", metavar="BODY", help=f"of {', '.join(BODIES)}; default: all")
-    parser.add_argument("--analyse", nargs="+", type=Path, metavar="FOLDER", help="runs made by hand")
-    parser.add_argument("--beside", action="store_true", help="the plane airflows beside them")
-    parser.add_argument("--count", type=int, default=COUNT, help="granules of each fraction; 0: fly none")
-    parser.add_argument("--begin", type=float, help="s: where the means of --analyse begin")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="changes of the scene")
-    asked = parser.parse_args()
-    runs = [(folder.name, folder) for folder in asked.analyse or ()] or [(b, None) for b in asked.bodies or BODIES]
+def main(
+    *bodies: str, analyse: tuple[Path, ...] = (), beside: bool = False, count: int = COUNT, begin: float | None = None,
+    changes: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
+) -> None:  # fmt: skip
+    """Reference runs in three dimensions: rhombus, prism-up, prism-down.
+
+    Parameters
+    ----------
+    analyse: runs made by hand
+    beside: the plane airflows next to them
+    count: granules of each fraction; 0: none fly
+    begin: s, where the means of --analyse begin
+    changes: KEY=VALUE, changes of the scene
+    """
+    runs = [(folder.name, folder) for folder in analyse] or [(body, None) for body in bodies or BODIES]
     for name, folder in runs:
         body = next((known for known in BODIES if name.startswith(known)), None)
         if body is None:
-            parser.error(f"{name}: its name begins with none of {', '.join(BODIES)}")
-        scene = scene_of(body, asked.count or COUNT, changes_of(asked.set))
+            raise SystemExit(f"{name}: its name begins with none of {', '.join(BODIES)}")
+        scene = scene_of(body, count or COUNT, changes_of(changes))
         spec = spec_of(scene)
-        last = analysed(folder, spec, asked.begin) if folder is not None else deep(scene)
-        others = plane(scene) if folder is None or asked.beside else ()
-        print_table(name, spec, scene, [*others, last], fly=asked.count > 0)
+        last = analysed(folder, spec, begin) if folder is not None else deep(scene)
+        others = plane(scene) if folder is None or beside else ()
+        print_table(name, spec, scene, [*others, last], fly=count > 0)
         print_proof(last, spec)
-
-
-if __name__ == "__main__":
-    main()

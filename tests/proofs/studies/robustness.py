@@ -1,16 +1,14 @@
 """The robustness matrix of the airflow: cases in which every pair of properties meets at least once.
 
-``python cases/studies/robustness.py`` computes what is missing (a finished case is kept in the cache, under its
-content) and prints the table of docs/validation.md.
+What is missing is computed; a finished case is kept in the cache, under its content. docs/validation.md.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
-import resource
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +26,8 @@ from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, build_mesh, plan_mesh
 from wakeflow.planning.airflow import LAMINAR_BELOW
+
+from .common import Row, show, solver_seconds
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
 MOST_CELLS = 3000
@@ -49,6 +49,11 @@ FACTORS: dict[str, tuple[Any, ...]] = {
     "walls": ("slip", "no-slip"),
     "direction": ("down", "up"),
 }
+COLUMNS = {
+    "case": "{name}", "cells": "{cells}", "verdict": "{verdict}", "settings that served": "{settings}",
+    "Cd": "{cd:.3g}", "mass error": "{mass_error:.0e}", "nearest limit, share of it": "{limit}",
+    "CPU s": "{processor_seconds:.0f}",
+}  # fmt: skip
 Case = dict[str, Any]
 
 
@@ -137,62 +142,48 @@ def flow_of(case: Case, mesh: MeshSpec) -> FlowSpec:
     return replace(flow, turbulence=model, stepping=case["stepping"], accuracy=ACCURACY)  # type: ignore[arg-type]
 
 
+@contextmanager
+def short_runs() -> Iterator[None]:
+    """Time-resolved airflows end early for a while."""
+    limits = time_resolved.LONGEST_START, time_resolved.LONGEST
+    time_resolved.LONGEST_START, time_resolved.LONGEST = LONGEST_START, LONGEST
+    try:
+        yield
+    finally:
+        time_resolved.LONGEST_START, time_resolved.LONGEST = limits
+
+
 def outcome(case: Case) -> dict[str, Any]:
     """Solve a case, or take its outcome from the cache: the airflow's table, or ``error`` with the one line said."""
     code = [code_key("wakeflow.meshing", "wakeflow.foam.airflow"), digest_files([case_template(), Path(__file__)])]
 
     def work(folder: Path) -> None:
-        before = _processor_seconds()
-        limits = time_resolved.LONGEST_START, time_resolved.LONGEST
-        time_resolved.LONGEST_START, time_resolved.LONGEST = LONGEST_START, LONGEST
-        try:
-            flow = flow_of(case, coarse_mesh(case, folder))
-            table = asdict(solve_airflow(flow, folder / "mesh.msh", folder / "case"))
-        except (MeshError, FoamError) as problem:
-            table = {"error": str(problem), "kind": type(problem).__name__}
-        finally:
-            time_resolved.LONGEST_START, time_resolved.LONGEST = limits
-        write_json(folder / "outcome.json", {**table, "processor_seconds": _processor_seconds() - before})
+        before = solver_seconds()
+        with short_runs():
+            try:
+                flow = flow_of(case, coarse_mesh(case, folder))
+                table = asdict(solve_airflow(flow, folder / "mesh.msh", folder / "case"))
+            except (MeshError, FoamError) as problem:
+                table = {"error": str(problem), "kind": type(problem).__name__}
+        write_json(folder / "outcome.json", {**table, "processor_seconds": solver_seconds() - before})
 
     folder, _ = Store(cache_root()).make("robustness", content_key(case, code), work)
     result: dict[str, Any] = json.loads((folder / "outcome.json").read_text())
     return result
 
 
-def _processor_seconds() -> float:
-    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return spent.ru_utime + spent.ru_stime
-
-
-def row(case: Case, found: dict[str, Any]) -> str:
+def row(case: Case) -> Row:
     """A row of the table."""
+    found = outcome(case)
+    row = {**dict.fromkeys(("cells", "settings", "cd", "mass_error", "limit")), "name": name_of(case), **found}
     if "error" in found:
-        return f"| {name_of(case)} | – | {found['error']} | – | – | – | – | {found['processor_seconds']:.0f} |"
+        return row | {"verdict": found["error"]}
     tightest, used = max(found["checks"].items(), key=lambda item: item[1])
-    cells = [
-        name_of(case),
-        f"{found['cells']}",
-        found["verdict"],
-        found["settings"] + "".join(f"; {a['settings']}: {a['cause']}" for a in found["attempts"]),
-        f"{found['cd']['value']:.3g}",
-        f"{found['mass_error']:.0e}",
-        f"{tightest.split(',')[0]} {used:.2f}",
-        f"{found['processor_seconds']:.0f}",
-    ]
-    return f"| {' | '.join(cells)} |"
+    failed = "".join(f"; {attempt['settings']}: {attempt['cause']}" for attempt in found["attempts"])
+    told = {"settings": found["settings"] + failed, "limit": f"{tightest.split(',')[0]} {used:.2f}"}
+    return row | told | {"cd": found["cd"]["value"]}
 
 
-HEADER = """| case | cells | verdict | settings that served | Cd | mass error | nearest limit, share of it | CPU s |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
-
-
-def main() -> None:
-    """Print the table, rows as they come; with arguments only the cases of these numbers."""
-    chosen = [CASES[int(word)] for word in sys.argv[1:]] or CASES
-    print(HEADER, flush=True)
-    for case in chosen:
-        print(row(case, outcome(case)), flush=True)
-
-
-if __name__ == "__main__":
-    main()
+def main(*numbers: int) -> list[Row]:
+    """The robustness matrix of the airflow, rows as they come, or only the cases of these numbers."""
+    return show(COLUMNS, (row(CASES[number]) for number in numbers or range(len(CASES))))
