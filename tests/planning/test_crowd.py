@@ -246,8 +246,8 @@ def test_estimate_and_bound_hold_in_a_vacuum() -> None:
 @pytest.mark.openfoam
 @pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth"])
 def test_estimate_and_bound_hold_in_three_scenes(name: str) -> None:
-    """Of tests/proofs/studies/crowding.py, which prints the table of docs/validation.md. In the prism's wake the air carries
-    dust through the curtain, which the estimate leaves out; there the bound on shares alone is held.
+    """Of tests/proofs/studies/crowding.py, which prints the table of docs/validation.md. In the prism's wake the air
+    carries dust through the curtain, which the estimate leaves out; there the bound on shares alone is held.
     """
     _hold(list(crowding.rows(name)), carried="dust" if name == "prism" else None)
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import pytest
 
+from proofs.report import cell
 from proofs.studies import gates
-from wakeflow.verify.report import cell
 
 ABOVE_HALF = {("wake", "wheat", "buoyancy")}  # 0.57 of a bound that is a tenth of what any accuracy allows
 
@@ -32,5 +32,7 @@ def _all_hold(which: str, count: int) -> None:
     assert not exceeded
     found = [row for row in rows if row["real"]]
     assert found  # what moves nothing tests nothing
-    above = {(row["scene"], row["fraction"], row["term"]) for row in found if row["mean"] > gates.TYPICAL * row["bound"]}
+    above = {
+        (row["scene"], row["fraction"], row["term"]) for row in found if row["mean"] > gates.TYPICAL * row["bound"]
+    }
     assert above <= ABOVE_HALF

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from proofs.report import cell
 from proofs.studies import air_loading, impaction, paper_compare, rebound, search_gain, target_error, throughput
 from proofs.studies.__main__ import app
 from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
-from wakeflow.verify.report import cell
 
 # tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
 # tests/planning/test_gates_elsewhere.py, tests/planning/test_crowd.py

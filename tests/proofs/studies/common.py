@@ -15,15 +15,18 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
-from proofs.report import Column, Row
+from proofs.report import Column, Row, cell
 from wakeflow.core.files import write_json
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.prepare import prepare_case
+from wakeflow.pipeline.crowd_flight import compile_slab
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.tracks import compile_tracker
 from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.make import make_plan
 from wakeflow.results.separation import separate
-from wakeflow.verify.report import cell
+
+__all__ = ["Pipeline", "Row", "compile_slab", "compile_tracker", "make_plan"]  # handed on
 
 HOUR = 3600.0  # s; feed rates are printed in kg/h
 COARSE: dict[str, dict[str, Any]] = {  # changes of shipped scenes whose airflow takes minutes, not hours

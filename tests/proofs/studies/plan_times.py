@@ -21,12 +21,10 @@ import wakeflow as wf
 from support import CASES, shipped
 from wakeflow.core.process import cores
 from wakeflow.core.store import cache_root
-from wakeflow.pipeline.crowd_flight import compile_slab
-from wakeflow.pipeline.tracks import compile_tracker
 from wakeflow.planning.cost import wall_seconds
 from wakeflow.planning.machine_rates import on_this_machine
 
-from .common import Row, make_plan, show
+from .common import Row, compile_slab, compile_tracker, make_plan, show
 
 SCENES = ("vacuum", "aspirator", "wheat-straw-dust", "rhombus", "labyrinth", "prism")
 RATES, KERNELS = "machine-rates.json", "numba"

@@ -14,10 +14,9 @@ import numpy as np
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.pipeline.tracks import compile_tracker
 from wakeflow.verify.settings import best_fixed, reference_shares, to_target
 
-from .common import Row, show, with_one_fraction
+from .common import Row, compile_tracker, show, with_one_fraction
 
 TARGETS = (0.03, 0.02, 0.015)  # half widths of every bin share, in turn
 TOLERANCES = (1e-3, 1e-4)  # of the fixed settings
