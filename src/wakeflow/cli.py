@@ -168,16 +168,16 @@ def report(
 def verify(
     what: str | None = None, *, slow: bool = False, as_json: Annotated[bool, Parameter(name="--json")] = False
 ) -> int:
-    """Prove it: exact problems, landing error against run time beside other trackers, airflow beside published values.
+    """Prove it: landing error against run time next to other trackers, extremes, and in a checkout all else.
 
     Parameters
     ----------
     what
-        tracker, problems, airflow, meshes, shares, extremes (what happens at the ends of what can be asked for), crowd
-        or funnel; or a scene file: its airflow beside published values, or where nothing is published the error of its
-        shares against run time. Default: all but crowd (granules that meet, beside LIGGGHTS, DPMFoam, MPPICFoam and
-        kinetic theory) and funnel, which need LIGGGHTS. Reports go to runs/verify. Exit code 1 where a row of extremes
-        is missed.
+        tracker, extremes (what happens at the ends of what can be asked for), or a scene file: the error of its shares
+        against run time. In a checkout of the repository also problems, airflow, meshes, shares, coverage, crowd
+        (granules that meet, next to LIGGGHTS, DPMFoam, MPPICFoam and kinetic theory) and funnel, and of a scene of
+        which airflows are published, its airflow next to these. Default: all but crowd and funnel, which need LIGGGHTS.
+        Reports go to runs/verify. Exit code 1 where a row of extremes is missed.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
         an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. A scene: its
@@ -194,7 +194,7 @@ def verify(
     with live(enabled=not as_json) as listener:
         reports = runner.prove(what, slow=slow, tell=partial(listener, "verify"))
     if as_json:
-        print(json.dumps(reports, indent=2))
+        print(json.dumps({name: report.data() for name, report in reports.items()}, indent=2))
     else:
         runner.show(reports)
     return runner.verdict_code(reports)

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from proofs import plate
+from proofs.plate import bounce_phase, lift_off_phase, on_plate
 from wakeflow import doctor
 from wakeflow.cli import main
 from wakeflow.core.errors import ProgramError, SceneError
@@ -25,8 +27,6 @@ from wakeflow.laws.discharge import beverloo, cone_factor
 from wakeflow.laws.hertz import contact_time, depth
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Funnel, Scene
-from wakeflow.verify import plate
-from wakeflow.verify.plate import bounce_phase, lift_off_phase, on_plate
 
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}
 

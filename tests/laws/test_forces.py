@@ -1,6 +1,6 @@
 """The forces as objects: their records fit the kernel, and a new force needs nothing but its record.
 
-That the compiled terms are the formulas of the records is shown by the exact problems (verify/problems/terms.py).
+That the compiled terms are the formulas of the records is shown by the exact problems (tests/proofs/problems).
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from proofs.problems.exact import Setting, box, field_on
+from proofs.problems.reference_all_terms import reference_end_states
 from support import CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.forces import Bound, FlightScales, Force, Granule, Instant, forces
@@ -21,8 +23,6 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking.kernel import layout
 from wakeflow.tracking.pack import pack_granules
-from wakeflow.verify.problems.exact import Setting, box, field_on
-from wakeflow.verify.problems.reference_all_terms import reference_end_states
 
 COMPUTED = [name for name in forces if forces[name].computed]
 STILL = field_on(box(4), np.zeros_like, pressure=np.zeros(len(box(4)[0])))

@@ -7,13 +7,13 @@ from itertools import product
 import numpy as np
 import pytest
 
+from proofs.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
+from proofs.problems.flights import taylor_green, two_modes
+from proofs.problems.reference_all_terms import reference_end_states
 from support import G
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws
 from wakeflow.tracking import Fate, Granules, track
-from wakeflow.verify.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
-from wakeflow.verify.problems.flights import taylor_green, two_modes
-from wakeflow.verify.problems.reference_all_terms import reference_end_states
 
 DECADES = 10.0 ** np.arange(-9.0, 4.0)
 DIAMETER = 1e-3  # Re 67 at a slip of 1 m/s

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import runs
-from ..core.files import write_json
 from ..core.process import cores
 from ..pipeline.compilation import COMPILED
 from ..planning.make import make_plan
@@ -16,27 +15,26 @@ from ..refining.knobs import applied, knobs, own_settings
 from ..results.refinement import KnobSettings
 from ..results.result import Result
 from ..scene import Scene
+from .peer_chain import PEER, peer_rows, why_no_peer
+from .report import Report, Table, Tell
 from .settings import BinShares, bin_shares, largest_error, largest_half, reference_shares
-from .trackers.peer_chain import PEER, peer_rows, why_no_peer
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-__all__ = ["curve_table", "run_curves"]
-
-Tell = Callable[[str], None]
 STEPS = {"granules": -2, "tolerance": -2, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
 POINTS = {"granules": 4, "tolerance": 4, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
 TARGETS = (0.05, 0.03)  # half widths of every bin share
 LED = "--target-error"
+COLUMNS = {
+    "knob": "{knob}", "setting": "{setting}", "error, points": "{error:.2g*100}",
+    "half width, points": "{half:.2g*100}", "s": "{seconds:.3g}",
+}  # fmt: skip
 COARSEST = 4.0  # largest numerics.mesh_scale
 
 
-def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None) -> dict[str, Any]:
+def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None) -> Report:
     """Rows (knob, setting, error, half, seconds) of the scene in a file: errors of the largest bin share against a
     reference that is finer in every knob, seconds of the stages when they were computed. An airflow in time is
     computed with ``slow`` alone, else its draft. Beside them the peer's chain (``trackers.peer_chain``), where it can
-    compute the scene. Written to ``folder`` as JSON, CSV, PNG and SVG.
+    compute the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
     from ..report.knob_curves import draw_knobs, write_knobs
 
@@ -59,12 +57,11 @@ def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: N
         rows += peer_rows(scene, truth, tell)
     else:
         notes.append(f"not beside {PEER}: {obstacle}")
-    report = {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows, "notes": notes}
-    name = f"curves-{path.stem}"
-    write_json(folder / f"{name}.json", report)
+    name, facts = f"curves-{path.stem}", {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows}
+    folder.mkdir(parents=True, exist_ok=True)
     write_knobs(folder / f"{name}.csv", rows)
     draw_knobs(folder / f"{name}.png", rows, path.stem)
-    return report
+    return Report(name, [Table("error against run time", COLUMNS, rows)], facts, notes)
 
 
 def _tried(own: KnobSettings) -> Iterator[tuple[str, KnobSettings]]:
@@ -95,15 +92,3 @@ def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str,
 def _note(rung: str | None, *, slow: bool) -> str:
     air = "" if rung is None and not slow else f"rung {rung or 'of the scene'}; "
     return f"{air}errors against other random numbers, 16 times the granules, a hundredth of the tolerance, finer cells"
-
-
-def curve_table(report: dict[str, Any]) -> Table:
-    """The rows for a terminal, in percentage points."""
-    from rich.table import Table
-
-    heads = ("knob", "setting", "error, points", "half width, points", "s")
-    table = Table(*heads, title="error against run time", title_justify="left", pad_edge=False, box=None)
-    for row in report["rows"]:
-        half = "–" if row["half"] is None else f"{100 * row['half']:.2g}"
-        table.add_row(row["knob"], row["setting"], f"{100 * row['error']:.2g}", half, f"{row['seconds']:.3g}")
-    return table

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from proofs.problems.exact import box
 from support import RHOMBUS
-from wakeflow.verify.problems.exact import box
 
 BELOW = [np.array([[-1.0, -0.15], [1.0, -0.15]])]
 
