@@ -25,15 +25,11 @@ from wakeflow.planning.make import make_plan
 from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
 from wakeflow.report.air import window_round_body
 from wakeflow.report.canvas import inside_window, new_axes, save
-from wakeflow.report.figures import Figure, figures, landing, pressure
-from wakeflow.report.figures import tracks as tracks_figure
-from wakeflow.report.figures.landing import draw_landing
-from wakeflow.report.figures.partition import draw_partition
-from wakeflow.report.figures.pressure import draw_pressure
-from wakeflow.report.figures.residence import draw_residence
-from wakeflow.report.figures.surface import draw_surface
-from wakeflow.report.figures.tracks import draw_tracks
-from wakeflow.report.figures.vorticity import draw_vorticity
+from wakeflow.report.figures import Figure, air, figures, flights
+from wakeflow.report.figures import shares as share_figures
+from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vorticity
+from wakeflow.report.figures.flights import draw_residence, draw_tracks
+from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.results.airflow_summary import Airflow
@@ -42,7 +38,7 @@ from wakeflow.results.measured import Measured, Share
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
-from wakeflow.terminal import budget_table, separation_table
+from wakeflow.terminal.result import budget_table, separation_table
 
 if TYPE_CHECKING:
     from wakeflow.report.canvas import Paper
@@ -196,7 +192,7 @@ def scene(request: pytest.FixtureRequest, cases: Path) -> Scene:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures as they are about to be saved."""
     kept: list[Any] = []
-    for module in (pressure, tracks_figure, landing):
+    for module in (air, flights, share_figures):
         monkeypatch.setattr(module, "save", lambda figure, path, data=None: kept.append(figure))
     return kept
 
@@ -489,8 +485,8 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     shelf = [[-0.1, -0.1], [0.0, -0.15], [0.1, -0.15]]
     scene = rhombus.replace({"bin.shelf.points": shelf})
     corner = np.array([[0.0, -0.15]])
-    assert landing._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
-    assert landing._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
+    assert share_figures._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
+    assert share_figures._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
         np.hypot(0.1, 0.05) + 0.04
     )
     draw_landing("unused", scene, _landings(scene))
@@ -775,7 +771,7 @@ def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
 def test_the_report_loads_nothing_heavy() -> None:
     from wakeflow.core.process import capture
 
-    code = "import sys, wakeflow.report, wakeflow.report.csv, wakeflow.report.figures, wakeflow.report.vtk;" + (
+    code = "import sys, wakeflow.report, wakeflow.report.tables, wakeflow.report.figures, wakeflow.report.vtk;" + (
         "print(sorted({'pyvista', 'vtk', 'matplotlib', 'jinja2', 'scipy'} & set(sys.modules)))"
     )
     assert capture([sys.executable, "-c", code]) == (0, "[]\n")

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from ..planning.plan import Plan
 
-__all__ = ["Told", "live"]
-
 PLAIN_EVERY = 10.0  # s between lines of a stage when the output is not a terminal
 BAR = 24  # letters
 

@@ -16,8 +16,6 @@ from ..planning.plan import Plan
 from .live import Told
 from .pace import DONE, FROM_CACHE
 
-__all__ = ["heard", "unheard"]
-
 EVERY = 0.5  # s between pictures of the bar
 Planned = Callable[[Plan], object]
 

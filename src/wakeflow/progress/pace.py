@@ -12,8 +12,6 @@ from ..planning.cost import wall_seconds
 from ..planning.machine_rates import kind_of_work
 from ..planning.plan import StageCost
 
-__all__ = ["FROM_CACHE", "RunProgress"]
-
 DONE, FROM_CACHE = "done", "done (from the cache)"  # how the text of a stage begins that is done
 TRUSTED = 20.0  # s: until about as much of a kind of work is done its expected time is trusted more than its pace
 OVERDUE = 0.95  # of a stage's expected time: no more counts as done before the stage says so

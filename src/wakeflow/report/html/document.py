@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import json
-from collections.abc import Iterator, Mapping
+import struct
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +18,11 @@ from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
 from ..canvas import bins_across
 from ..colours import fraction_colours
-from ..csv import IMPACT_COLUMNS, impact_cells
 from ..figures import captions
+from ..film import film_in, film_section
 from ..pictures import found
 from ..sketch import UNITS
+from ..tables import impact_cells
 from ..words import (
     NO_VALUE,
     UNKNOWN_ERROR,
@@ -31,20 +34,29 @@ from ..words import (
     percent,
     source_seconds,
 )
-from .asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
-from .film import film_in, film_section
-from .inlined import inlined_pictures, shape_of
 from .live import live_data
-from .rows import airflow_rows, end_rows, funnel_rows, number, percentage_points, seconds
+from .rows import (
+    airflow_rows,
+    end_rows,
+    funnel_rows,
+    machine_rows,
+    material_rows,
+    number,
+    percentage_points,
+    proofs_of,
+    scene_in_full,
+    seconds,
+    source_of,
+)
 
 if TYPE_CHECKING:
     from ...results.result import Result
     from ..outcome import Outcome
 
-__all__ = ["page_template", "render", "write_html"]
-
 SKETCH = "sketch"  # the figure that stands beside the machine's measures
 MOST_MOVED = 3  # shares that are told of a number
+LONG = 1.75  # width over height of a picture that takes the page's whole width
+TALL = 0.8  # of one that takes a sheet's whole height
 SIDE = 900  # dots of the longer side of the script's canvas
 HOW = {
     "measured": "from this run",
@@ -112,6 +124,18 @@ def render(
     return text
 
 
+def inlined_pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """The PNG files of ``names`` in a folder as base64, those that there are."""
+    files = {name: folder / f"{name}.png" for name in names}
+    return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
+
+
+def shape_of(picture: str) -> str:
+    """What a base64 PNG is on a page: "long" where half of its width is too narrow for it, "tall", or neither."""
+    width, height = struct.unpack(">II", base64.b64decode(picture[:48])[16:24])
+    return "long" if width > LONG * height else "tall" if width < TALL * height else ""
+
+
 def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """The shape of each picture, the picture, and what it shows; the sketch has a place of its own."""
     names = [name for name in texts if name in pictures and name != SKETCH]
@@ -130,7 +154,12 @@ def page_template(name: str) -> Any:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        percent=percent, points=percentage_points, number=number, seconds=seconds, between=_between
+        percent=percent,
+        points=percentage_points,
+        number=number,
+        seconds=seconds,
+        between=_between,
+        cells="{} cells".format,
     )
     environment.globals.update(change_of=change_of)
     return environment.get_template(name)
@@ -248,10 +277,11 @@ def _impacts(result: Result) -> dict[str, Any]:
     """What the page says of first impacts and of fates."""
     flights = result.flights
     impact = None if flights is None else flights.impact
+    impacts = impact_cells(impact)
     return {
         "impact": impact,
-        "impacts": impact_cells(impact),
-        "impact_columns": IMPACT_COLUMNS,
+        "impacts": impacts,
+        "impact_rows": [[cell if isinstance(cell, str) else number(cell) for cell in row] for row in impacts.rows],
         "fates": {} if flights is None else flights.fates,
     }
 
