@@ -22,7 +22,7 @@ from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
+from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, tables, write_report
 from wakeflow.report.air import window_round_body
 from wakeflow.report.canvas import inside_window, new_axes, save
 from wakeflow.report.figures import Figure, air, figures, flights
@@ -524,7 +524,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -> None:
     result = _result(scene, None)
-    csv.write_tables(tmp_path, _read(result))
+    tables.write_tables(tmp_path, _read(result))
     rows = _rows(tmp_path / "separation.csv")
     separation = result["separation"]
     assert len(rows) == len(scene.fraction) * len(separation["bins"])
@@ -543,7 +543,7 @@ def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -
 
 
 def test_the_budget_leaves_unknown_errors_empty(rhombus: Scene, tmp_path: Path) -> None:
-    csv.write_tables(tmp_path, _read(_result(rhombus, None)))
+    tables.write_tables(tmp_path, _read(_result(rhombus, None)))
     rows = _rows(tmp_path / "budget.csv")
     assert [r["source"] for r in rows[:3]] == ["sampling", "airflow-model", "total"]
     assert [r["error"] for r in rows[:3]] == ["0.0043", "", ""]
@@ -697,7 +697,7 @@ def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
     assert [row[:2] for row in shown[1:]] == [
         [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")
     ]
-    csv.write_tables(tmp_path, _read(result))
+    tables.write_tables(tmp_path, _read(result))
     rows = _rows(tmp_path / "impact.csv")
     wheat, last = result["impact"]["fractions"]["wheat"]["slopes"]["right"], rows[-1]
     assert float(rows[5]["normal force (N)"]) == pytest.approx(wheat["normal"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..results.result import accessors
+from ..results.result import Result, accessors
 from .plot import Plot
 from .tables import result_card
 

@@ -48,14 +48,13 @@ def write_comparison(path: Path, table: ResultTable, differences: Sequence[Diffe
     """Write the page of ``runs``, in the order of the ``table``'s entries: what differs in their scenes, their answers
     with the differences from the first and their intervals, and their pictures side by side.
     """
-    here, names = Path(__file__).parent, [entry.name for entry in table.entries]
+    names = [entry.name for entry in table.entries]
     scenes = [Scene.parse(run.scene) for run in runs]
     rows = _rows(table, differences)
     main = set(main_quantities(table))
     text = page_template("compare.html.j2").render(
-        style=(here / "style.css").read_text(encoding="utf-8"),
-        script=(here / "compare.js").read_text(encoding="utf-8"),
         names=names,
+        less=[f"{name if len(names) > 2 else ''} less {names[0]}" for name in names[1:]],
         made=[(name, *_made(run)) for name, run in zip(names, runs, strict=True)],
         inputs=[(key, *(_input(key, entry) for entry in table.entries)) for key in table.inputs],
         main=[row for row in rows if row.quantity in main],

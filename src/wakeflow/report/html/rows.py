@@ -268,7 +268,7 @@ def _beside(records: Sequence[object], lines: Lines) -> Iterator[tuple[str, ...]
     """(name, a value of each record, unit) of every attribute in ``lines`` that all of them have."""
     for attribute, name, unit in lines:
         values = [getattr(record, attribute, None) for record in records]
-        told = [_measured_text(value, SCALES.get(unit, 1.0)) for value in values if value is not None]
+        told = [measured_text(value, SCALES.get(unit, 1.0)) for value in values if value is not None]
         if len(told) == len(values):
             yield name, *told, unit
 
@@ -283,10 +283,11 @@ def _attribute_rows(record: object, lines: Lines) -> Iterator[tuple[str, str, st
     for attribute, name, unit in lines if record is not None else ():
         value = getattr(record, attribute)
         if value is not None:
-            yield name, _measured_text(value, SCALES.get(unit, 1.0)), unit
+            yield name, measured_text(value, SCALES.get(unit, 1.0)), unit
 
 
-def _measured_text(value: str | float | Measured | Sequence[float], scale: float) -> str:
+def measured_text(value: str | float | Measured | Sequence[float], scale: float) -> str:
+    """A number with its interval, a word, or the numbers of a range, times ``scale``."""
     if isinstance(value, str):
         return value
     if isinstance(value, Measured):
