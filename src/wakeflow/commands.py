@@ -60,9 +60,9 @@ def sweep(
     from .core.process import cores
     from .sweeps.compute import SweepEstimate, look_ahead
     from .sweeps.compute import sweep as compute
-    from .sweeps.show import show_estimate, show_sweep
     from .sweeps.variant import asked_for
     from .terminal import live
+    from .terminal.many import show_estimate, show_sweep
 
     how: dict[str, Any] = {"rung": rung, "force": switches_of(force), "target_error": target_error}
     how["neighbours"] = neighbours
@@ -103,7 +103,7 @@ def search(
     from .searching.designs import search as find
     from .searching.task import read_search_file
     from .terminal import live
-    from .terminal.search import show_search
+    from .terminal.many import show_search
 
     held = changes_of(settings)
     task = read_search_file(file, held, budget)
@@ -128,7 +128,7 @@ def compare(
         Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with.
     """
     from .sweeps.comparison import compare as side_by_side
-    from .sweeps.show import show_comparison
+    from .terminal.many import show_comparison
 
     found = side_by_side(run_folders)
     show_comparison(found)
@@ -159,7 +159,7 @@ def bins(
         The line: floor, top, left, right, or a bin of the scene.
     """
     from .results.dividers import dividers, purities, trade_off
-    from .sweeps.show import show_dividers
+    from .terminal.result import show_dividers
 
     fraction, sign, asked = purity.partition("=")
     if sign:
@@ -210,7 +210,7 @@ def sensitivity(
     from .scene.changes import run_folder
     from .sweeps.sensitivity import sensitivity as find
     from .terminal import live
-    from .terminal.sensitivity import show_sensitivity
+    from .terminal.many import show_sensitivity
 
     changes, switches = changes_of(settings), switches_of(force)
     asked: Scene | Path = scene
@@ -247,7 +247,7 @@ def clean(
     """
     from .core.cleaning import bytes_of, kept_stages, oldest_beyond, remove_stages
     from .core.store import Store, cache_root
-    from .sweeps.show import show_removed, show_stages
+    from .terminal.stored import show_removed, show_stages
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
     if not dry_run:

@@ -141,8 +141,7 @@ def animate(
         Dots of its longer side.
     """
     from .core.cleaning import bytes_of
-    from .report.film import write_film
-    from .report.html.film import show_film
+    from .report.film import show_film, write_film
     from .runs import film_of
     from .terminal import live
 
@@ -176,7 +175,7 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
     from .core.registry import did_you_mean
     from .laws.material import materials as shipped
     from .scene.own_materials import read_materials
-    from .terminal.materials import show_material, show_materials
+    from .terminal.stored import show_material, show_materials
 
     known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
     if name is None:

@@ -54,7 +54,7 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """The table of main numbers, as a notebook shows it."""
-        from ..report.card import table_card
+        from ..report.tables import table_card
 
         return table_card(self.table)
 
@@ -250,7 +250,7 @@ class _Rows:
         else:
             self._read(one)
         if time.monotonic() - self.written >= WRITE_EVERY:
-            self.table.write_csv(self.folder / TABLE)
+            self.table.tidy().write_csv(self.folder / TABLE)
             self.written = time.monotonic()
 
     def _read(self, one: Variant) -> None:
@@ -272,8 +272,8 @@ class _Rows:
 
         table = self.table
         before = (self.folder / TABLE).read_text() if (self.folder / WIDE).exists() else None
-        table.write_csv(self.folder / TABLE)
-        table.write_wide_csv(self.folder / WIDE)
+        table.tidy().write_csv(self.folder / TABLE)
+        table.wide().write_csv(self.folder / WIDE)
         table.write_parquet(self.folder / PARQUET)
         drawn = any((self.folder / "figures").glob("*.png"))
         if figures and (not drawn or before != (self.folder / TABLE).read_text()):

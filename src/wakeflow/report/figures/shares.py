@@ -1,29 +1,28 @@
-"""The landing figure: mass-weighted histograms of each fraction along every wall that has bins."""
+"""The standard figures of where granules land: histograms along walls, partition curves, shares in each wake."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..canvas import MM, new_figure, save, text_width
-from ..colours import fraction_colours
+from ..canvas import INK, MM, bins_across, new_figure, save, text_width
+from ..colours import COLOURS, fraction_colours
+from ..outcome import add_figure
 from ..words import percent
-from .figure import Figure, figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
-    from ...results.landing_results import Separation
+    from ...results.landing_results import LandingResults, PartitionCurve, Separation
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Landed, Outcome
-
-__all__ = ["draw_landing"]
 
 Array = NDArray[np.float64]
 CELLS = 60  # of a histogram along one wall
@@ -200,9 +199,173 @@ def _name_bins(axes: Axes, wall: _Wall, scene: Scene, wide: float) -> None:
         )  # fmt: skip
 
 
-def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
+EMPTY = 0.3  # decades without granules: across them a curve is dotted and has no band
+AXES = {"size": (MM, "diameter", "mm"), "terminal velocity": (1.0, "terminal velocity", "m/s")}
+
+
+def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve]) -> NDArray[Any]:
+    """Draw a panel a property and a line a product, with its 95 % band and its cut."""
+    kinds = list(dict.fromkeys(curve.by for curve in curves))
+    figure = new_figure(0.6 + 4.6 * len(kinds), 3.9, paper)
+    panels: NDArray[Any] = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
+    colours = _product_colours(scene, curves)
+    for axes, kind in zip(panels, kinds, strict=True):
+        scale, label, unit = AXES[kind]
+        for curve in (one for one in curves if one.by == kind):
+            at, colour = scale * np.array(curve.at), colours[curve.product]
+            share, low, high = (100 * np.array(ends) for ends in (curve.share, curve.low, curve.high))
+            for part in np.split(np.arange(len(at)), np.flatnonzero(np.diff(np.log10(at)) > EMPTY) + 1):
+                axes.fill_between(at[part], low[part], high[part], color=colour, alpha=0.2, linewidth=0)
+                axes.plot(at[part], share[part], "o-", ms=3, lw=1.2, color=colour)
+            axes.errorbar(at, share, [share - low, high - share], fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
+            axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
+            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale, unit))
+            if curve.cut is not None and curve.cut.value is not None:
+                axes.plot([scale * curve.cut.value] * 2, [0.0, 50.0], ":", color=colour, linewidth=1.0)
+        for level in (25.0, 50.0, 75.0):
+            axes.axhline(level, color="#9aa3ad", linewidth=0.5, zorder=0)
+        axes.set_xscale("log")
+        axes.set_ylim(-2.0, 102.0)
+        axes.set_xlabel(f"{label} ({unit})")
+        axes.legend(fontsize=7, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    panels[0].set_ylabel("share of its mass in the product (%)")
+    save(figure, paper, _curve_columns(curves))
+    return panels
+
+
+def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tuple[str, ...], str]:
+    """That of the fraction which should land in a product; of a bin that is nobody's target one of its own."""
+    own = fraction_colours(list(scene.fraction))
+    wanted = {fraction.targets: own[name] for name, fraction in scene.fraction.items()}
+    products = list(dict.fromkeys(curve.product for curve in curves))
+    return {product: wanted.get(product, COLOURS[i % len(COLOURS)]) for i, product in enumerate(products)}
+
+
+def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
+    name = " or ".join(curve.product)
+    if curve.cut is None or curve.cut.value is None:
+        return f"{name}: {curve.why}"
+    sharp = "" if curve.ep is None else f", Ep {scale * curve.ep:.3g} {unit}, I {curve.imperfection:.2g}"
+    return f"{name}: cut {scale * curve.cut.value:.3g} {unit}{sharp}"
+
+
+def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
+    sizes = [len(curve.at) for curve in curves]
+    names = (" or ".join(curve.product) for curve in curves)
+    found: dict[str, ArrayLike] = {
+        "product": np.repeat(list(names), sizes),
+        "by": np.repeat([curve.by for curve in curves], sizes),
+        "unit": np.repeat([curve.unit for curve in curves], sizes),
+    }
+    for head, key in (
+        ("value", "at"), ("mass of the feed (1)", "mass"), ("share (1)", "share"), ("low (1)", "low"),
+        ("high (1)", "high"),
+    ):  # fmt: skip
+        found[head] = np.concatenate([np.array(getattr(curve, key)) for curve in curves])
+    return found
+
+
+MARKERS = "<>^vsDPX*"
+LEAST = 1e-3  # a share that is smaller in every wake is not drawn
+ROW = 0.3  # inches
+
+
+def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[Any]:
+    """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
+    rows = _wake_rows(scene, landings)
+    panels = list(dict.fromkeys(name for name, _ in rows))
+    wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
+    counts = [sum(name == one for one, _ in rows) for name in panels]
+    figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
+    grid: NDArray[Any] = figure.subplots(
+        len(panels), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": counts}
+    )[:, 0]
+    colours = fraction_colours(list(scene.fraction))
+    assert landings.bracket is not None
+    for axes, name in zip(grid, panels, strict=True):
+        places = [place for one, place in rows if one == name]
+        for level, place in enumerate(places):
+            share = landings.separation.fractions[name][place]
+            ends = [100 * (share.high - share.low)], [100 * share.low]
+            axes.barh([level], ends[0], left=ends[1], height=0.55, color=colours[name], alpha=0.35)
+            axes.plot([100 * share.value] * 2, [level - 0.28, level + 0.28], color=colours[name], linewidth=2.5)
+            for marker, wake in zip(MARKERS, wakes, strict=False):
+                found = landings.bracket[name][place].get(wake)
+                if found is not None:
+                    axes.plot([100 * found], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
+        axes.set_yticks(range(len(places)), places, fontsize=8)
+        axes.set_ylim(len(places) - 0.5, -0.5)
+        axes.set_title(name, fontsize=9, loc="left")
+        axes.grid(axis="x", color="#dddddd", linewidth=0.5)
+    for marker, wake in zip(MARKERS, wakes, strict=False):
+        grid[0].plot([], [], marker, ms=5, mfc="white", mec=INK, linestyle="none", label=wake)
+    grid[0].legend(fontsize=7, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
+    grid[-1].set_xlim(-1.0, 101.0)
+    grid[-1].set_xlabel("share of the fraction's mass (%)")
+    save(figure, paper, _wake_columns(landings))
+    return grid
+
+
+def _marks(landings: LandingResults) -> list[tuple[str, str, str]]:
+    """Fraction, bin and wake of every share that was flown in another wake."""
+    bracket = landings.bracket or {}
+    return [
+        (name, place, wake) for name, places in bracket.items() for place, found in places.items() for wake in found
+    ]
+
+
+def _wake_rows(scene: Scene, landings: LandingResults) -> list[tuple[str, str]]:
+    """Fractions and bins that some of the fraction lands in, bins from left to right."""
+    bracket = landings.bracket or {}
+    bins = [*bins_across(scene), "elsewhere"]
+    return [
+        (name, place)
+        for name, places in bracket.items()
+        for place in bins
+        if max([*places.get(place, {}).values(), landings.separation.fractions[name][place].value]) > LEAST
+    ]
+
+
+def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
+    marks, bracket = _marks(landings), landings.bracket or {}
+    heads = ("fraction", "bin", "wake")
+    found: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
+    found["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
+    return found
+
+
+def _landings(outcome: Outcome) -> tuple[object, ...]:
     landings = outcome.result.landings
-    return draw_landing(paper, outcome.scene, outcome.landings, None if landings is None else landings.separation)
+    return outcome.scene, outcome.landings, None if landings is None else landings.separation
 
 
-figures.add("landing", Figure("Where the mass of each fraction lands; percent with 95 % interval.", _draw, always=True))
+def _curves(outcome: Outcome) -> tuple[Scene, Sequence[PartitionCurve]] | None:
+    landings = outcome.result.landings
+    return None if landings is None or not landings.separation.cut else (outcome.scene, landings.separation.cut)
+
+
+def _in_wakes(outcome: Outcome) -> tuple[Scene, LandingResults] | None:
+    landings = outcome.result.landings
+    return None if landings is None or not landings.bracket else (outcome.scene, landings)
+
+
+add_figure(
+    "landing",
+    "Where the mass of each fraction lands; percent with 95 % interval.",
+    draw_landing,
+    _landings,
+    always=True,
+)
+add_figure(
+    "partition",
+    "Partition curves: of granules alike in size or terminal velocity, the share in each product; bands: 95 %, of "
+    "the finite number of granules alone; dotted where nothing is fed.",
+    draw_partition,
+    _curves,
+)
+add_figure(
+    "wakes",
+    "The same granules, each alone, in each wake (marks), and the answer with its 95 % interval (bars).",
+    draw_wakes,
+    _in_wakes,
+)

@@ -1,16 +1,19 @@
-"""Materials on a screen: all in a table, or one with every value, its range, its source and how far to trust it."""
+"""What is at hand, on a screen: materials, all in a table or one with all that is known of it; stages in the cache."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from typing import NamedTuple
 
+from ..core.cleaning import KeptStage
+from ..core.quantities import duration
 from ..laws.material import Material
 from ..laws.uncertainties import default_margins
-
-__all__ = ["show_material", "show_materials"]
+from .screen import screen_table
 
 NONE = "–"
+MOST_ROWS = 50  # of the cache
 RANGE = 2.0  # standard deviations: 95 % of the granules lie within
 NOTE = (
     "+-: from granule to granule, 95 % within. Trust: of size and terminal velocity.\n"
@@ -37,21 +40,17 @@ QUANTITIES = (
 
 def show_materials(known: Mapping[str, Material]) -> None:
     """Print a row for each material."""
-    from rich.box import SIMPLE_HEAD
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD, caption=NOTE, caption_justify="left")
-    table.add_column("material", no_wrap=True)
-    for heading in ("mm", "kg/m3", "falls at, m/s", "restitution", "friction"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("trust", no_wrap=True)
-    for name, one in known.items():
-        table.add_row(
+    rows = [
+        [
             name, f"{1e3 * one.diameter:.3g}", f"{one.density:.4g}", _within(one, "terminal_velocity"),
             _within(one, "restitution"), _within(one, "friction"), one.confidence,
-        )  # fmt: skip
-    Console().print(table, highlight=False)
+        ]
+        for name, one in known.items()
+    ]  # fmt: skip
+    heads = ("material", "mm", "kg/m3", "falls at, m/s", "restitution", "friction", "trust")
+    Console().print(screen_table(heads, rows, caption=NOTE, whole=True), highlight=False)
 
 
 def show_material(name: str, one: Material) -> None:
@@ -95,3 +94,29 @@ def _mean(one: Material, quantity: _Quantity) -> str:
         return ""
     half = margin.half(float(value), one.evidence[quantity.name].confidence, 0.0)
     return f" (a lot's mean: +- {half:.2g})"
+
+
+def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
+    """Say in one line what was or would be removed from the cache, and what making it again would take."""
+    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
+    verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
+    print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
+
+
+def show_stages(stages: Sequence[KeptStage]) -> None:
+    """Print what the cache holds, the one that was used longest ago first: size, time to make it again."""
+    from rich.console import Console
+
+    def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
+        size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
+        return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
+
+    rows: list[list[str] | None] = []
+    for one in stages[:MOST_ROWS]:
+        used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
+        again = NONE if one.seconds is None else duration(one.seconds)
+        rows.append([used, one.stage, one.folder.name[:12], f"{one.size / 1e6:.1f}", again])
+    if len(stages) > MOST_ROWS:
+        rows.append(sums("later", "more", stages[MOST_ROWS:]))
+    heads = ("used", "stage", "key", "MB", "to make again")
+    Console().print(screen_table(heads, [*rows, None, sums("all", "stages", stages)], "in the cache", left=3))

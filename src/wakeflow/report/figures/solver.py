@@ -1,4 +1,4 @@
-"""The forces figure: lift and drag as the solver recorded them, what was dropped of them and what was averaged."""
+"""The standard figures of the solver: its recorded forces, and the mesh it solved in."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..canvas import INK, new_figure, save
+from ..air import window_round_body
+from ..canvas import BODY, INK, MM, Window, first_outline, frame, new_figure, save
 from ..colours import COLOURS
-from .figure import Figure, figures
+from ..outcome import add_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from ...results.solved_case import ForceHistory
+    from ...results.airflow_summary import Airflow
+    from ...results.solved_case import ForceHistory, PlaneCells
+    from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Outcome
-
-__all__ = ["draw_forces"]
 
 DROPPED, KEPT = "#d9dde2", "#f7c873"
 SETTLED = 0.25  # of a record without a start-up: what the picture's height does not follow before that
@@ -71,16 +72,56 @@ def _limits(axes: Axes, values: NDArray[np.float64]) -> None:
     axes.set_ylim(low - room, high + room)
 
 
-def _draw(paper: Paper, outcome: Outcome) -> NDArray[Any]:
-    assert outcome.history is not None
-    return draw_forces(paper, outcome.history)
+TALL = 5.2  # inches of the panels
+NEAR = 0.9  # of the body's width: what the closer panel shows to every side of its middle
+EDGE = "#33526b"
 
 
-figures.add(
+def draw_mesh(paper: Paper, cells: PlaneCells, scene: Scene, airflow: Airflow) -> NDArray[Any]:
+    """Draw the cells in the window of the other pictures of the air, and close to the first body's wall."""
+    x, y = first_outline(scene).mean(axis=0)
+    reach = NEAR * scene.width
+    windows = [window_round_body(scene, airflow), (x - reach, x + reach, y - reach, y + reach)]
+    shapes = [(w[1] - w[0]) / (w[3] - w[2]) for w in windows]
+    figure = new_figure(TALL * sum(shapes) + 1.6, TALL + 0.7, paper)
+    panels: NDArray[Any] = figure.subplots(1, 2, gridspec_kw={"width_ratios": shapes})
+    for axes, window, line in zip(panels, windows, (0.25, 0.45), strict=True):
+        _draw_cells(axes, cells, window, line)
+        for body in scene.body.values():
+            axes.fill(*(MM * body.outline()).T, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=1)
+        axes.set_aspect("equal")
+        frame(axes, window)
+    panels[0].set_title(f"{len(cells.cells)} cells, those beyond the channel's ends counted", fontsize=9, loc="left")
+    panels[1].set_title("at the body", fontsize=9, loc="left")
+    panels[1].set_ylabel("")
+    size = [len(cell) for cell in cells.cells]
+    ends = {"cell ends": np.cumsum(size), "cell corners": np.concatenate([np.asarray(cell) for cell in cells.cells])}
+    save(figure, paper, {"x (m)": cells.points[:, 0], "y (m)": cells.points[:, 1], **ends})
+    return panels
+
+
+def _draw_cells(axes: Axes, cells: PlaneCells, window: Window, line: float) -> None:
+    from matplotlib.collections import PolyCollection
+
+    corners = [MM * cells.points[cell] for cell in cells.cells]
+    left, right, low, high = (MM * end for end in window)
+    shown = [c for c in corners if left < c[:, 0].max() and c[:, 0].min() < right
+             and low < c[:, 1].max() and c[:, 1].min() < high]  # fmt: skip
+    drawn = PolyCollection(shown, facecolors="none", edgecolors=EDGE, linewidths=line)
+    drawn.set_rasterized(len(shown) > 2000)
+    axes.add_collection(drawn)
+
+
+def _cells(outcome: Outcome) -> tuple[PlaneCells, Scene, Airflow] | None:
+    if outcome.cells is None or outcome.airflow is None or not outcome.scene.body:
+        return None
+    return outcome.cells, outcome.scene, outcome.airflow
+
+
+add_figure(
     "forces",
-    Figure(
-        "Lift and drag as the solver recorded them: what was dropped, what is averaged, what is kept.",
-        _draw,
-        lambda outcome: outcome.history is not None,
-    ),
+    "Lift and drag as the solver recorded them: what was dropped, what is averaged, what is kept.",
+    draw_forces,
+    lambda outcome: None if outcome.history is None else (outcome.history,),
 )
+add_figure("mesh", "The cells that the air was solved in; right: at the body's wall.", draw_mesh, _cells)
