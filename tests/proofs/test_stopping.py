@@ -99,13 +99,10 @@ def test_the_interval_at_the_stop_covers_a_run_eight_times_as_long() -> None:
         assert end is not None, (shape, reynolds, blockage)
         assert rows[-1, 0] >= LONGER * end * 0.999
         short, long = (evaluate(rows[rows[:, 0] <= t], ACCURACY) for t in (end, LONGER * end))
-        assert short is not None
         assert long is not None
         cells = [f"{shape} | {reynolds:.0f} | {blockage:.2f} | {end:.0f} | {short.begin:.0f} | {short.periods}"]
         for name, of in QUANTITIES.items():
             at_stop, later = of(short), of(long)
-            assert at_stop is not None
-            assert later is not None
             covered = at_stop.low <= later.value <= at_stop.high
             hits[name].append(covered)
             half = 0.5 * (at_stop.high - at_stop.low)
