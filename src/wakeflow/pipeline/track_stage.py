@@ -85,13 +85,7 @@ class TrackStage:
         airs = self.realised(change)
         flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
         self.finish_compiling(change.name, key)
-        drawn = companion is None
-        if self.cache.crew == 1:
-            folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=drawn))
-        else:
-            pieces = [piece for name in self.scene.fraction for piece in flight.pieces(name)]
-            works = {str(piece): partial(flight.keep_piece, piece, drawn=drawn) for piece in pieces}
-            folder = self.cache.make_together(change.name, key, works, partial(flight.join, drawn=drawn))
+        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=companion is None))
         return load_tracked(folder, self.scene)
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:

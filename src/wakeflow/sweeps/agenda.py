@@ -9,7 +9,7 @@ anything is computed. Where two stages turn out equal beyond that, the lock of t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,13 +38,12 @@ __all__ = ["Agenda", "Step", "make_agenda"]
 AIRFLOWS = "airflows"  # folder of the airflows' own results
 WEIGHED = ("mass_share", "target")  # of a fraction: they weigh landings, and move none
 FED = ("rate", "depth")  # of the feed: likewise
-WORTH_A_CREW = 60.0  # s of flights, expected, from which several processes fly one scene
 
 
 @dataclass(frozen=True)
 class Step:
     """One job of the agenda: for a scene, or for the airflow of several, on so many MPI ``ranks``; ``needs`` the step
-    of that name before it. One that ``helps`` flies part of the granules of another step's scene.
+    of that name before it.
     """
 
     name: str
@@ -54,7 +53,6 @@ class Step:
     seconds: float  # expected
     disk: float  # bytes, expected
     ranks: int = 1
-    helps: bool = False
 
 
 @dataclass(frozen=True)
@@ -126,16 +124,15 @@ def make_agenda(
     out: Path,
     request: Request,
     *,
-    threads: int = 1,
+    threads: Callable[[int], int] = lambda _: 1,
     report: bool = False,
-    workers: int = 1,
     neighbours: bool = False,
     listener: Listener = silent,
 ) -> Agenda:
     """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing.
 
-    Where there are fewer scenes than ``workers`` several of these fly the granules of one. With ``neighbours`` an
-    airflow starts from the nearest one that is there by then.
+    ``threads(scenes)``: on how many each of so many scenes is flown. With ``neighbours`` an airflow starts from the
+    nearest one that is there by then.
     """
     planned: list[_Planned] = []
     problems: dict[str, str] = {}
@@ -154,7 +151,7 @@ def make_agenda(
     planned = _stamped(_started(planned, out) if neighbours else planned)
     stamps = {one.variant.name: one.stamp for one in planned}
     open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
-    jobs = _Jobs(out, threads, report, workers // max(1, len(open_ones)))
+    jobs = _Jobs(out, threads(len(open_ones)), report)
     airflows = list(_airflow_steps(open_ones, jobs))
     return Agenda((*airflows, *_flight_steps(open_ones, jobs)), stamps, problems)
 
@@ -198,15 +195,10 @@ class _Jobs:
     out: Path
     threads: int
     report: bool
-    idle: int  # workers for each scene
 
-    def of(self, one: _Planned, folder: str, *, report: bool, crew: int = 1) -> Job:
-        tables, threads = one.scene.tables(), self.threads
-        return Job(tables, one.request, self.out / folder, one.stamp, one.plan, threads, report, crew)
-
-    def crew(self, one: _Planned, seconds: float) -> int:
-        """How many workers fly a scene that takes so long."""
-        return max(1, self.idle) if one.plan.flown_by == "tracker" and seconds >= WORTH_A_CREW else 1
+    def of(self, one: _Planned, folder: str, *, report: bool) -> Job:
+        tables = one.scene.tables()
+        return Job(tables, one.request, self.out / folder, one.stamp, one.plan, self.threads, report)
 
 
 def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
@@ -230,8 +222,4 @@ def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
         needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
         leaders.setdefault(same, name)
         seconds, disk = alone - air.seconds, one.plan.estimate["disk"] - air.disk
-        crew = jobs.crew(one, seconds)
-        job = jobs.of(one, name, report=jobs.report, crew=crew)
-        yield Step(name, job, False, needs, seconds / crew, disk)
-        for number in range(2, crew + 1):
-            yield Step(f"{name} ({number} of {crew})", job, False, needs, seconds / crew, 0.0, helps=True)
+        yield Step(name, jobs.of(one, name, report=jobs.report), False, needs, seconds, disk)
