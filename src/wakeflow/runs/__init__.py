@@ -2,6 +2,6 @@
 
 from .again import film_of, report_again
 from .one_run import run, run_once
-from .packages import versions
+from .packages import answer_key, versions
 
-__all__ = ["film_of", "report_again", "run", "run_once", "versions"]
+__all__ = ["answer_key", "film_of", "report_again", "run", "run_once", "versions"]

@@ -13,21 +13,19 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import wakeflow
-
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
-from ..core.record import to_json
-from ..core.store import content_key, digest_files
+from ..core.store import content_key
 from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.cache import Listener, silent
 from ..pipeline.pipeline import Pipeline
+from ..pipeline.track_stage import unweighed
 from ..planning.airflow_cost import ranks_for, typical_cells
 from ..planning.cost import airflow_cost
 from ..planning.make import make_plan
 from ..planning.plan import Plan
 from ..results.result import Request
-from ..runs import versions
+from ..runs import answer_key
 from ..scene import Scene
 from .neighbours import starts
 from .variant import TOLD_EVERY, Variant
@@ -36,8 +34,6 @@ from .work import Job, finished
 __all__ = ["Agenda", "Step", "make_agenda"]
 
 AIRFLOWS = "airflows"  # folder of the airflows' own results
-WEIGHED = ("mass_share", "target")  # of a fraction: they weigh landings, and move none
-FED = ("rate", "depth")  # of the feed: likewise
 
 
 @dataclass(frozen=True)
@@ -84,7 +80,11 @@ class _Planned:
     scene: Scene
     plan: Plan
     request: Request
-    stamp: str = ""
+
+    @cached_property
+    def stamp(self) -> str:
+        """What its answer is made for."""
+        return answer_key(self.scene, self.request)
 
     @cached_property
     def airflow(self) -> str | None:
@@ -108,15 +108,8 @@ class _Planned:
     @cached_property
     def flight(self) -> str:
         """What tells its flights from others in the same airflow."""
-        tables = self.scene.model_dump(mode="json", by_alias=True)
-        for fraction in tables["fraction"].values():
-            for key in WEIGHED:
-                del fraction[key]
-        for key in FED:
-            del tables["feed"][key]
-        del tables["picture"]
         how = {name: repr(row.tracked) for name, row in self.plan.fractions.items()}
-        return content_key(tables, list(self.scene.bin), how)
+        return content_key(unweighed(self.scene), list(self.scene.bin), how)
 
 
 def make_agenda(
@@ -148,23 +141,12 @@ def make_agenda(
             problems[variant.name] = str(problem)
             continue
         planned.append(_Planned(variant, variant.scene, plan, request))
-    planned = _stamped(_started(planned, out) if neighbours else planned)
+    planned = _started(planned, out) if neighbours else planned
     stamps = {one.variant.name: one.stamp for one in planned}
     open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
     jobs = _Jobs(out, threads(len(open_ones)), report)
     airflows = list(_airflow_steps(open_ones, jobs))
     return Agenda((*airflows, *_flight_steps(open_ones, jobs)), stamps, problems)
-
-
-def _stamped(planned: Iterable[_Planned]) -> list[_Planned]:
-    """The scenes, each with the stamp of all that it is made for."""
-    code, found = digest_files([Path(wakeflow.__file__).parent]), versions()
-
-    def stamp(one: _Planned) -> str:
-        order = [list(keyed) for keyed in (one.scene.body, one.scene.fraction, one.scene.bin)]
-        return content_key(one.scene.tables(), order, to_json(one.request), code, found)
-
-    return [replace(one, stamp=stamp(one)) for one in planned]
 
 
 def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:
