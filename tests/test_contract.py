@@ -25,7 +25,7 @@ def commands() -> Iterator[str]:
             continue
         yield f"command {name}"
         for argument in app[name].assemble_argument_collection():
-            yield from (f"option {name} {spelling}" for spelling in argument.names)
+            yield from (f"option {name} {spelling}" for spelling in argument.names if spelling != "*")
 
 
 def scene_keys() -> Iterator[str]:

@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from .core.errors import SceneError
-from .options import Fidelity, Forced, Quiet, Settings, Stage, Target, Threads
-from .scene.overrides import changes_of, switches_of
+from ..core.errors import SceneError
+from ..scene.overrides import changes_of
+from .options import ACCURACY, Accuracy, AsJson, Quiet, Settings, Stage, Threads, scene_and_folder
 
 if TYPE_CHECKING:
-    from .scene import Scene
-
-__all__ = ["LOOKING", "animate", "materials", "plan", "view"]
+    from ..scene import Scene
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # variables that name a screen
 PLAIN = re.compile(r"[0-9.]+(e-?[0-9]+)?")  # a number alone
@@ -34,11 +32,9 @@ def plan(
     out: Path | None = None,
     until: Stage | None = None,
     workers: Threads = None,
-    rung: Fidelity = None,
-    settings: Settings = [],  # noqa: B006
-    force: Forced = [],  # noqa: B006
-    target_error: Target = None,
-    as_json: Annotated[bool, Parameter(name="--json")] = False,
+    settings: Settings = (),
+    gate: Accuracy = ACCURACY,
+    as_json: AsJson = False,
 ) -> None:
     """Say in ten lines what is flown, left out and doubtful and what it costs, and draw the machine with its measures.
 
@@ -58,14 +54,12 @@ def plan(
         Print JSON, and draw only with --picture.
     """
     del until, workers
-    from .planning.make import make_plan
-    from .scene import Scene, units_written
-    from .scene.changes import run_folder
-    from .terminal import show_plan, show_whole_plan
+    from ..planning.make import make_plan
+    from ..scene import units_written
+    from ..terminal import show_plan, show_whole_plan
 
-    changes, switches = changes_of(settings), switches_of(force)
-    asked = Scene.load(scene, changes)
-    made = make_plan(asked, rung=rung, force=switches, target_error=target_error)
+    asked, folder = scene_and_folder(scene, settings, gate, out)
+    made = make_plan(asked, **gate.how)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     elif everything:
@@ -74,8 +68,6 @@ def plan(
         show_plan(made, asked, units_written(scene))
     if as_json and picture is None:
         return
-    options = {"rung": rung, **switches, "target-error": target_error}
-    folder = out or Path("runs", run_folder(scene.stem, asked, changes, options))
     path = picture or folder.with_name(f"{folder.name}-plan.png")
     _draw(path, asked, scene)
     if not as_json:
@@ -84,7 +76,7 @@ def plan(
         _open(path)
 
 
-def view(what: Path, *, picture: Picture = None, settings: Settings = []) -> None:  # noqa: B006
+def view(what: Path, *, picture: Picture = None, settings: Settings = ()) -> None:
     """Look at a machine in a window: its bodies and bins, and of a finished run the air and its granules in time.
 
     Drag turns, the wheel zooms, the slider sets the time since a granule's release, q ends. Where there is no screen
@@ -97,9 +89,9 @@ def view(what: Path, *, picture: Picture = None, settings: Settings = []) -> Non
     picture
         Draw it there, as PNG, and open no window.
     """
-    from .report.window import look
-    from .results.result import Result
-    from .scene import Scene
+    from ..report.window import look
+    from ..results.result import Result
+    from ..scene import Scene
 
     run = what if what.is_dir() else None
     scene = Scene.parse(dict(Result.load(what).scene)) if run else Scene.load(what, changes_of(settings))
@@ -115,7 +107,7 @@ def animate(
     *,
     out: Annotated[Path | None, Parameter(help="The film; default figures/film.gif in the run's folder.")] = None,
     format_: Annotated[Literal["gif", "mp4"], Parameter(name="--format")] = "gif",
-    fractions: Annotated[list[str], Parameter(name="--fraction", negative="")] = [],  # noqa: B006
+    fractions: Annotated[tuple[str, ...], Parameter(name="--fraction", negative="")] = (),
     seconds: Annotated[float, Parameter(validator=Number(gt=0, lte=120))] = 8.0,
     span: Annotated[str | None, Parameter(help="Of the machine's time: '0.2 s'; default one long flight.")] = None,
     size: Annotated[int, Parameter(validator=Number(gte=200, lte=4000))] = 640,
@@ -140,10 +132,10 @@ def animate(
     size
         Dots of its longer side.
     """
-    from .core.cleaning import bytes_of
-    from .report.film import show_film, write_film
-    from .runs import film_of
-    from .terminal import live
+    from ..core.cleaning import bytes_of
+    from ..report.film import show_film, write_film
+    from ..runs import film_of
+    from ..terminal import live
 
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
@@ -172,10 +164,10 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
     file
         List those of your own in this file.
     """
-    from .core.registry import did_you_mean
-    from .laws.material import materials as shipped
-    from .scene.own_materials import read_materials
-    from .terminal.stored import show_material, show_materials
+    from ..core.registry import did_you_mean
+    from ..laws.material import materials as shipped
+    from ..scene.own_materials import read_materials
+    from ..terminal.stored import show_material, show_materials
 
     known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
     if name is None:
@@ -188,7 +180,7 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
 
 def _seconds(span: str) -> float:
     """The option --span in s, a plain number or one with its unit."""
-    from .core.quantities import quantity
+    from ..core.quantities import quantity
 
     try:
         found = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
@@ -201,8 +193,8 @@ def _seconds(span: str) -> float:
 
 def _draw(path: Path, asked: Scene, scene: Path) -> None:
     """Draw what a scene file asks for, in the units that it writes."""
-    from .report.sketch import write_sketch
-    from .scene import units_written
+    from ..report.sketch import write_sketch
+    from ..scene import units_written
 
     write_sketch(path, asked, units_written(scene))
 
@@ -215,4 +207,4 @@ def _open(path: Path) -> None:
         print(f"no screen to open it on: {path}")
 
 
-LOOKING = (plan, view, animate, materials)
+COMMANDS = (plan, view, animate, materials)

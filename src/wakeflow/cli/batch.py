@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from .core.errors import SceneError
-from .options import Axes, BothEnds, Fidelity, Folder, Forced, Held, Processes, Quiet, Settings, Shown, Target, Threads
-from .scene.overrides import changes_of, share_of, switches_of
+from ..core.errors import SceneError
+from ..scene.overrides import changes_of, share_of
+from .options import (
+    ACCURACY,
+    GATE,
+    Accuracy,
+    Axes,
+    BothEnds,
+    Folder,
+    Gate,
+    Held,
+    Processes,
+    Quiet,
+    Scheduler,
+    Settings,
+    Shown,
+    Threads,
+    scene_and_folder,
+)  # fmt: skip
 
-__all__ = ["MANY", "bins", "clean", "compare", "search", "sensitivity", "sweep"]
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 SOME_FAILED = 1  # exit code of a sweep with scenes that failed
 
@@ -20,15 +37,13 @@ def sweep(
     scene: Path,
     *,
     out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and the changed keys.")] = None,
-    settings: Axes = [],  # noqa: B006
+    settings: Axes = (),
     design: Literal["grid", "list", "one-at-a-time", "latin-hypercube", "sobol"] = "grid",
     count: int | None = None,
     seed: int = 0,
-    rung: Fidelity = None,
-    force: Forced = [],  # noqa: B006
-    target_error: Target = None,
+    gate: Accuracy = ACCURACY,
     workers: Processes = None,
-    scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
+    scheduler: Scheduler = None,
     neighbours: bool = False,
     report: bool = False,
     dry_run: bool = False,
@@ -57,15 +72,14 @@ def sweep(
     dry_run
         Only say how many scenes there are, what they share, and what they will cost.
     """
-    from .core.process import cores
-    from .sweeps.compute import SweepEstimate, look_ahead
-    from .sweeps.compute import sweep as compute
-    from .sweeps.variant import asked_for
-    from .terminal import live
-    from .terminal.many import show_estimate, show_sweep
+    from ..core.process import cores
+    from ..sweeps.compute import SweepEstimate, look_ahead
+    from ..sweeps.compute import sweep as compute
+    from ..sweeps.variant import asked_for
+    from ..terminal import live
+    from ..terminal.many import show_estimate, show_sweep
 
-    how: dict[str, Any] = {"rung": rung, "force": switches_of(force), "target_error": target_error}
-    how["neighbours"] = neighbours
+    how = {**gate.how, "neighbours": neighbours}
     with live(enabled=not quiet) as listener:
         found, name = asked_for(scene, settings, design, count, seed, listener)
         folder = out or Path("runs", name)
@@ -83,10 +97,10 @@ def search(
     file: Path,
     *,
     budget: Annotated[str | None, Parameter(help="Time of one core instead of the file's: '20 min'.")] = None,
-    settings: Held = [],  # noqa: B006
+    settings: Held = (),
     out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and what is held.")] = None,
     workers: Processes = None,
-    scheduler: Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")] = None,
+    scheduler: Scheduler = None,
     quiet: Quiet = False,
 ) -> None:
     """Find the best design of a scene: goals, limits and bounds in a file, coarse rungs first, within a budget.
@@ -99,11 +113,11 @@ def search(
     file
         A TOML file with a [search] table (docs/search.md).
     """
-    from .scene.changes import run_folder
-    from .searching.designs import search as find
-    from .searching.task import read_search_file
-    from .terminal import live
-    from .terminal.many import show_search
+    from ..scene.changes import run_folder
+    from ..searching.designs import search as find
+    from ..searching.task import read_search_file
+    from ..terminal import live
+    from ..terminal.many import show_search
 
     held = changes_of(settings)
     task = read_search_file(file, held, budget)
@@ -127,8 +141,8 @@ def compare(
     run_folders
         Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with.
     """
-    from .sweeps.comparison import compare as side_by_side
-    from .terminal.many import show_comparison
+    from ..sweeps.comparison import compare as side_by_side
+    from ..terminal.many import show_comparison
 
     found = side_by_side(run_folders)
     show_comparison(found)
@@ -158,14 +172,14 @@ def bins(
     on
         The line: floor, top, left, right, or a bin of the scene.
     """
-    from .results.dividers import dividers, purities, trade_off
-    from .terminal.result import show_dividers
+    from ..results.dividers import dividers, purities, trade_off
+    from ..terminal.result import show_dividers
 
     fraction, sign, asked = purity.partition("=")
     if sign:
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
-    from .report.trade_off import draw_dividers, write_dividers
+    from ..report.trade_off import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
@@ -186,12 +200,11 @@ def _portion(option: str, text: str) -> float:
 def sensitivity(
     scene: Path,
     *,
-    over: BothEnds = [],  # noqa: B006
-    of: Shown = [],  # noqa: B006
+    over: BothEnds = (),
+    of: Shown = (),
     out: Folder = None,
-    settings: Settings = [],  # noqa: B006
-    rung: Fidelity = None,
-    force: Forced = [],  # noqa: B006
+    settings: Settings = (),
+    gate: Gate = GATE,
     workers: Annotated[Threads, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -206,24 +219,17 @@ def sensitivity(
     scene
         A scene file, run where it has not been, or the folder of a finished run.
     """
-    from .scene import Scene
-    from .scene.changes import run_folder
-    from .sweeps.sensitivity import sensitivity as find
-    from .terminal import live
-    from .terminal.many import show_sensitivity
+    from ..sweeps.sensitivity import sensitivity as find
+    from ..terminal import live
+    from ..terminal.many import show_sensitivity
 
-    changes, switches = changes_of(settings), switches_of(force)
     asked: Scene | Path = scene
     if not scene.is_dir():
-        asked = Scene.load(scene, changes)
-        out = out or Path("runs", run_folder(scene.stem, asked, changes, {"rung": rung, **switches}))
-    elif changes:
+        asked, out = scene_and_folder(scene, settings, gate, out)
+    elif settings:
         raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
     with live(enabled=not quiet) as listener:
-        found = find(
-            asked, out, over=over, rung=rung, force=switches, workers=workers, listener=listener,
-            planned=listener.planned,
-        )  # fmt: skip
+        found = find(asked, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
     figure = found.plot(of)
     if not quiet:
         show_sensitivity(found, of)
@@ -245,9 +251,9 @@ def clean(
     dry_run
         Remove nothing; only say what is there, and what --keep would remove.
     """
-    from .core.cleaning import bytes_of, kept_stages, oldest_beyond, remove_stages
-    from .core.store import Store, cache_root
-    from .terminal.stored import show_removed, show_stages
+    from ..core.cleaning import bytes_of, kept_stages, oldest_beyond, remove_stages
+    from ..core.store import Store, cache_root
+    from ..terminal.stored import show_removed, show_stages
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
     if not dry_run:
@@ -262,4 +268,4 @@ def clean(
     show_stages(stages)
 
 
-MANY = (sweep, search, compare, bins, sensitivity, clean)
+COMMANDS = (sweep, search, compare, bins, sensitivity, clean)
