@@ -37,7 +37,6 @@ class UniformAir(AirflowKind):
 
     def make_field(self) -> tuple[str, FlowField]:
         air, channel = self.scene.air, self.scene.channel
-        assert air is not None
         key = content_key("uniform", repr(air), channel.width, channel.top, channel.bottom)
         half, low, high = 0.501 * channel.width, channel.bottom - 1e-3, channel.top + 1e-3
         corners = np.array([(-half, low), (half, low), (half, high), (-half, high)])
@@ -48,7 +47,6 @@ class UniformAir(AirflowKind):
         return key, field
 
     def make_table(self) -> dict[str, Any]:
-        assert self.scene.air is not None
         rate = self.scene.air.speed * self.scene.channel.width
         known = {"turbulence": "laminar", "verdict": "uniform", "reynolds": self.scene.reynolds}
         return {**known, "pressure_drop": 0.0, "flow_rate": rate}
@@ -62,11 +60,9 @@ class GustyAir(UniformAir):
 
     @property
     def realisations(self) -> Realisations:
-        assert self.field is not None
         return Realisations(self.field[1], tuple(partial(self._leaning, angle) for angle in (0.1, 0.2, 0.3)))
 
     def _leaning(self, angle: float) -> FlowField:
-        assert self.field is not None
         turn = np.array([(math.cos(angle), math.sin(angle)), (-math.sin(angle), math.cos(angle))])
         return replace(self.field[1], velocity=self.field[1].velocity @ turn)
 

@@ -96,8 +96,6 @@ def test_crossing_edges_are_found() -> None:
     assert is_simple(comb)  # two of its edges lie on one line, apart
 
 
-# -- whole scenes, coarse and laminar ---------------------------------------------------------------------------------
-
 SMALL: dict[str, Any] = {  # a rhombus of 5 cm at Re 24 in a channel of 30 cm
     "body": {"rhombus": {"shape": "rhombus", "width": 0.05, "slope_angle": math.pi / 4}},
     "channel": {"width": 0.3, "top": 0.2, "bottom": -0.2},
@@ -274,7 +272,6 @@ class TestGivenCase:
     def test_its_results_are_those_of_the_direct_run(self, tmp_path: Path) -> None:
         own = pipeline_of(small())
         scene = as_given(own, tmp_path)
-        assert scene.air is not None
         assert (scene.air.speed, scene.air.direction) == (0.2, "down")
         assert scene.air.viscosity == pytest.approx(5e-4)
         given = Pipeline(scene, make_plan(scene))

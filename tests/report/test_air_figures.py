@@ -12,11 +12,10 @@ import pytest
 from support import field_of
 from wakeflow.report.air import _levels_of_bodies, suction_nodes
 from wakeflow.report.canvas import new_figure, pdf_too, save
-from wakeflow.report.figures import cost, forces, mesh
-from wakeflow.report.figures.cost import draw_cost
-from wakeflow.report.figures.forces import draw_forces
-from wakeflow.report.figures.mesh import draw_mesh
-from wakeflow.report.figures.residence import times_in_zone
+from wakeflow.report.figures import budget, solver
+from wakeflow.report.figures.budget import draw_cost
+from wakeflow.report.figures.flights import times_in_zone
+from wakeflow.report.figures.solver import draw_forces, draw_mesh
 from wakeflow.results.airflow_summary import Airflow
 from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.results.solved_case import ForceHistory, PlaneCells
@@ -29,7 +28,7 @@ SPEED = 2.0  # m/s of the tracks below
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures as they are about to be saved, each with its data."""
     kept: list[Any] = []
-    for module in (cost, forces, mesh):
+    for module in (budget, solver):
         monkeypatch.setattr(module, "save", lambda figure, path, data=None: kept.append((figure, data)))
     return kept
 

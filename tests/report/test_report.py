@@ -22,18 +22,14 @@ from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
+from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, tables, write_report
 from wakeflow.report.air import window_round_body
 from wakeflow.report.canvas import inside_window, new_axes, save
-from wakeflow.report.figures import Figure, figures, landing, pressure
-from wakeflow.report.figures import tracks as tracks_figure
-from wakeflow.report.figures.landing import draw_landing
-from wakeflow.report.figures.partition import draw_partition
-from wakeflow.report.figures.pressure import draw_pressure
-from wakeflow.report.figures.residence import draw_residence
-from wakeflow.report.figures.surface import draw_surface
-from wakeflow.report.figures.tracks import draw_tracks
-from wakeflow.report.figures.vorticity import draw_vorticity
+from wakeflow.report.figures import Figure, air, figures, flights
+from wakeflow.report.figures import shares as share_figures
+from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vorticity
+from wakeflow.report.figures.flights import draw_residence, draw_tracks
+from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.results.airflow_summary import Airflow
@@ -42,7 +38,7 @@ from wakeflow.results.measured import Measured, Share
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
-from wakeflow.terminal import budget_table, separation_table
+from wakeflow.terminal.result import budget_table, separation_table
 
 if TYPE_CHECKING:
     from wakeflow.report.canvas import Paper
@@ -196,7 +192,7 @@ def scene(request: pytest.FixtureRequest, cases: Path) -> Scene:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures as they are about to be saved."""
     kept: list[Any] = []
-    for module in (pressure, tracks_figure, landing):
+    for module in (air, flights, share_figures):
         monkeypatch.setattr(module, "save", lambda figure, path, data=None: kept.append(figure))
     return kept
 
@@ -489,8 +485,8 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     shelf = [[-0.1, -0.1], [0.0, -0.15], [0.1, -0.15]]
     scene = rhombus.replace({"bin.shelf.points": shelf})
     corner = np.array([[0.0, -0.15]])
-    assert landing._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
-    assert landing._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
+    assert share_figures._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
+    assert share_figures._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
         np.hypot(0.1, 0.05) + 0.04
     )
     draw_landing("unused", scene, _landings(scene))
@@ -528,7 +524,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -> None:
     result = _result(scene, None)
-    csv.write_tables(tmp_path, _read(result))
+    tables.write_tables(tmp_path, _read(result))
     rows = _rows(tmp_path / "separation.csv")
     separation = result["separation"]
     assert len(rows) == len(scene.fraction) * len(separation["bins"])
@@ -547,7 +543,7 @@ def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -
 
 
 def test_the_budget_leaves_unknown_errors_empty(rhombus: Scene, tmp_path: Path) -> None:
-    csv.write_tables(tmp_path, _read(_result(rhombus, None)))
+    tables.write_tables(tmp_path, _read(_result(rhombus, None)))
     rows = _rows(tmp_path / "budget.csv")
     assert [r["source"] for r in rows[:3]] == ["sampling", "airflow-model", "total"]
     assert [r["error"] for r in rows[:3]] == ["0.0043", "", ""]
@@ -701,7 +697,7 @@ def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
     assert [row[:2] for row in shown[1:]] == [
         [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")
     ]
-    csv.write_tables(tmp_path, _read(result))
+    tables.write_tables(tmp_path, _read(result))
     rows = _rows(tmp_path / "impact.csv")
     wheat, last = result["impact"]["fractions"]["wheat"]["slopes"]["right"], rows[-1]
     assert float(rows[5]["normal force (N)"]) == pytest.approx(wheat["normal"])
@@ -775,7 +771,7 @@ def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
 def test_the_report_loads_nothing_heavy() -> None:
     from wakeflow.core.process import capture
 
-    code = "import sys, wakeflow.report, wakeflow.report.csv, wakeflow.report.figures, wakeflow.report.vtk;" + (
+    code = "import sys, wakeflow.report, wakeflow.report.tables, wakeflow.report.figures, wakeflow.report.vtk;" + (
         "print(sorted({'pyvista', 'vtk', 'matplotlib', 'jinja2', 'scipy'} & set(sys.modules)))"
     )
     assert capture([sys.executable, "-c", code]) == (0, "[]\n")

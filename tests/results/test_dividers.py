@@ -18,7 +18,7 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.results.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
 from wakeflow.results.measured import Measured
-from wakeflow.sweeps.show import show_dividers
+from wakeflow.terminal.result import show_dividers
 
 LINE = np.array([[0.0, 0.0], [1.0, 0.0]])
 

@@ -19,7 +19,7 @@ from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.suction import Suction as MeasuredSuction
 from wakeflow.meshing.quality import MeshReport
 from wakeflow.planning.make import make_plan
-from wakeflow.report.csv import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, separation_cells
+from wakeflow.report.tables import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, separation_cells
 from wakeflow.report.words import holds
 from wakeflow.results.airflow_summary import Airflow, GridStudy, SuctionZone, with_mesh_error
 from wakeflow.results.landing_results import BudgetPart, InputPart
@@ -78,7 +78,8 @@ def test_what_stands_against_an_answer_is_told_with_it(finished: Result) -> None
     assert repr(lacking).endswith("; without airflow-model>")
     assert "lacks airflow-model, whose size is not known; it takes numerics.rung = 'standard'" in holds(lacking)
     known = {row.quantity for row in budget}
-    rows = separation_cells(lacking, finished.landings.separation)
+    table = separation_cells(lacking, finished.landings.separation)
+    rows = [dict(zip(table.heads, row, strict=True)) for row in table.rows]
     told = {row["not in the interval"] for row in rows if f"share.{row['fraction']}.{row['bin']}" in known}
     assert told == {"airflow-model"}
 

@@ -21,7 +21,7 @@ from wakeflow.results.difference import Difference, differences_of
 from wakeflow.results.quantities import TableQuantity
 from wakeflow.results.result import VOID
 from wakeflow.results.table import DONE, FAILED, Entry, ResultTable
-from wakeflow.sweeps.show import show_table
+from wakeflow.terminal.many import show_table
 
 
 @pytest.fixture(scope="module")

@@ -46,8 +46,8 @@ class Pipeline:
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
     same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
-    by default it is one with the plan's own options. ``crew``: how many processes compute the scene side by side. From
-    the steady airflow of a ``neighbour`` that of this scene is solved on, on whatever mesh that one stands.
+    by default it is one with the plan's own options. From the steady airflow of a
+    ``neighbour`` that of this scene is solved on, on whatever mesh that one stands.
     """
 
     scene: Scene
@@ -60,7 +60,6 @@ class Pipeline:
     label: str = ""
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
-    crew: int = 1
     neighbour: Pipeline | None = None
     _grids: dict[int, Pipeline] = field(default_factory=dict, init=False, repr=False)
 
@@ -72,7 +71,7 @@ class Pipeline:
     @property
     def cache(self) -> StageCache:
         """Where the stages are kept, under this airflow's label."""
-        return StageCache(self.store, self.listener, self.seconds, self.label, self.crew)
+        return StageCache(self.store, self.listener, self.seconds, self.label)
 
     def spent(self, stage: str) -> float:
         """The run time (s) of a stage that is made, when it was computed."""

@@ -22,16 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.typing import LineStyleType
 
-__all__ = [
-    "draw_lines",
-    "draw_map",
-    "draw_table_figures",
-    "draw_trade_off",
-    "main_quantities",
-    "numeric_inputs",
-    "on_front",
-]
-
 Array = NDArray[np.float64]
 STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points

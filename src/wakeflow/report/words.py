@@ -14,22 +14,8 @@ from ..results.total import REMEDIES
 
 if TYPE_CHECKING:
     from ..results.difference import Difference
+    from ..results.quantities import TableQuantity
     from ..results.result import Result
-
-__all__ = [
-    "NO_VALUE",
-    "TERMS",
-    "UNKNOWN_ERROR",
-    "budget_columns",
-    "change_of",
-    "condensed",
-    "difference_text",
-    "error_text",
-    "expected",
-    "holds",
-    "percent",
-    "source_seconds",
-]
 
 NO_VALUE = "–"
 OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"
@@ -42,7 +28,7 @@ ROUGH = 0.1  # an error of a share from which percentage points are written with
 ROUGH_POINTS = 100.0 * ROUGH
 
 
-def percent(number: Measured | Share | None) -> str:
+def percent(number: Measured | Share | TableQuantity | None) -> str:
     """``"62.1 ± 0.8"`` from a measured number in 0..1: percent and half its 95 % interval, or its two arms where they
     differ, ``"98.2 -3.1 +0.9"``; a dash for none.
 

@@ -17,8 +17,6 @@ from .landing_results import Separation
 from .measured import Measured, Share
 from .result import Result
 
-__all__ = ["SECONDS", "TableQuantity", "is_part", "names_for", "quantities_of"]
-
 SECONDS = "seconds"
 RENAMED = {"fractions": "share"}  # as the rows of the budget are called
 PARTS = ("share.", "purity.", "recovery.")

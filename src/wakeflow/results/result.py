@@ -13,11 +13,11 @@ import numpy as np
 
 from ..core.errors import SceneError
 from ..core.files import path_of, write_json
-from ..core.frames import frame_of
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
 from ..core.record import Partial, column, from_json, to_json
 from ..core.registry import Registry
+from ..core.tables import frame_of
 from ..pipeline.stages import StageTime
 from ..planning.terms import AIR
 from ..scene.overrides import share_in

@@ -10,14 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import wakeflow
-
 from ..core.beside import beside
 from ..core.files import atomic_write
 from ..core.graded import gravest_first
 from ..core.process import cores
-from ..core.record import from_json, to_json
-from ..core.store import content_key, digest_files
+from ..core.record import from_json
 from ..laws.momentum import momentum_pressure
 from ..pipeline.pipeline import Pipeline
 from ..report.views import Result
@@ -59,7 +56,7 @@ from ..results.sources import MODEL, UNLOADED
 from ..results.total import totalled
 from ..scene import Scene
 from .folder import field_files, report_into, some_granules
-from .packages import versions
+from .packages import answer_key, versions
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Landings, Tracked
@@ -186,13 +183,10 @@ class OneRun:
         return LandingResults(separation, bracket, budget, alone, slab, effects, summary, parts)
 
     def _key(self, tracked: Tracked | None) -> str:
-        """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""
-        scene = self.pipeline.scene  # flown without its air at rung none, fed by its funnel
-        order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
-        code = digest_files([Path(wakeflow.__file__).parent])
-        made_for = (self.asked.tables(), order, self.pipeline.plan.summary(), to_json(self.request))
+        """What the answer depends on."""
         crowd = self.pipeline.crowd_key if tracked and self.request.until is None else None
-        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, crowd, versions(), code)
+        tracks = self.pipeline.tracks_key if tracked else None
+        return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, crowd)
 
     def _drawn(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
         """The result with the pictures of its report, which is drawn where it does not stand in the folder already; the

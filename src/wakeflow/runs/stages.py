@@ -41,7 +41,6 @@ def stages_of(
     request: Request,
     workers: int | None,
     listener: Listener,
-    crew: int,
     planned: Callable[[Plan], object] = unheard,
     made: Plan | None = None,
 ) -> tuple[Pipeline, FunnelSummary | None]:
@@ -56,7 +55,7 @@ def stages_of(
     one_at_a_time = in_turn(listener)
     beside = None if request.near is None else _neighbour(Path(request.near), (), one_at_a_time)
     pipeline = Pipeline(
-        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, crew=crew, neighbour=beside,
+        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,
         seconds={} if beside is None else beside.seconds,
     )  # fmt: skip
     poured = funnel_of(pipeline.funnel)
