@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from proofs.report import cell
-from proofs.studies import air_loading, impaction, paper_compare, rebound, search_gain, target_error, throughput
+from proofs.studies import air_loading, impaction, rebound, search_gain, target_error, throughput
 from proofs.studies.__main__ import app
 from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
@@ -127,15 +127,6 @@ def test_kernel_speed() -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "1 of 1 flights are identical, bit by bit" in done.stdout
     assert "all: median ratio" in done.stdout
-
-
-@pytest.mark.openfoam
-def test_paper_compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delitem(paper_compare.SCENES, "barrier")  # the costly one; tests/report/test_pictures.py draws it
-    few = ["--set", "numerics.mesh_scale=3", "--set", "feed.count=64"]
-    rows = study("paper_compare", *few, "--force", "collisions=off", "--force", "air-loading=off")
-    assert {row["scene"] for row in rows} == set(paper_compare.SCENES)
 
 
 def test_rebound() -> None:
