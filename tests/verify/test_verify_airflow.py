@@ -15,6 +15,7 @@ from scipy.spatial import Delaunay
 
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
+from wakeflow.core.record import from_json
 from wakeflow.core.resources import verification_scenes
 from wakeflow.field import FlowField
 from wakeflow.foam.cost import core_seconds
@@ -204,7 +205,7 @@ def _airflow(case: Path, **changes: Any) -> SolvedAirflow:
         "suction": {"reversal_length": 0.1}, "period": None,
         "cells": 1000,
     }  # fmt: skip
-    return SolvedAirflow(Airflow.read({**table, **changes}), case, 0.05)
+    return SolvedAirflow(from_json(Airflow, {**table, **changes}), case, 0.05)
 
 
 def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from ..results.measured import Measured
 from ..results.table import DONE
 from .many import main_quantities
 from .words import NO_VALUE, expected, holds, percent
@@ -43,7 +42,7 @@ def table_card(table: ResultTable) -> str:
     rows = [_row("th", [escape(head) for head in ("scene", *inputs, *(f"{name}, %" for name in names))])]
     for entry in table.entries[:ROWS]:
         found = (entry.by_name.get(name) for name in names)
-        numbers = [percent(None if one is None else Measured(one.value, one.low, one.high)) for one in found]
+        numbers = [percent(one) for one in found]
         asked = [escape(f"{entry.inputs.get(key, NO_VALUE)}") for key in table.inputs]
         rows.append(_row("td", [escape(entry.name), *asked, *(numbers if entry.state == DONE else [entry.state])]))
     more = len(table.entries) - ROWS

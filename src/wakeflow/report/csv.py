@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ..core.files import atomic_write
-from ..results.impact_summary import FractionImpact, ImpactForces, ImpactSummary
+from ..injection.impact_loads import FractionImpact, ImpactForces, ImpactSummary
 from ..results.landing_results import BudgetRow, Separation
 from ..results.result import Result
 
@@ -70,11 +70,11 @@ def separation_cells(result: Result, separation: Separation) -> list[Row]:
         for place, share in places.items():
             pure = (separation.purity.get(place) or {}).get(name)
             values: list[float | None] = [share.value, share.low, share.high, share.numerical]
-            values += [None] * 3 if pure is None else [pure.value, pure.low, pure.high]
+            values += [None] * 3 if pure is None else [*pure]
             numbers = [None if value is None else 100.0 * value for value in values]
             wanted = place in result.targets(name)
             single = None if alone is None else alone.fractions[name][place]
-            beside = [None] * 3 if single is None else [100.0 * x for x in (single.value, single.low, single.high)]
+            beside = [None] * 3 if single is None else [100.0 * x for x in single]
             missing = lacking.get(f"share.{name}.{place}", "")
             cells: list[Cell] = [name, place, *numbers, wanted, missing, separation.throughput[place], *beside]
             rows.append(dict(zip(SEPARATION_COLUMNS, cells, strict=True)))
@@ -102,7 +102,7 @@ def impact_cells(impact: ImpactSummary | None) -> list[Row]:
     rows: list[Row] = []
     for name, fraction in impact.fractions.items():
         rows += [_impact(name, slope, speed, forces) for slope, speed, forces in _streams(fraction, whole)]
-    slopes = {ALL: impact.total} if whole else {slope: found.forces for slope, found in impact.slopes.items()}
+    slopes = {ALL: impact.total} if whole else impact.slopes
     rows += [_impact(ALL, slope, None, forces) for slope, forces in slopes.items()]
     return [row for row in rows if row["mass flow (kg/h)"]]
 
@@ -110,7 +110,7 @@ def impact_cells(impact: ImpactSummary | None) -> list[Row]:
 def _streams(fraction: FractionImpact, whole: bool) -> Iterable[tuple[str, float | None, ImpactForces]]:
     """A fraction's stream on every slope, or on all together where ``whole``: name, fall speed (m/s) and forces."""
     found = {ALL: fraction.total} if whole else fraction.slopes
-    return ((slope, stream.fall_speed, stream.forces) for slope, stream in found.items())
+    return ((slope, stream.fall_speed, stream) for slope, stream in found.items())
 
 
 def _impact(name: str, slope: str, fall_speed: float | None, forces: ImpactForces) -> Row:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..core.files import atomic_write
+from ..core.number import Number
 from ..results.dividers import Dividers
-from ..results.measured import Measured
 from .canvas import new_figure, save
 from .colours import COLOURS
 
@@ -47,11 +47,11 @@ def write_dividers(path: Path, found: Sequence[Dividers]) -> None:
             writer.writerow([f"{100 * one.asked:.6g}", *cells, places])
 
 
-def _both(one: Dividers) -> tuple[Measured, Measured]:
+def _both(one: Dividers) -> tuple[Number, Number]:
     return one.purity, one.recovery
 
 
-def _numbers(found: Measured) -> tuple[float, float, float]:
+def _numbers(found: Number) -> tuple[float, float, float]:
     """Percent, nan where unknown."""
-    value, low, high = (np.nan if one is None else 100.0 * one for one in (found.value, found.low, found.high))
+    value, low, high = (100.0 * one if np.isfinite(one) else np.nan for one in found)
     return value, low, high

@@ -57,7 +57,7 @@ class RunComparison:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(HEADS)
             for one in self.differences:
-                ends = ["" if end is None else f"{end:.10g}" for end in (one.low, one.high)]
+                ends = ["" if end is None else f"{end:.10g}" for end in one.ends]
                 clear = "yes" if one.clear else "no"
                 writer.writerow([one.scene, one.against, one.quantity, f"{one.value:.10g}", *ends, clear, one.unit])
         draw_table_figures(folder / "figures", self.table)

@@ -10,7 +10,6 @@ from ..report.many import main_quantities
 from ..report.words import NO_VALUE, difference_text, percent
 from ..results.difference import Difference
 from ..results.dividers import Dividers, cut
-from ..results.measured import Measured
 from ..results.quantities import TableQuantity
 from ..results.result import VOID
 from ..results.table import DONE, Entry, ResultTable
@@ -241,7 +240,7 @@ def _heads(table: ResultTable) -> Sequence[str]:
 
 
 def _cell(found: TableQuantity | None) -> str:
-    return NO_VALUE if found is None else percent(Measured(found.value, found.low, found.high))
+    return percent(found)
 
 
 def _text(value: object) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 from ..core.quantities import split_quantity
 from ..report.words import NO_VALUE, percent
-from ..results.measured import Measured
 from ..results.quantities import TableQuantity
 from ..searching.designs import FoundDesign, Search
 from .shares import measure_next
@@ -66,7 +65,7 @@ def _cell(one: TableQuantity | None) -> str:
     if one is None:
         return NO_VALUE
     if one.unit == "1":
-        return percent(Measured(one.value, one.low, one.high))
+        return percent(one)
     return f"{one.value:.4g} {one.unit}"
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.files import write_json
+from ..core.record import to_json
 from ..core.store import Store, cache_root
 from ..funnel import compute
 from ..laws.constants import GRAVITY
@@ -43,7 +44,8 @@ def run_funnel(folder: Path, *, slow: bool, tell: Tell) -> dict[str, Any]:
 
     def discharge(**changes: Any) -> Row:
         funnel = Funnel(**{**BASE, **changes})
-        return compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell)
+        row: Row = to_json(compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell))
+        return row
 
     report = {
         "plate": [_plate(folder / "plate", modulus, tell) for modulus in PLATES],

@@ -13,7 +13,7 @@ from .figure import Figure, figures
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...results.funnel_summary import FunnelSummary
+    from ...funnel.delivered import FunnelSummary
     from ..canvas import Paper
     from ..outcome import Outcome
 

@@ -87,7 +87,7 @@ def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
     assert cd is not None
     assert reynolds is not None
     number = f"{reynolds:.0f}" if reynolds >= 100 else f"{reynolds:.3g}"
-    interval = "" if cd.low is None else f" [{cd.low:.3f}, {cd.high:.3f}]"
+    interval = f" [{cd.low:.3f}, {cd.high:.3f}]" if cd.known else ""
     what = "Mean pressure and streamlines" if in_time else "Pressure and streamlines"
     return f"{what}\n{airflow.rung}, {airflow.verdict};  Re = {number};  $C_D$ = {cd.value:.3f}{interval}"
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...core.files import atomic_write
-from ...results.measured import Measured
 from ...scene import RESERVED_BIN, Scene
 from ..canvas import bins_across
 from ..colours import fraction_colours
@@ -105,7 +104,7 @@ def _value(name: str, found: TableQuantity | None) -> str:
     if found is None:
         return NO_VALUE
     if name.startswith(PARTS):
-        return f"{percent(Measured(found.value, found.low, found.high))} %"
+        return f"{percent(found)} %"
     return f"{number(found.value)} {found.unit}".removesuffix(" 1")
 
 
@@ -120,8 +119,7 @@ def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, Any]]:
     for name, one in entry.by_name.items():
         kind, *of = name.split(".", 2)
         if kind == "share" and len(of) == 2:
-            ends = one.value if one.low is None else one.low, one.value if one.high is None else one.high
-            value, low, high = (100.0 * part for part in (one.value, *ends))
+            value, low, high = (100.0 * part for part in (one if one.known else (one.value,) * 3))
             found[of[0], of[1]] = {"value": value, "low": low, "high": high, "told": _value(name, one)}
     return found
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.files import atomic_write
+from ...core.number import Number
 from ...core.quantities import say, speaking
 from ...results.landing_results import BudgetPart, BudgetRow, PartitionCurve
-from ...results.measured import Measured
 from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
 from ..canvas import bins_across
@@ -136,9 +137,9 @@ def page_template(name: str) -> Any:
     return environment.get_template(name)
 
 
-def _between(row: Measured) -> str:
+def _between(row: Number) -> str:
     """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
-    if row.low is None or row.high is None:
+    if not row.known:
         return NO_VALUE
     return f"{100 * row.low:.3g} to {100 * row.high:.3g}"
 
@@ -198,7 +199,7 @@ def _shares(result: Result, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _answers(result: Result) -> Iterator[tuple[str, Measured, tuple[str, ...]]]:
+def _answers(result: Result) -> Iterator[tuple[str, Number, tuple[str, ...]]]:
     """(fraction, its recovery, its target bins) for every fraction that has a target."""
     recovery = {} if result.landings is None else result.landings.separation.recovery
     return ((name, row, result.targets(name)) for name, row in recovery.items() if row is not None)
@@ -214,7 +215,7 @@ def _cut(curve: PartitionCurve) -> tuple[str, ...]:
     cut = curve.cut
     if cut is None:
         return " or ".join(curve.product), curve.by, NO_VALUE, NO_VALUE, NO_VALUE, curve.why or ""
-    ends = "" if cut.low is None else f" [{told(cut.low)}, {told(cut.high)}]"
+    ends = f" [{told(cut.low)}, {told(cut.high)}]" if cut.known else ""
     imperfection = NO_VALUE if curve.imperfection is None else number(curve.imperfection)
     return (
         " or ".join(curve.product),
@@ -236,7 +237,7 @@ def _air(result: Result) -> dict[str, Any]:
         "left_out": [
             (
                 row.name if row.fraction is None else f"{row.name} · {row.fraction}",
-                NO_VALUE if row.bound is None else f"{row.bound:.2g}",
+                NO_VALUE if row.bound is None or row.bound == math.inf else f"{row.bound:.2g}",
                 row.why,
             )
             for row in result.plan.left_out

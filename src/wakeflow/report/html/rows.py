@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ...results.measured import Measured
+from ...core.number import Number
 from ..words import NO_VALUE
 
 if TYPE_CHECKING:
+    from ...funnel.delivered import FunnelSummary
+    from ...meshing.quality import MeshReport
     from ...results.airflow_summary import Airflow
-    from ...results.funnel_summary import FunnelSummary
-    from ...results.result import MeshSummary
 
 __all__ = ["airflow_rows", "end_rows", "funnel_rows", "number", "percentage_points", "seconds"]
 
@@ -85,7 +86,7 @@ MINUTES_FROM = 120.0  # s: longer run times are written in minutes
 SCALE = {"mm": 1e3, "cm²": 1e4, "g/s": 1e3, "g": 1e3, "us": 1e6}
 
 
-def airflow_rows(airflow: Airflow | None, mesh: MeshSummary | None) -> list[tuple[str, str, str]]:
+def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple[str, str, str]]:
     """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
     if airflow is None:
         return []
@@ -132,19 +133,19 @@ def _rows(record: object, lines: Lines) -> Iterator[tuple[str, str, str]]:
             yield name, _measured(value, SCALE.get(unit, 1.0)), unit
 
 
-def _measured(value: str | float | Measured | Sequence[float], scale: float) -> str:
+def _measured(value: str | float | Number | Sequence[float], scale: float) -> str:
     if isinstance(value, str):
         return value
-    if isinstance(value, Measured):
+    if isinstance(value, Number):
         return _interval(value, scale)
     if isinstance(value, float | int):
         return number(value * scale)
     return " to ".join(number(member * scale) for member in value)
 
 
-def _interval(found: Measured, scale: float) -> str:
-    text = NO_VALUE if found.value is None else number(found.value * scale)
-    if found.low is None or found.high is None:
+def _interval(found: Number, scale: float) -> str:
+    text = number(found.value * scale) if math.isfinite(found.value) else NO_VALUE
+    if not found.known:
         return text
     return f"{text} [{number(found.low * scale)}, {number(found.high * scale)}]"
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...laws.best_estimate import Estimate, left_one_out
+from ...core.number import Number
+from ...laws.best_estimate import left_one_out
 from ...planning.unknowns import SIGMAS
 from ...results.separation import separate
 from ...results.total import INPUTS
@@ -120,7 +121,7 @@ def left_out_wakes() -> list[LeftOne]:
     """Theta and the strength, each measurement predicted from all others."""
     rows: list[LeftOne] = []
     for entry, gave, others in left_one_out():
-        found: Estimate = others
+        found: Number = others
         which = "theta" if entry.of_theta else "strength"
         rows.append(LeftOne(entry.name, which, float(np.clip(gave.value, 0.0, 1.0)), found.low, found.high))
     return rows

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from ...core.lazy import cached_property
 from ...core.sources import code_key
 from ...core.store import content_key
 from ...field import FlowField
+from ...pipeline.airflow import Airflow
 from ...pipeline.airflow_kinds import AirflowKind
 from ...pipeline.pipeline import Pipeline
 from ...planning.airflow import AirflowPlan
@@ -210,8 +210,8 @@ class StoredAir(AirflowKind):
         key = content_key("stored", *tables, code_key(__name__))
         return key, field_of(self.air, self.scene)
 
-    def make_table(self) -> dict[str, Any]:
-        return {"verdict": self.air.flow}
+    def make_table(self) -> Airflow:
+        return Airflow(verdict=self.air.flow)
 
 
 @dataclass
