@@ -27,10 +27,10 @@ from wakeflow.core.resources import case_template
 from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
 from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.airflow_result import AirflowResult
+from wakeflow.foam.airflow_result import AirflowResult, Attempt
 from wakeflow.foam.case import SETTINGS, FlowSpec, write_case
 from wakeflow.foam.case_fields import time_folders
-from wakeflow.foam.failure import AirflowFailure, Attempt, Cause, diagnose, disk_trouble_named
+from wakeflow.foam.failure import AirflowFailure, Cause, diagnose, disk_trouble_named
 from wakeflow.foam.history import read_table
 from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.prepare import prepare_case

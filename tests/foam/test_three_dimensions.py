@@ -130,7 +130,7 @@ def test_the_plan_states_the_cost_before_and_takes_the_scenes_span(rhombus: Scen
     assert not any("truth lies" in line for line in plan.warnings)
     standard = make_plan(rhombus, rung="standard")
     assert plan.estimate["seconds"] > 10 * standard.estimate["seconds"]
-    assert plan.summary()["span"] == {"depth": 3.0, "layers": 24, "sheddings": 10.0}
+    assert plan.summary()["airflow"]["span"] == {"depth": 3.0, "layers": 24, "sheddings": 10.0}
 
 
 def test_a_laminar_wake_has_no_such_rung_and_one_below_shedding_is_steady(rhombus: Scene) -> None:

@@ -127,16 +127,16 @@ def test_the_table_has_the_closed_means(fast: Scene) -> None:
     table = impact_loads(fast, make_plan(fast))
     b, peak, v0 = math.pi / 4, 5.0, 10.0
     for name, (e, f, share) in {"soft": (0.1, 0.6, 0.5), "hard": (0.5, 0.3, 0.5)}.items():
-        row, flow = table["fractions"][name]["slopes"]["left"], 2.0 * share / 2
-        assert row["mass_flow"] == pytest.approx(flow)
-        assert row["fall_speed"] == pytest.approx(v0, rel=3e-3)
-        assert row["normal"] == pytest.approx((1 + e) * flow * math.cos(b) * (v0 + peak**2 / (2 * v0)), rel=0.02)
-        assert row["tangential"] == pytest.approx(f * row["normal"], rel=0.05)  # less where a corner is met
+        row, flow = table.fractions[name].slopes["left"], 2.0 * share / 2
+        assert row.mass_flow == pytest.approx(flow)
+        assert row.fall_speed == pytest.approx(v0, rel=3e-3)
+        assert row.normal == pytest.approx((1 + e) * flow * math.cos(b) * (v0 + peak**2 / (2 * v0)), rel=0.02)
+        assert row.tangential == pytest.approx(f * row.normal, rel=0.05)  # less where a corner is met
         power = (1 + e) * flow * peak**2 * math.cos(b) * (math.cos(b) + f * math.sin(b))
-        assert row["power"] == pytest.approx(power, rel=0.05)
-    assert table["slopes"]["left"]["power"] == pytest.approx(table["slopes"]["right"]["power"])
-    assert table["total"]["force"][0] == pytest.approx(0.0, abs=1e-9)
-    assert table["total"]["mass_flow"] == pytest.approx(2.0)
+        assert row.power == pytest.approx(power, rel=0.05)
+    assert table.slopes["left"].power == pytest.approx(table.slopes["right"].power)
+    assert table.total.force[0] == pytest.approx(0.0, abs=1e-9)
+    assert table.total.mass_flow == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(("strength", "accuracy"), [(1.0, 1e-3), (6.0, 2e-3)])
@@ -152,12 +152,12 @@ def test_the_table_is_what_injected_granules_take_from_the_body(fast: Scene, str
     plan = make_plan(scene)
     table = impact_loads(scene, plan)
     for name in scene.fraction:
-        grains, total = feedstock(scene, plan, name, None).granules, table["fractions"][name]["total"]
+        grains, total = feedstock(scene, plan, name, None).granules, table.fractions[name].total
         right = grains.velocity[grains.position[:, 0] > 0].mean(axis=0)
-        seen = table["fractions"][name]["slopes"]["right"]["velocity"]
+        seen = table.fractions[name].slopes["right"].velocity
         np.testing.assert_allclose(seen, right, atol=accuracy * np.linalg.norm(right))
-        change = total["velocity"][1] + total["fall_speed"]
-        assert total["force"][1] == pytest.approx(-total["mass_flow"] * change, rel=1e-3)
+        change = total.velocity[1] + total.fall_speed
+        assert total.force[1] == pytest.approx(-total.mass_flow * change, rel=1e-3)
 
 
 def test_fall_speeds_are_those_of_the_tracker(cases: Path) -> None:
@@ -172,12 +172,14 @@ def test_fall_speeds_are_those_of_the_tracker(cases: Path) -> None:
 def test_what_the_air_carries_up_presses_on_nothing_and_many_slopes_add_up(cases: Path) -> None:
     prism = Scene.load(cases / "prism.toml")
     table = impact_loads(prism, make_plan(prism))
-    assert table["fractions"]["dust"]["slopes"] == {}
-    assert table["fractions"]["dust"]["total"]["mass_flow"] == 0.0
-    assert set(table["fractions"]["wheat"]["slopes"]) == {"left", "right"}
+    assert table is not None
+    assert table.fractions["dust"].slopes == {}
+    assert table.fractions["dust"].total.mass_flow == 0.0
+    assert set(table.fractions["wheat"].slopes) == {"left", "right"}
     tables = Scene.load(cases / "vacuum.toml").tables()
     tables["body"] = {"ball": {"shape": "circle", "width": 0.05, "corners": 24}}
     ball = Scene.parse(tables)
     round_ = impact_loads(ball, make_plan(ball))
-    assert len(round_["slopes"]) > 3
-    assert sum(row["mass_flow"] for row in round_["slopes"].values()) == pytest.approx(1.0)
+    assert round_ is not None
+    assert len(round_.slopes) > 3
+    assert sum(row.mass_flow for row in round_.slopes.values()) == pytest.approx(1.0)

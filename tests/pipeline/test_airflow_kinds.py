@@ -92,7 +92,7 @@ def test_a_new_rung_is_a_record(rhombus: Scene, tmp_path: Path) -> None:
     assert typical_cells(rhombus, coarse.airflow) == typical_cells(rhombus, draft.airflow) / 4
     wide, fine = (Pipeline(rhombus, plan, store=Store(tmp_path)) for plan in (coarse, draft))
     assert wide.mesh_spec.h_body == pytest.approx(2 * fine.mesh_spec.h_body)
-    assert wide.mesh_quality["cells"] < 0.5 * fine.mesh_quality["cells"]
+    assert wide.mesh_quality.cells < 0.5 * fine.mesh_quality.cells
     with pytest.raises(SceneError, match="known: auto, none, draft, standard, reference, 3d, coarse"):
         choose_airflow(rhombus, "coarce", 0.01)
 
@@ -161,7 +161,7 @@ def test_what_needs_no_solver_tells_what_it_leaves_unknown(
     assert plan.airflow.kind == kind
     assert pipeline.kind.at_once
     assert pipeline.kind.unknown_parts() == unknown
-    assert pipeline.mesh_quality == {}
+    assert pipeline.mesh_quality is None
     with pytest.raises(SceneError, match="neither mesh nor OpenFOAM case"):
         _ = pipeline.solution
 

@@ -152,7 +152,7 @@ def test_parabolic_air_is_plane_poiseuille_flow(aspirator: Scene) -> None:
     velocity = field.sample(np.stack([x, np.full(301, 0.1)], axis=1))[0]
     np.testing.assert_allclose(velocity[:, 1], -1.5 * 6.0 * (1 - (x / 0.1) ** 2), atol=6.0 * 1.5 / 64**2)
     assert np.mean(velocity[:, 1]) == pytest.approx(-6.0, rel=5e-3)
-    drop = Pipeline(scene, make_plan(scene)).airflow["pressure_drop"]
+    drop = Pipeline(scene, make_plan(scene)).airflow.pressure_drop
     assert drop == pytest.approx(2 * air.viscosity * (6.0 * 6.0 / 0.2) * 1.0 / 0.2)  # wall shear 6 mu U / W, two walls
     assert any("turbulent" in line for line in make_plan(scene).warnings)
 

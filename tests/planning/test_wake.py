@@ -81,7 +81,7 @@ def test_the_plan_carries_it_and_says_it_in_a_line(rhombus: Scene) -> None:
     assert "measurements of the shape (rhombus)" in line
     (warning,) = [line for line in plan.warnings if line.startswith("standard airflow: ")]
     assert "best estimate between two wakes" in warning
-    assert plan.summary()["wake"]["theta"] == {"value": theta.value, "low": theta.low, "high": theta.high}
+    assert plan.summary()["airflow"]["wake"]["theta"] == {"value": theta.value, "low": theta.low, "high": theta.high}
     computed = plan.as_computed()
     assert (computed.airflow.kind, computed.airflow.wake, computed.airflow.brackets) == ("time-resolved", None, True)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from proofs.plate import bounce_phase, lift_off_phase, on_plate
 from proofs.report import NOTHING, Column, Report, Row, Table, Tell
+from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute
 from wakeflow.laws.constants import GRAVITY
@@ -62,7 +63,8 @@ def run_funnel(folder: Path, *, slow: bool, tell: Tell) -> Report:
 
     def discharge(**changes: Any) -> Row:
         funnel = Funnel(**{**BASE, **changes})
-        return compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell)
+        row: Row = to_json(compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell))
+        return row
 
     facts: dict[str, list[Row]] = {
         "plate": [_plate(folder / "plate", modulus, tell) for modulus in PLATES],

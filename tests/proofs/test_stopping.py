@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.history import Interval, Tail
+from wakeflow.foam.history import Tail
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.segments import purge, run_segment
 from wakeflow.foam.start import perturb
@@ -83,7 +84,7 @@ def record_of(shape: str, reynolds: float, blockage: float) -> tuple[FlowSpec, n
     return spec, np.load(folder / "record.npy")
 
 
-QUANTITIES: dict[str, Callable[[Statistics], Interval | None]] = {
+QUANTITIES: dict[str, Callable[[Statistics], Number | None]] = {
     "Cd": lambda s: s.cd, "Cl rms": lambda s: s.cl_rms, "St": lambda s: s.frequency, "Cp base": lambda s: s.cp_base,
 }  # fmt: skip
 

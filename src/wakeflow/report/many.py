@@ -413,7 +413,7 @@ def _width(entry: Entry | None, name: str) -> float:
 
 
 def _ends(found: TableQuantity) -> tuple[float, float]:
-    return (found.value if found.low is None else found.low, found.value if found.high is None else found.high)
+    return (found.low, found.high) if found.known else (found.value, found.value)
 
 
 def _arm(found: TableQuantity) -> tuple[float, float]:

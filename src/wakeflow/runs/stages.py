@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import SceneError
+from ..funnel.delivered import FunnelSummary
 from ..pipeline.cache import Listener, in_turn
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import Planner
 from ..progress import unheard
-from ..results.funnel_summary import FunnelSummary, funnel_of
 from ..results.result import (
     Request,
     asked_in,
@@ -58,7 +58,7 @@ def stages_of(
         plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,
         seconds={} if beside is None else beside.seconds,
     )  # fmt: skip
-    poured = funnel_of(pipeline.funnel)
+    poured = pipeline.funnel
     if poured is not None and request.until != "funnel":
         fed = _fed(scene, poured)
         planner = planner.at(fed)  # the bounds on loading follow the rate

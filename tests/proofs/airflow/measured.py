@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from proofs.airflow.dust import RESIDENCE, DustyWake, dusty_wake
 from wakeflow.core.lazy import cached_property
+from wakeflow.core.number import Number
 from wakeflow.core.registry import Registry
 from wakeflow.foam.cost import core_seconds
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.results.airflow_summary import Airflow, airflow_of
-from wakeflow.results.measured import Measured
 
 __all__ = ["Quantity", "QuantityValue", "SolvedAirflow", "measured", "quantities"]
 
@@ -91,15 +91,15 @@ def measured(pipeline: Pipeline) -> SolvedAirflow:
     """The airflow of a scene, solved or from the cache."""
     start = pipeline.draft.solution[1] / "case" if pipeline.plan.airflow.stepping == "time-resolved" else None
     case = pipeline.solution[1] / "case"
-    return SolvedAirflow(airflow_of(pipeline), case, pipeline.scene.width, start, dusty_wake(pipeline))
+    return SolvedAirflow(pipeline.airflow, case, pipeline.scene.width, start, dusty_wake(pipeline))
 
 
-def _number(found: Measured | float | None, scale: float = 1.0) -> QuantityValue | None:
+def _number(found: Number | float | None, scale: float = 1.0) -> QuantityValue | None:
     """A number of an airflow, with or without its interval."""
     if found is None:
         return None
-    low, value, high = (found.low, found.value, found.high) if isinstance(found, Measured) else (found,) * 3
-    if value is None or low is None or high is None:
+    value, low, high = found if isinstance(found, Number) else (found,) * 3
+    if isinstance(found, Number) and not found.known:
         return None
     return QuantityValue(scale * value, scale * low, scale * high)
 

@@ -108,10 +108,9 @@ def counted(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
 def _recoveries(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
     places = list(told.separation.bins)
     for name, found in told.separation.recovery.items():
-        if found is not None and found.value is not None and found.low is not None and found.high is not None:
+        if found is not None and found.known:
             true = float(sum(truth[name][places.index(target)] for target in told.scene.fraction[name].targets))
-            ends = found.value, found.low, found.high
-            yield Counted(told.one.name, told.one.group, f"recovery.{name}", *ends, true)
+            yield Counted(told.one.name, told.one.group, f"recovery.{name}", found.value, found.low, found.high, true)
 
 
 def _purities(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
@@ -121,9 +120,8 @@ def _purities(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
         inside = {name: mass[name] * float(truth[name][number]) for name in mass}
         total = sum(inside.values())
         for name, pure in (found or {}).items() if total > LEAST else ():
-            if pure.value is not None and pure.low is not None and pure.high is not None:
-                ends, label = (pure.value, pure.low, pure.high), f"purity.{place}.{name}"
-                yield Counted(told.one.name, told.one.group, label, *ends, inside[name] / total)
+            label = f"purity.{place}.{name}"
+            yield Counted(told.one.name, told.one.group, label, pure.value, pure.low, pure.high, inside[name] / total)
 
 
 def of_kind(rows: Iterable[Counted], kind: str) -> list[Counted]:

@@ -11,7 +11,8 @@ import numpy as np
 
 from proofs.coverage.counted import Counted
 from proofs.coverage.flown import Predicted
-from wakeflow.laws.best_estimate import Estimate, left_one_out
+from wakeflow.core.number import Number
+from wakeflow.laws.best_estimate import left_one_out
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.results.separation import separate
 from wakeflow.results.total import INPUTS
@@ -120,7 +121,7 @@ def left_out_wakes() -> list[LeftOne]:
     """Theta and the strength, each measurement predicted from all others."""
     rows: list[LeftOne] = []
     for entry, gave, others in left_one_out():
-        found: Estimate = others
+        found: Number = others
         which = "theta" if entry.of_theta else "strength"
         rows.append(LeftOne(entry.name, which, float(np.clip(gave.value, 0.0, 1.0)), found.low, found.high))
     return rows

@@ -20,8 +20,10 @@ import numpy as np
 import wakeflow as wf
 from support import CASES
 from wakeflow.core.boxes import ForceDensity
+from wakeflow.core.record import load
 from wakeflow.field import FlowField, blended_wake
 from wakeflow.foam.airflow import solve_airflow
+from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.momentum_source import SOURCE, write_source
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.pipeline.air_loading import AirLoading
@@ -66,9 +68,9 @@ def passes(pipeline: Pipeline, bins: Moved) -> Iterator[Row]:
         return {"number": number, "force": force, "cd": cd, "speed": axis_speed(scene, field), **shares}
 
     steady = loading.steady
-    yield row(0, 0.0, steady.measured["cd"]["value"], steady.field[1], loading.first.shares)
+    yield row(0, 0.0, steady.measured.cd.value, steady.field[1], loading.first.shares)
     for number, one in enumerate(loading.passes, 1):
-        cd = json.loads((one.folder / "case" / "airflow.json").read_text())["cd"]["value"]
+        cd = load(AirflowResult, one.folder / "case" / "airflow.json").cd.value
         given = both * json.loads((one.folder / "case" / SOURCE).read_text())["force"][1]
         yield row(number, given, cd, loading.field_in(one.folder), one.gathered.shares)
 

@@ -17,6 +17,7 @@ import numpy as np
 import wakeflow as wf
 from proofs.report import Column, Row, cell
 from wakeflow.core.files import write_json
+from wakeflow.core.number import Number
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.pipeline.crowd_flight import compile_slab
@@ -80,14 +81,9 @@ def show(columns: Mapping[str, Column] | Sequence[str], rows: Iterable[Row], tit
     return found
 
 
-def half(share: Any) -> float:
-    """Half of the width of a share's interval."""
-    return float(0.5 * (share.high - share.low))
-
-
-def percent(share: Any) -> str:
+def percent(share: Number) -> str:
     """A share with half of its interval, %."""
-    return f"{100 * share.value:.1f} ± {100 * half(share):.1f}"
+    return f"{100 * share.value:.1f} ± {100 * share.half:.1f}"
 
 
 def mean_and_error(values: Any, digits: int = 3, sign: str = "") -> str:

@@ -15,7 +15,7 @@ from wakeflow.planning.meetings import encounters
 from wakeflow.planning.terms import limit_of
 from wakeflow.results.separation import separate
 
-from .common import COARSE, HOUR, MEET, Row, collisions_of, half, piped, separation, show
+from .common import COARSE, HOUR, MEET, Row, collisions_of, piped, separation, show
 
 RATES = (20.0, 100.0, 500.0)  # kg/h
 COUNT = 1024  # granules of the fraction of most mass
@@ -38,7 +38,7 @@ def rows(which: str, rates: Sequence[float] = RATES, count: int = COUNT) -> Iter
         found = encounters(scene, {name: (how.drag, how.drag_scale) for name, how in plan.fractions.items()})
         for name, landing in crowd.landings.items():
             pairs = [(met.fractions[name][place], alone.fractions[name][place]) for place in met.bins]
-            change, error = max((abs(a.value - b.value), (half(a) ** 2 + half(b) ** 2) ** 0.5) for a, b in pairs)
+            change, error = max((abs(a.value - b.value), (a.half**2 + b.half**2) ** 0.5) for a, b in pairs)
             bound = min(1.0, plan.fractions[name].bounds[COLLISIONS] / limit_of(scene, 1.0))
             yield {
                 "scene": which, "rate": rate, "fraction": name, "counted": collisions_of(landing),

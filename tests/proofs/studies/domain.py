@@ -75,8 +75,8 @@ def rows(
         meant = {name: move[:, targets[name]].sum(axis=1) for name, move in moves.items()}
         yield {
             "before": (spec.top - outline[:, 1].max()) / size, "behind": (outline[:, 1].min() - spec.bottom) / size,
-            "cells": np.mean([air["cells"] for air in airs]),
-            **{key: mean_and_error([air[key]["value"] for air in airs]) for key in AIR.values()},
+            "cells": np.mean([air.cells for air in airs]),
+            **{key: mean_and_error([getattr(air, key).value for air in airs]) for key in AIR.values()},
             "largest": mean_and_error(every[:, np.abs(every.mean(axis=0)).argmax()], 2, "+"),
             "meant": ", ".join(f"{mean_and_error(move, 2, '+')} {name}" for name, move in meant.items()),
         }  # fmt: skip

@@ -14,7 +14,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.laws.material import materials
 
-from .common import Row, half, piped, separation, show
+from .common import Row, piped, separation, show
 
 PLACES = {  # columns of the table: fraction, bins that count together
     "wheat, outer": ("wheat", ("outer-left", "outer-right")),
@@ -72,7 +72,7 @@ def row(title: str, scene: wf.Scene, rung: str) -> Row:
     cells = {}
     for column, (fraction, places) in PLACES.items():
         parts = [found.fractions[fraction][place] for place in places]
-        error = sum(half(part) ** 2 for part in parts) ** 0.5
+        error = sum(part.half**2 for part in parts) ** 0.5
         cells[column] = f"{100 * sum(part.value for part in parts):.1f} +- {100 * error:.1f}"
     return {"percent": title, **cells}
 

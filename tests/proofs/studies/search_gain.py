@@ -68,8 +68,8 @@ def number(name: str, found: Separation) -> TableQuantity:
     kind, *where = name.split(".")
     one = found.recovery[where[0]] if kind == "recovery" else (found.purity[where[0]] or {}).get(where[1])
     if one is None or one.value is None:
-        return TableQuantity(name, "1", 0.0, 0.0, 1.0)
-    return TableQuantity(name, "1", one.value, one.low, one.high)
+        return TableQuantity(0.0, 0.0, 1.0, name=name, unit="1")
+    return TableQuantity(one.value, one.low, one.high, name=name, unit="1")
 
 
 def shaken(body: str, angles: tuple[float, float], frequencies: tuple[float, float]) -> tuple[Axis, ...]:

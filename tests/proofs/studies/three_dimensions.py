@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
 from wakeflow.field import FlowField
 from wakeflow.field.cross_fade import cross_faded
@@ -61,10 +62,10 @@ Shares = dict[str, dict[str, tuple[float, float]]]  # and half of the interval
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One airflow of a body: its table as airflow.json has it, the fields that granules fly in, core-hours."""
+    """One airflow of a body: its numbers, the fields that granules fly in, core-hours."""
 
     name: str
-    table: dict[str, Any]
+    found: AirflowResult
     fields: Sequence[FlowField]
     core_hours: float
 
@@ -86,18 +87,10 @@ def analysed(folder: Path, spec: FlowSpec, begin: float | None = None) -> Column
     since = START_UP * spec.convective_time if begin is None else begin
     found = measure_span(spec, record, folder / "deep", since)
     fields = []
-    for arrays in read_layers(record, found.span["flown"], since, spec.density):
+    for arrays in read_layers(record, found.span.flown, since, spec.density):
         field = FlowField.from_arrays(**arrays)
         fields.append(cross_faded(field, lead_of(spec, field.times)))
-    return Column("3D", plain(found), fields, core_seconds(folder / "deep") / 3600)
-
-
-def plain(found: AirflowResult) -> dict[str, Any]:
-    """A measured airflow as airflow.json holds it."""
-    table = dict(vars(found))
-    for name in ("cd", "cl_rms", "strouhal", "cp_base", "suction"):
-        table[name] = None if table[name] is None else dict(vars(table[name]))
-    return table
+    return Column("3D", found, fields, core_seconds(folder / "deep") / 3600)
 
 
 def tell(stage: str, text: str) -> None:
@@ -175,9 +168,9 @@ def on_axis(spec: FlowSpec, fields: Sequence[FlowField]) -> tuple[Array, Array, 
     return spec.along * u.mean(axis=0)[:, 1] / spec.speed, along, across
 
 
-def told(part: dict[str, float] | None, digits: int = 2) -> str:
+def told(part: Number | None, digits: int = 2) -> str:
     """A number with its interval."""
-    return "–" if part is None else "{value:.{n}f} ({low:.{n}f} to {high:.{n}f})".format(**part, n=digits)
+    return "–" if part is None else f"{part.value:.{digits}f} ({part.low:.{digits}f} to {part.high:.{digits}f})"
 
 
 def percent(row: dict[str, tuple[float, float]], bins: Sequence[str]) -> str:
@@ -188,16 +181,16 @@ def percent(row: dict[str, tuple[float, float]], bins: Sequence[str]) -> str:
 
 def numbers(spec: FlowSpec, scene: wf.Scene, column: Column, *, fly: bool) -> dict[str, str]:
     """What is compared of one airflow."""
-    table, width = column.table, spec.mesh.projected_width
-    found = {"cells": str(table["cells"])}
+    one, width = column.found, spec.mesh.projected_width
+    found = {"cells": str(one.cells)}
     for name, key, digits in (
         ("Cd", "cd", 2),
         ("Cl rms", "cl_rms", 2),
         ("St", "strouhal", 3),
         ("Cp base", "cp_base", 2),
     ):
-        found[name] = told(table[key], digits)
-    found["reversal length / D"] = f"{table['suction']['reversal_length'] / width:.2f}"
+        found[name] = told(getattr(one, key), digits)
+    found["reversal length / D"] = f"{one.suction.reversal_length / width:.2f}"
     for place, *parts in zip(PLACES, *on_axis(spec, column.fields), strict=True):
         found[f"axis, {place:g} D behind: speed, u', v'"] = ", ".join(f"{part:.2f}" for part in parts)
     stay = residence_time(column.fields, scene.first_outline, scene.air.direction, scene.air.speed)
@@ -217,19 +210,20 @@ def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Co
 
 def print_proof(column: Column, spec: FlowSpec) -> None:
     """That the flow is three-dimensional, and how long it was looked at."""
-    span, width = column.table["span"], spec.mesh.projected_width
-    quarters = ", ".join(f"{part:.3f}" for part in span["quarters"])
-    lengths = ", ".join(f"{length / width:.2f}" for length in span["integral_lengths"])
-    periods = column.table["statistics"].get("periods", "–")
+    span, width = column.found.span, spec.mesh.projected_width
+    quarters = ", ".join(f"{part:.3f}" for part in span.quarters)
+    lengths = ", ".join(f"{length / width:.2f}" for length in span.integral_lengths)
+    averaged = column.found.statistics
+    periods = "–" if averaged is None else averaged.periods
     print(
-        f"\nSpan {span['depth'] / width:.3g} D in {span['layers']} layers, {len(span['flown'])} of them flown in; "
-        f"{span['recorded'] / spec.convective_time:.0f} D/U recorded ({periods} sheddings averaged). Rms of w in the "
-        f"near wake {span['w_rms']:.3f} U, in quarters of the time {quarters}; of u, v about the span's mean "
-        f"{span['uv_rms']:.3f} U. Integral lengths along the span of v', u', w': {lengths} D."
+        f"\nSpan {span.depth / width:.3g} D in {span.layers} layers, {len(span.flown)} of them flown in; "
+        f"{span.recorded / spec.convective_time:.0f} D/U recorded ({periods} sheddings averaged). Rms of w in the "
+        f"near wake {span.w_rms:.3f} U, in quarters of the time {quarters}; of u, v about the span's mean "
+        f"{span.uv_rms:.3f} U. Integral lengths along the span of v', u', w': {lengths} D."
     )
-    for note in column.table["notes"]:
+    for note in column.found.notes or ():
         print(f"Note: {note}.")
-    axis = span["axis"]
+    axis = vars(span.axis)
     heads = {"behind / D": "{behind:g}", **{head: f"{{{key}:.2f}}" for head, key in AXIS.items()}}
     print()
     show(heads, (dict(zip(axis, row, strict=False)) for row in zip(*axis.values(), strict=False)))

@@ -20,7 +20,7 @@ from wakeflow.report.colours import fraction_colours
 from wakeflow.results.landing_results import Separation
 from wakeflow.results.separation import separate
 
-from .common import HOUR, Row, collisions_of, half, percent, picture, piped, separation, show
+from .common import HOUR, Row, collisions_of, percent, picture, piped, separation, show
 
 RATES = (10.0, 50.0, 125.0, 500.0, 1000.0)  # kg/h
 ALONE = {COLLISIONS: False, LOADING: False, "basset-history": False}  # granules that meet leave out the last
@@ -39,7 +39,7 @@ def _row(scene: wf.Scene, rate: float, found: Separation, meetings: dict[str, fl
     for name, fraction in scene.fraction.items():
         if fraction.targets:
             recovery = found.recovery[name]
-            part = {"recovery": percent(recovery), "value": recovery.value, "half": half(recovery)}
+            part = {"recovery": percent(recovery), "value": recovery.value, "half": recovery.half}
             numbers[name] = {**part, "purity": purity(scene, found, name), "meetings": meetings.get(name, 0.0)}
     return numbers
 

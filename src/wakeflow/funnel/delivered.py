@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from ..core.record import column, from_json
-from .measured import Measured
-
-__all__ = ["DischargeCurve", "FunnelSummary", "funnel_of"]
+from ..core.number import Number
+from ..core.record import column
 
 
 @dataclass(frozen=True)
@@ -24,7 +21,7 @@ class FunnelSummary:
     """The discharge of a feed funnel, computed bead by bead."""
 
     verdict: str = column("", "emptied or stopped")
-    rate: Measured | None = column("kg/s", "discharge rate; null where the flow stopped too early")
+    rate: Number | None = column("kg/s", "discharge rate; null where the flow stopped too early")
     time_to_empty: float | None = column("s", "until 99 % of the mass is out; null where it never was")
     left: int = column("1", "beads left inside")
     beads: int = column("1", "beads")
@@ -41,8 +38,3 @@ class FunnelSummary:
     engine: str = column("", "the program")
     version: str = column("", "of the program")
     curve: DischargeCurve = column("", "mass left over time")
-
-
-def funnel_of(table: dict[str, Any] | None) -> FunnelSummary | None:
-    """The discharge that a stage of the pipeline wrote down as ``table``; None without a funnel."""
-    return None if table is None else from_json(FunnelSummary, table, "funnel.json")
