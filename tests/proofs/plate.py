@@ -22,8 +22,6 @@ from wakeflow.funnel.pour import contact_settings, steps_of
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.scene import Funnel
 
-__all__ = ["Contacts", "bounce_phase", "lift_off_phase", "on_plate"]
-
 Array = NDArray[np.float64]
 SIZE = 0.01  # m: of the plate
 FORCELESS = 1e-5  # of the weight: a smaller force is round-off

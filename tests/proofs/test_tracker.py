@@ -15,10 +15,8 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
-from wakeflow.verify.benchmark_cases import BenchmarkCase, travelling_wave
-from wakeflow.verify.curves import CurvePoint, Ends, cost_at, score
-from wakeflow.verify.foam_interpolant import FoamInterpolant, make_foam_interpolant
-from wakeflow.verify.foam_parcels import fly_parcels
+from wakeflow.verify.curves import BenchmarkCase, CurvePoint, Ends, cost_at, score, travelling_wave
+from wakeflow.verify.foam import FoamInterpolant, fly_parcels, make_foam_interpolant
 from wakeflow.verify.reference import Reference, TrackingProblem, fly_reference
 from wakeflow.verify.rk4 import fly_explicit
 from wakeflow.verify.runner import prove

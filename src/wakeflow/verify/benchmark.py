@@ -12,10 +12,23 @@ import numpy as np
 
 from ..scene import Scene
 from ..tracking import Fate, Granules, track
-from .benchmark_cases import KINDS, SPEED, BenchmarkCase, benchmark_case, resampled, shipped, travelling_wave
-from .curves import ERROR, CurvePoint, Ends, score, timed, times_faster, with_own
-from .foam_interpolant import FoamInterpolant, make_foam_interpolant
-from .foam_parcels import fly_parcels, start_up
+from .curves import (
+    ERROR,
+    KINDS,
+    SPEED,
+    BenchmarkCase,
+    CurvePoint,
+    Ends,
+    benchmark_case,
+    resampled,
+    score,
+    shipped,
+    timed,
+    times_faster,
+    travelling_wave,
+    with_own,
+)
+from .foam import FoamInterpolant, fly_parcels, make_foam_interpolant, start_up
 from .reference import Reference, fly_reference
 from .report import Report, Table, Tell
 from .rk4 import fly_explicit

@@ -21,9 +21,8 @@ from ..planning.bounds import LOADING
 from ..planning.make import make_plan
 from ..scene import RESERVED_BIN, Scene
 from ..tracking import Tracks, track
-from .benchmark_cases import BenchmarkCase, benchmark_case
-from .foam_interpolant import FoamInterpolant, make_foam_interpolant
-from .foam_parcels import FINE_PARCELS, fly_parcels
+from .curves import BenchmarkCase, benchmark_case
+from .foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
 
 Array = NDArray[np.float64]
 PEER = "OpenFOAM's parcels"

@@ -15,8 +15,6 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.tracking.residence import ResidenceTime, residence_time
 
-__all__ = ["RESIDENCE", "DustyWake", "dusty_wake", "estimate_without", "within_estimate"]
-
 RESIDENCE = "residence_time"  # the quantity, here and in the wakes' data
 
 

@@ -19,8 +19,6 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.results.airflow_summary import Airflow, airflow_of
 from wakeflow.results.measured import Measured
 
-__all__ = ["Quantity", "QuantityValue", "SolvedAirflow", "measured", "quantities"]
-
 HISTORY_CD, HISTORY_CL = 1, 3  # columns of OpenFOAM's coefficient.dat
 
 

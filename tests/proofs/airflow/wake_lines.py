@@ -13,8 +13,6 @@ from proofs.airflow.measured import Quantity, QuantityValue, SolvedAirflow, quan
 from wakeflow.field import FlowField
 from wakeflow.foam.case import read_parameters
 
-__all__ = ["mean_axial"]
-
 Array = NDArray[np.float64]
 REACH = 3.0  # widths behind the rear within which the fastest reversed air is looked for: near wakes end there
 STEP = 0.01  # widths between the places that are looked at

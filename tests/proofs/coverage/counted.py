@@ -10,8 +10,6 @@ import numpy as np
 
 from proofs.coverage.flown import Predicted
 
-__all__ = ["LEAST", "Counted", "HeldTally", "counted", "tally_of"]
-
 LEAST = 1e-3  # a number that is nearer than that to 0 in value and truth, or to 1 in both, is known trivially
 ROUND_OFF = 1e-9  # of an end of an interval
 

@@ -25,8 +25,6 @@ from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.scene.uncertainty import OF_FRACTION, OF_SCENE
 
-__all__ = ["NAMES", "compute_references", "laminar_rows", "laminar_scene", "references"]
-
 FILE = Path(__file__).with_name("laminar.json")
 WIDTH, BLOCKED = 0.01, 8.0  # m, of the bodies; channel widths over it
 KINEMATIC, DENSITY = 1.5e-5, 1.2  # m2/s and kg/m3

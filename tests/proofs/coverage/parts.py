@@ -16,8 +16,6 @@ from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.results.separation import separate
 from wakeflow.results.total import INPUTS
 
-__all__ = ["Bounded", "LeftOne", "bounded", "inputs_alone", "left_out_wakes", "numerical_alone", "sampling_alone"]
-
 BROWNIAN, DISPERSION = "brownian", "dispersion"
 HALF_A_GRANULE = 0.5  # a change of a share is known to that much of one granule
 

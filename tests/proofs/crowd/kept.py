@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.tracking import Granules
 
-__all__ = ["kept_flight"]
-
 FILE = "found.npz"
 HERE = Path(__file__).parent
 

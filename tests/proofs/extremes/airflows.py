@@ -21,10 +21,8 @@ from wakeflow.runs import run
 from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Granules, Tracks
 from wakeflow.verify.extreme_scenes import OUT, happened_in, shipped_scene
-from wakeflow.verify.extremes import Extreme, Happened, extremes, what_happened
+from wakeflow.verify.extremes import Happened, add_row, what_happened
 from wakeflow.verify.reference import TrackingProblem, fly_reference
-
-__all__: list[str] = []
 
 Array = NDArray[np.float64]
 COARSE = 2.5  # numerics.mesh_scale
@@ -117,11 +115,11 @@ for _group, _value, _name, _speed, _viscosity, _slow in (
     ("air at rest", "1e-6 m/s, a rhombus", "rest", 1.0e-6, 1.825e-5, True),
 ):
     _how: dict[str, Any] = {"slow": _slow, "openfoam": True}
-    extremes.add(f"{_group}: {_value}, air", Extreme(
+    add_row(
         _group, f"{_value}, air", partial(_air, _name, _speed, _viscosity), "continuity: the flow through sections",
         unit="relative", allowed=0.02, stops=ON_THE_AXIS if _name == "re-100" else "", **_how,
-    ))  # fmt: skip
-    extremes.add(f"{_group}: {_value}, granules", Extreme(
+    )  # fmt: skip
+    add_row(
         _group, f"{_value}, granules", partial(_granules, _name, _speed, _viscosity),
         "the reference integrator on the run's field", **_how,
-    ))  # fmt: skip
+    )  # fmt: skip
