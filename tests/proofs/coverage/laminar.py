@@ -13,9 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from proofs.coverage.counted import Counted
+from proofs.coverage.counted import Counted, numerical_alone
 from proofs.coverage.flown import predicted
-from proofs.coverage.parts import numerical_alone
 from proofs.coverage.scenes import SINGLE, VariedScene
 from wakeflow.core.files import write_json
 from wakeflow.core.store import Store, cache_root
