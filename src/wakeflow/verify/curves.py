@@ -200,11 +200,6 @@ class CurvePoint:
     own_median: float | None = None  # error against the method's own finest setting
 
     @property
-    def rate(self) -> float:
-        """Granules a second."""
-        return 1.0 / self.seconds
-
-    @property
     def evaluation_rate(self) -> float | None:
         """Stage evaluations a second and core."""
         return None if self.evaluations is None else self.evaluations / self.cpu
@@ -269,15 +264,10 @@ def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clo
     for value, seconds in points:  # from the smallest error on: only those cheaper than all more accurate ones
         if not envelope or seconds < envelope[-1][1]:
             envelope.append((value, seconds))
-    better = [point for point in envelope if point[0] <= error]
-    worse = [point for point in envelope if point[0] > error]
-    if not better:
+    if not envelope or error < envelope[0][0]:
         return None
-    if not worse:
-        return better[-1][1]
-    (e0, s0), (e1, s1) = better[-1], worse[0]
-    w = (np.log(error) - np.log(e0)) / (np.log(e1) - np.log(e0))
-    return float(np.exp((1 - w) * np.log(s0) + w * np.log(s1)))
+    errors, costs = np.log(envelope).T
+    return float(np.exp(np.interp(np.log(error), errors, costs)))
 
 
 def times_faster(rows: Sequence[CurvePoint]) -> list[dict[str, Any]]:
@@ -299,8 +289,3 @@ def times_faster(rows: Sequence[CurvePoint]) -> list[dict[str, Any]]:
                 ratios = {name: one / other if one and other else None for name, (one, other) in costs.items()}
                 found.append({"kind": kind, "air": air, "than": than, **ratios})
     return found
-
-
-def with_own(rows: Sequence[CurvePoint], own: Sequence[float | None]) -> list[CurvePoint]:
-    """The rows with their errors against the method's own finest setting."""
-    return [replace(row, own_median=value) for row, value in zip(rows, own, strict=True)]

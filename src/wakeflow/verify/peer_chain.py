@@ -84,12 +84,9 @@ def _shares(
 
 def flown_here(case: BenchmarkCase, scene: Scene, air: FlowField) -> Tracks:
     """The case's granules flown by this tracker through ``air`` down to the scene's floor."""
-    p, half = case.problem, scene.channel.width
+    half = scene.channel.width
     floor = np.array([(-half, scene.channel.bottom), (half, scene.channel.bottom)])
-    return track(
-        air, case.grains, until=p.until, tolerance=TOLERANCE, length=p.length, forces=p.forces, drag=p.drag,
-        bodies=p.bodies, lines=(floor,), gravity=p.gravity,
-    )  # fmt: skip
+    return track(air, case.grains, tolerance=TOLERANCE, lines=(floor,), **case.problem.arguments)
 
 
 def landed_time(tracks: Tracks) -> Array:

@@ -44,6 +44,12 @@ class TrackingProblem:
     forces: tuple[str, ...] = ("drag", "gravity", "buoyancy")
     gravity: tuple[float, float] = (0.0, -GRAVITY)
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Those of ``track`` and ``fly_explicit``, but for the field, granules and accuracy."""
+        names = ("until", "length", "drag", "forces", "bodies", "gravity")
+        return {name: getattr(self, name) for name in names}
+
 
 @dataclass(frozen=True)
 class Reference:
