@@ -158,7 +158,10 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         "met_by_law": {}, "impact": None, "bracket": None, "key": "k",
         "fates": {name: {"binned": 480 + i, "escaped": 20 - i} for i, name in enumerate(scene.fraction)},
         "budget": [
-            {"quantity": f"share.{name}.{bins[0]}", "unit": None, "parts": parts, "total": {"error": None, "seconds": 1.5}}
+            {
+                "quantity": f"share.{name}.{bins[0]}", "unit": None, "parts": parts,
+                "total": {"error": None, "seconds": 1.5},
+            }  # fmt: skip
             for name in scene.fraction
         ],
         "seconds": {"mesh": {"seconds": 1.25, "cached": True}, "tracks": {"seconds": 200.0, "cached": False}},
