@@ -119,18 +119,17 @@ def test_an_airflow_that_fails_takes_its_scenes_along_and_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from wakeflow.sweeps import run_agenda
-    from wakeflow.sweeps.work import JobEnd
 
     base = shipped("rhombus", {"feed.count": 64})
     found = variants(base, ["air.speed=4,5", "fraction.chaff.restitution=0.2,0.3"])
     flown: list[str] = []
 
-    def solve(job: Any) -> JobEnd:
-        return JobEnd("it diverged" if job.tables["air"]["speed"] == 4 else "")
+    def solve(job: Any) -> str:
+        return "it diverged" if job.tables["air"]["speed"] == 4 else ""
 
-    def fly_scene(job: Any) -> JobEnd:
+    def fly_scene(job: Any) -> str:
         flown.append(job.folder.name)
-        return JobEnd("no granules")
+        return "no granules"
 
     monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)
     monkeypatch.setattr(run_agenda, "fly_scene", fly_scene)

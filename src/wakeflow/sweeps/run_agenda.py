@@ -11,7 +11,7 @@ from ..core.cluster import Cluster
 from ..core.errors import ProgramError
 from ..core.quantities import duration
 from .agenda import Agenda, Step
-from .work import JobEnd, fly_scene, solve_airflow_of
+from .work import fly_scene, solve_airflow_of
 
 TELL_EVERY = 1.0  # s between looks at the time left, where nothing ends
 
@@ -27,10 +27,10 @@ class SweepProgress:
     behind: float = 0.0
     started: float = field(default_factory=time.monotonic)
 
-    def ended(self, step: Step, outcome: JobEnd) -> None:
+    def ended(self, step: Step, problem: str) -> None:
         """Count a step."""
         self.done += 1
-        self.failed += bool(outcome.problem)
+        self.failed += bool(problem)
         self.behind += step.seconds
 
     @property
@@ -47,23 +47,23 @@ class SweepProgress:
 
 
 def do_agenda(
-    agenda: Agenda, executor: Executor, tell: Callable[[str], None], ended: Callable[[Step, JobEnd], None]
+    agenda: Agenda, executor: Executor, tell: Callable[[str], None], ended: Callable[[Step, str], None]
 ) -> None:
-    """Do every step; ``ended(step, outcome)`` hears of each in the order in which they end, ``tell`` how far it is.
+    """Do every step; ``ended(step, problem)`` hears of each in the order in which they end, ``tell`` how far it is.
 
     Steps are handed out in the order of the agenda as soon as what they need has ended: airflows first, then flights.
     """
     progress, left = SweepProgress(len(agenda.steps), agenda.seconds), list(agenda.steps)
-    running: dict[Future[JobEnd], Step] = {}
+    running: dict[Future[str], Step] = {}
     done: set[str | None] = {None}  # names of steps that have ended
     lost: dict[str | None, str] = {}  # by name why flights that need a step fail with it
 
-    def end(step: Step, outcome: JobEnd) -> None:
+    def end(step: Step, problem: str) -> None:
         done.add(step.name)
-        if step.airflow and outcome.problem:
-            lost[step.name] = f"its airflow failed: {outcome.problem}"
-        progress.ended(step, outcome)
-        ended(step, outcome)
+        if step.airflow and problem:
+            lost[step.name] = f"its airflow failed: {problem}"
+        progress.ended(step, problem)
+        ended(step, problem)
 
     while True:
         while ready := [step for step in left if step.needs in done]:
@@ -71,24 +71,24 @@ def do_agenda(
             for step in ready:
                 if step.needs in lost and not step.airflow:
                     lost[step.name] = lost[step.needs]
-                    end(step, JobEnd(lost[step.name]))
+                    end(step, lost[step.name])
                 else:
                     running[_begun(step, executor)] = step
         if not running:
             break
         tell(str(progress))
         for future in wait(running, timeout=TELL_EVERY, return_when=FIRST_COMPLETED).done:
-            end(running.pop(future), _outcome(future))
+            end(running.pop(future), _problem(future))
     tell(f"done {progress}")
 
 
-def _begun(step: Step, executor: Executor) -> Future[JobEnd]:
+def _begun(step: Step, executor: Executor) -> Future[str]:
     able = executor.on(step.ranks) if isinstance(executor, Cluster) else executor
     return able.submit(solve_airflow_of if step.airflow else fly_scene, step.job)
 
 
-def _outcome(future: Future[JobEnd]) -> JobEnd:
+def _problem(future: Future[str]) -> str:
     try:
         return future.result()
     except ProgramError as problem:  # the worker died
-        return JobEnd(str(problem))
+        return str(problem)
