@@ -16,9 +16,7 @@ from typing import Any
 from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
 from ..core.store import cache_root
-from ..pipeline.cache import silent
 from ..planning.plan import Plan
-from ..progress import unheard
 from ..results.result import FILE, Request, Result
 from ..runs import run_once
 from ..scene import Scene
@@ -94,8 +92,8 @@ def _tried(job: Job, until: str | None) -> str:
         if job.plan.flown_by == "tracker" and until is None:
             _compile()
         run_once(
-            Scene.parse(job.tables), folder=job.folder, request=replace(job.asked, until=until), workers=job.threads,
-            listener=silent, planned=unheard, redraw=False, report=job.report, made=job.plan,
+            Scene.parse(job.tables), job.folder, replace(job.asked, until=until), workers=job.threads,
+            report=job.report, made=job.plan,
         )  # fmt: skip
     except ProgramError as problem:
         _note(job.folder, f"{problem}\n{problem.tail}\n")
