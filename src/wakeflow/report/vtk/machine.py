@@ -28,7 +28,7 @@ def write_machine(folder: Path | str, scene: Scene) -> Path:
     folder, place = Path(folder), Path(folder) / "machine"
     shutil.rmtree(place, ignore_errors=True)
     lines = ["  <vtkMultiBlockDataSet>\n"]
-    for number, (group, blocks) in enumerate(_groups(scene).items()):
+    for number, (group, blocks) in enumerate(machine_blocks(scene).items()):
         lines.append(f'    <Block index="{number}" name={quoteattr(group)}>\n')
         for index, (name, block) in enumerate(blocks.items()):
             file = save_piece(block, place / f"{group}_{index:02d}.vtp")
@@ -40,7 +40,8 @@ def write_machine(folder: Path | str, scene: Scene) -> Path:
     return folder / "machine.vtm"
 
 
-def _groups(scene: Scene) -> dict[str, dict[str, Any]]:
+def machine_blocks(scene: Scene) -> dict[str, dict[str, Any]]:
+    """The groups bodies, bins, walls and inlets, those that there are, of blocks by the scene's own names."""
     channel, half = scene.channel, scene.channel.width / 2
     walls = {side: [(x, channel.bottom), (x, channel.top)] for side, x in (("left", -half), ("right", half))}
     inlets = {
