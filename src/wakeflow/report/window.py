@@ -11,7 +11,7 @@ import numpy as np
 from ..core.errors import SceneError
 from .canvas import BARS, BODY
 from .colours import fraction_colours
-from .vtk.machine import machine_blocks
+from .vtk.files import machine_blocks
 
 if TYPE_CHECKING:
     from ..scene import Scene
