@@ -20,8 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from wakeflow.results.air_loading import fly_unloaded
 
 import wakeflow as wf
+from wakeflow.budget.comparison import Shares, shares_of
 from wakeflow.core.boxes import ForceDensity
 from wakeflow.field import FlowField, blended_wake
 from wakeflow.foam.airflow import solve_airflow
@@ -36,8 +38,6 @@ from wakeflow.pipeline.solved_air import TimeResolvedAir
 from wakeflow.pipeline.track_stage import Companion
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.plan import COMPARED
-from wakeflow.results.air_loading import fly_unloaded
-from wakeflow.results.companions import Shares, shares_of
 
 RHOMBUS = Path(__file__).parents[1] / "rhombus.toml"
 Row = tuple[Any, ...]

@@ -7,7 +7,7 @@ among granules that meet. Here the slab flies under some of the same draws, each
 The slope is that of the slab's changes of all bin shares over those of granules alone: 1 where the assumption holds.
 Changes alone are of two halves of the granules, one the other's instrument, so that their sampling does not lower the
 slope; its interval is a jackknife's over the draws. Beside it the factor that an answer takes for it, from how many
-granules land near the ends of bins among others and alone (src/wakeflow/results/among_others.py).
+granules land near the ends of bins among others and alone (src/wakeflow/budget/bin_ends.py).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from wakeflow.budget.bin_ends import AmongOthers
 from wakeflow.foam.statistics import student
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import DRAWS, SAME_AIR
-from wakeflow.results.among_others import AmongOthers
 
 CASES = Path(__file__).parents[1]
 SCENES: dict[str, dict[str, Any]] = {

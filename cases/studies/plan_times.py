@@ -29,7 +29,7 @@ from wakeflow.pipeline.tracks import compile_tracker
 from wakeflow.planning.cost import wall_seconds
 from wakeflow.planning.machine_rates import on_this_machine
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.plan import StageCost
+from wakeflow.planning.stages import StageCost
 
 CASES = Path(__file__).parents[1]
 SCENES = ("vacuum", "aspirator", "wheat-straw-dust", "rhombus", "labyrinth", "prism")

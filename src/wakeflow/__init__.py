@@ -63,6 +63,7 @@ LAYERS = (
     "injection",
     "pipeline",
     "results",
+    "budget",
     "report",
     "refining",
     "progress",

@@ -16,10 +16,9 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.pipeline.stages import StageTime
 from wakeflow.planning.make import make_plan
-from wakeflow.refining.choice import choose, choose_surely, reachable
+from wakeflow.refining.choice import choose, choose_surely, expected_half, expected_part, reachable
 from wakeflow.refining.cost import expected_seconds
 from wakeflow.refining.knobs import applied, cheapest, finer, finest_of, knobs, own_settings
-from wakeflow.refining.prediction import expected_half, expected_part
 from wakeflow.refining.unmet import told_unmet
 from wakeflow.results.landing_results import NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.results.refinement import KnobSettings, Refinement

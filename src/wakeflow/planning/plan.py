@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from html import escape
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any
 
 from ..core.graded import Notice
 from .airflow import AirflowPlan
@@ -15,6 +15,7 @@ from .bounds import COLLISIONS
 from .coupling import Limit
 from .crowd import CrowdPlan
 from .impaction import Deflection
+from .stages import StageCost
 from .terms import LeftOut
 
 __all__ = [
@@ -26,7 +27,6 @@ __all__ = [
     "SAME_AIR",
     "FractionPlan",
     "Plan",
-    "StageCost",
     "replicate_size",
     "whole_terms",
 ]
@@ -79,25 +79,6 @@ class FractionPlan(_Sendable):
 def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]:
     """The terms among ``planning.bounds`` that are computed for the run as a whole, of all fractions together."""
     return airflow.effects | ({COLLISIONS} if crowd is not None else set())
-
-
-@dataclass(frozen=True)
-class StageCost:
-    """What a stage is expected to take: its ``name`` as a run's listener hears it, ``seconds`` each of the ``times``
-    that it is done, and ``when``: first, in the answer's own airflow, beside that on another core, or after it.
-    """
-
-    ORDER: ClassVar[tuple[str, ...]] = ("first", "answer", "beside", "after")
-
-    name: str
-    seconds: float
-    when: str
-    times: int = 1
-
-    @property
-    def whole(self) -> float:
-        """Seconds of all times together."""
-        return self.times * self.seconds
 
 
 @dataclass(frozen=True)

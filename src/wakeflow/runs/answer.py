@@ -12,6 +12,12 @@ import numpy as np
 
 import wakeflow
 
+from ..budget.air_loading import UNLOADED, loading_of
+from ..budget.budget import flights_ahead, fly_again, make_budget, together
+from ..budget.mesh import airflow_on_grids
+from ..budget.model import MODEL
+from ..budget.source import Flights
+from ..budget.total import totalled
 from ..core.beside import beside
 from ..core.files import atomic_write
 from ..core.graded import gravest_first
@@ -21,7 +27,6 @@ from ..core.store import content_key, digest_files
 from ..laws.momentum import momentum_pressure
 from ..pipeline.pipeline import Pipeline
 from ..report.views import Result
-from ..results.air_loading import loading_of
 from ..results.airflow_summary import (
     Airflow,
     FieldDivergence,
@@ -31,8 +36,6 @@ from ..results.airflow_summary import (
     with_mesh_error,
     with_residence,
 )
-from ..results.budget import flights_ahead, fly_again, make_budget, together
-from ..results.companions import airflow_on_grids
 from ..results.crowd_summary import crowd_of
 from ..results.funnel_summary import FunnelSummary
 from ..results.impact_summary import impact_of
@@ -54,9 +57,6 @@ from ..results.result import (
     provenance_in,
 )
 from ..results.separation import separate
-from ..results.source import Flights
-from ..results.sources import MODEL, UNLOADED
-from ..results.total import totalled
 from ..scene import Scene
 from .folder import field_files, report_into, some_granules
 from .packages import versions
@@ -112,7 +112,7 @@ class OneRun:
             landings=landings,
             warnings=tuple(notice.text for notice in known),
             grades=tuple(notice.grade.value for notice in known),
-            seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
+            seconds=self.pipeline.seconds,
             versions=versions(),
             key=key,
             provenance=provenance_in(self.folder, key) or provenance_of(scene, solver),

@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..budget.budget import fly_again
+from ..budget.source import Flights
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
 from ..core.process import check_workers
@@ -16,12 +18,10 @@ from ..planning.make import make_plan
 from ..progress import heard
 from ..refining.loop import refined
 from ..report.views import Result
-from ..results.budget import fly_again
 from ..results.refinement import Refinement
 from ..results.result import (
     Request,
 )
-from ..results.source import Flights
 from ..scene import Scene
 from ..scene.switches import States
 from .answer import OneRun
@@ -114,7 +114,7 @@ def run_once(
             pipeline, poured = stages_of(scene, request, workers, listener, crew, planned, made)
             result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
             if workers is None and crew == 1 and request.near is None:  # all cores, from rest: as the plan expects it
-                spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
+                spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)
             return result
     except Timeout:

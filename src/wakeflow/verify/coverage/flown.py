@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...budget.budget import fly_again, make_budget
+from ...budget.source import Flights
+from ...budget.total import totalled
 from ...core.files import write_json
 from ...core.lazy import cached_property
 from ...core.store import Store, content_key
@@ -24,11 +27,8 @@ from ...planning.make import make_plan
 from ...planning.plan import Plan
 from ...planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from ...planning.variation import AS_GIVEN, AirVariation, Variation
-from ...results.budget import fly_again, make_budget
 from ...results.landing_results import BudgetRow, Separation
 from ...results.separation import separate
-from ...results.source import Flights
-from ...results.total import totalled
 from ...scene import Scene
 from .scenes import VariedScene, divided
 from .stored_air import StoredPipeline, plan_in

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ...budget.source import INPUTS
 from ...laws.best_estimate import Estimate, left_one_out
 from ...planning.unknowns import SIGMAS
 from ...results.separation import separate
-from ...results.total import INPUTS
 from .counted import Counted
 from .flown import Predicted
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ...budget.slab import SlabStep
 from ...core.graded import Grade
 from ...core.resources import scene_templates
 from ...labyrinth import chain
 from ...laws.constants import STANDARD_AIR
 from ...laws.drag import terminal_velocity
 from ...pipeline.compilation import COMPILED
-from ...results.crowd_sources import SlabStep
 from ...results.result import Result
 from ...runs import run
 from ...scene import Scene
