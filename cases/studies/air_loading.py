@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from wakeflow.results.air_loading import fly_unloaded
 
 import wakeflow as wf
+from wakeflow.budget.air_loading import UNLOADED
 from wakeflow.budget.comparison import Shares, shares_of
 from wakeflow.core.boxes import ForceDensity
 from wakeflow.field import FlowField, blended_wake
@@ -120,7 +120,7 @@ def flown(pipeline: Pipeline, field: FlowField, folder: Path) -> Shares:
 def answers(pipeline: Pipeline, bins: Mapping[str, tuple[str, int]], both: Path | None) -> Iterator[Row]:
     """The shares in the answer's airflow: without the force, with the steady end's change, with both ends solved."""
     same = Companion("tracks of the comparison")  # the granules of a comparison, in the answer's own air
-    effect = fly_unloaded(pipeline, pipeline.tracks(same))
+    effect = UNLOADED.fly(pipeline, pipeline.tracks(same))
     assert effect is not None
     found = {"without": effect.without, "with the steady end's change": effect.loaded}
     if both is not None:

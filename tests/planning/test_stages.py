@@ -25,7 +25,7 @@ FINE = KnobSettings(granules=4096, tolerance=1e-3, mesh_scale=1.0, averaging=Non
 
 
 def weighing(work: Workload) -> Iterator[StageCost]:
-    """One second for each fraction."""
+    """One thousand seconds for each fraction."""
     yield StageCost(StageKey(OWN, "weights"), 1000.0 * work.fractions, "after")
 
 

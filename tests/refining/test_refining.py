@@ -39,7 +39,7 @@ def sampling(error: float) -> BudgetPart:
 
 
 def steps(changed: int, granules: int) -> BudgetPart:
-    """What ``results.sources`` says where so many of the granules that fly again land in another bin."""
+    """What ``budget.steps`` says where so many of the granules that fly again land in another bin."""
     flown = granules // 4
     limit = binomtest(changed, flown).proportion_ci(0.95, method="wilson").high
     return BudgetPart("integration", float(limit), 1.0, "companion")

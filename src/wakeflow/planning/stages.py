@@ -138,9 +138,7 @@ class StageKey(str):
 
 
 class FliesAgain(Protocol):
-    """What the plan asks of a source of error: its ``place`` among them, and the stages in which it flies granules again,
-    with their costs.
-    """
+    """What the plan asks of a source of error: its ``place`` among them, and what it costs to fly granules again."""
 
     place: ClassVar[int]
 
