@@ -16,6 +16,9 @@ import numpy as np
 import pytest
 
 from support import CASES, shipped
+from wakeflow.budget.bin_ends import free_ends
+from wakeflow.budget.budget import together
+from wakeflow.budget.left_out import left_out_terms, most_crossing
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
@@ -35,10 +38,7 @@ from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.terms import TYPICAL
 from wakeflow.planning.unusual import unusual_lines
-from wakeflow.results.bin_ends import free_ends
-from wakeflow.results.budget import together
 from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.results.left_out import left_out_terms, most_crossing
 from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate, Granules, Tracks

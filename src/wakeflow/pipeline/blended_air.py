@@ -22,6 +22,8 @@ __all__ = ["BestEstimateAir"]
 class BestEstimateAir(TimeResolvedAir):
     """The wake between the steady one and the one in time, as much of each as the plan's best estimate says."""
 
+    means = "a best estimate between the steady wake and the one in time"
+
     @property
     def estimate(self) -> WakeEstimate:
         """The plan's."""

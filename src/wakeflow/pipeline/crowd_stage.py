@@ -95,7 +95,7 @@ class CrowdStage:
         feed, crowd = self.scene.feed, self.crowd
         fed = feed.mass_flow, feed.depth, self.scene.mass_shares(), repr(self.scene.collisions)
         flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("crowd"))
+        return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("slab"))
 
     def fly(self, companion: CrowdCompanion | None = None) -> SlabFound:
         """The slab; under a ``companion``'s change some of its replicates."""

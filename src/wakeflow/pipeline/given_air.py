@@ -18,6 +18,8 @@ __all__ = ["GivenAir"]
 class GivenAir(CaseAir):
     """A solved OpenFOAM case of the user's: it is measured, not solved."""
 
+    means = "a solved case of yours"
+
     @property
     def case(self) -> Path:
         assert self.scene.air is not None

@@ -100,6 +100,8 @@ class SolvedAir(CaseAir):
 class SteadyAir(SolvedAir):
     """One steady solution: the flow itself where the wake does not shed."""
 
+    means = "one steady wake"
+
     def start(self) -> Path | None:
         """The steady airflow of a neighbour, where the scene has one."""
         near = self.neighbour()
@@ -113,6 +115,8 @@ class SteadyAir(SolvedAir):
 @airflow_kinds.register("time-resolved")
 class TimeResolvedAir(SolvedAir):
     """A solution in time: whole periods of the shedding wake, repeated."""
+
+    means = "the wake in time"
 
     def start(self) -> Path | None:
         """The steady wake."""

@@ -29,6 +29,8 @@ __all__ = ["SpanAir"]
 class SpanAir(SolvedAir):
     """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
 
+    means = "the wake in three dimensions"
+
     def start(self) -> Path:
         return self.steady().case
 
