@@ -25,7 +25,7 @@ from wakeflow.planning.make import make_plan
 STAGES = {**CODE, "funnel": FUNNEL, "kernel": ("wakeflow.tracking.kernel.loop",)}
 
 
-SOME = 20  # modules of a stage that are touched: its key reads all of them each time
+SOME = 6  # modules of a stage that are touched: its key reads all of them each time
 
 
 @pytest.fixture
