@@ -1,4 +1,4 @@
-"""What a plan expects to take: by stage, on idle cores, and on the machine whose earlier runs are known."""
+"""What a plan expects to take, by stage and on the machine whose earlier runs are known; a plan that is sent."""
 
 from __future__ import annotations
 
