@@ -23,8 +23,11 @@ import numpy as np
 
 import wakeflow as wf
 from wakeflow.core.boxes import ForceDensity
+from wakeflow.core.errors import known
+from wakeflow.core.record import load
 from wakeflow.field import FlowField, blended_wake
 from wakeflow.foam.airflow import solve_airflow
+from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.momentum_source import SOURCE, write_source
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.pipeline.air_loading import AirLoading
@@ -81,12 +84,12 @@ def passes(pipeline: Pipeline, bins: Mapping[str, tuple[str, int]]) -> Iterator[
     bare = loading.steady.measured
     field = loading.steady.field
     assert field is not None
-    yield "0", 0.0, bare["cd"]["value"], axis_speed(scene, field[1]), *shares(loading.first.shares)
+    yield "0", 0.0, known(bare.cd).value, axis_speed(scene, field[1]), *shares(loading.first.shares)
     for number, one in enumerate(loading.passes, 1):
-        measured = json.loads((one.folder / "case" / "airflow.json").read_text())
+        measured = load(AirflowResult, one.folder / "case" / "airflow.json")
         given = both * json.loads((one.folder / "case" / SOURCE).read_text())["force"][1]
         speed = axis_speed(scene, loading.field_in(one.folder))
-        yield str(number), given, measured["cd"]["value"], speed, *shares(one.gathered.shares)
+        yield str(number), given, known(measured.cd).value, speed, *shares(one.gathered.shares)
 
 
 def solved_both(pipeline: Pipeline, force: ForceDensity, folder: Path) -> FlowField:

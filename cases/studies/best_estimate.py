@@ -8,7 +8,8 @@ program would take for that body if this entry did not exist; held: the two rang
 
 from __future__ import annotations
 
-from wakeflow.laws.best_estimate import Estimate, left_one_out
+from wakeflow.core.number import Number
+from wakeflow.laws.best_estimate import left_one_out
 
 HEAD = (
     "entry", "shape", "blockage", "quantity", "at that blockage", "ends", "gives", "by the others", "held",
@@ -16,7 +17,7 @@ HEAD = (
 )  # fmt: skip
 
 
-def told(number: Estimate) -> str:
+def told(number: Number) -> str:
     """The number with its range."""
     return f"{number.value:.2f} ({number.low:.2f} to {number.high:.2f})"
 

@@ -87,7 +87,7 @@ def table(scene: wf.Scene, rung: str, scales: Sequence[float], tell: Callable[[s
         outline, size = np.array(spec.bodies[0]), spec.widths[0]
         before, behind = (spec.top - outline[:, 1].max()) / size, (outline[:, 1].min() - spec.bottom) / size
         numbers = " | ".join(
-            "{:.3f} ± {:.3f}".format(*mean_and_error(np.array([air[name]["value"] for air in airs])))
+            "{:.3f} ± {:.3f}".format(*mean_and_error(np.array([getattr(air, name).value for air in airs])))
             for name in ("cd", "cl_rms", "cp_base")
         )
         moves = {
@@ -100,7 +100,7 @@ def table(scene: wf.Scene, rung: str, scales: Sequence[float], tell: Callable[[s
             "{:+.2f} ± {:.2f} {}".format(*mean_and_error(move[:, target(scene, name)].sum(axis=1)), name)
             for name, move in moves.items()
         )
-        cells = round(float(np.mean([air["cells"] for air in airs])))
+        cells = round(float(np.mean([air.cells for air in airs])))
         tell(
             f"| {before:.1f} | {behind:.1f} | {cells} | {numbers} | {mean[largest]:+.2f} ± {error[largest]:.2f} | "
             f"{meant} |"

@@ -18,10 +18,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import wakeflow as wf
+from wakeflow.core.number import Number
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
-from wakeflow.results.measured import Share
 from wakeflow.results.separation import separate
 
 CASES = Path(__file__).parents[1]
@@ -41,7 +41,7 @@ def calm(plan: Plan) -> Plan:
     })  # fmt: skip
 
 
-def shares(scene: wf.Scene, plan: Plan) -> dict[str, dict[str, Share]]:
+def shares(scene: wf.Scene, plan: Plan) -> dict[str, dict[str, Number]]:
     """Shares of every fraction in every bin."""
     return separate(scene, Pipeline(scene, plan).tracks().landings).fractions
 

@@ -115,9 +115,9 @@ def numbers(problem: Problem, found: Separation) -> dict[str, TableQuantity]:
         kind, *where = name.split(".")
         one = found.recovery[where[0]] if kind == "recovery" else (found.purity[where[0]] or {}).get(where[1])
         if one is None or one.value is None:
-            named[name] = TableQuantity(name, "1", 0.0, 0.0, 1.0)
+            named[name] = TableQuantity(0.0, 0.0, 1.0, name=name, unit="1")
         else:
-            named[name] = TableQuantity(name, "1", one.value, one.low, one.high)
+            named[name] = TableQuantity(one.value, one.low, one.high, name=name, unit="1")
     return named
 
 

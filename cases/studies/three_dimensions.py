@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from wakeflow.core.errors import known
+from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
 from wakeflow.field import FlowField
 from wakeflow.field.cross_fade import cross_faded
@@ -30,7 +32,6 @@ from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec, axis_points
 from wakeflow.foam.case_fields import CaseFields
 from wakeflow.foam.cost import core_seconds
-from wakeflow.foam.history import Interval
 from wakeflow.foam.span_measure import measure_span
 from wakeflow.foam.span_read import lead_of, read_layers
 from wakeflow.foam.span_record import SpanRecord
@@ -57,15 +58,15 @@ COUNT = 4096  # granules of each fraction
 PLACES = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0])  # widths behind the body, in the profiles
 PAIRED = 2.36  # Student's t of the 8 pairs of replicates, 95 %
 SHOWN = {"dust": ("middle",), "chaff": ("middle",), "wheat": ("outer-left", "outer-right")}
-Shares = dict[str, dict[str, Interval]]
+Shares = dict[str, dict[str, Number]]
 
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One airflow of a body: its table as airflow.json has it, the fields that granules fly in, core-hours."""
+    """One airflow of a body: its numbers, the fields that granules fly in, core-hours."""
 
     name: str
-    table: dict[str, Any]
+    found: AirflowResult
     fields: Sequence[FlowField]
     core_hours: float
 
@@ -92,15 +93,7 @@ def analysed(folder: Path, spec: FlowSpec, begin: float | None = None) -> Column
         field = FlowField.from_arrays(**arrays)
         assert field.times is not None
         fields.append(cross_faded(field, lead_of(spec, field.times)))
-    return Column("3D", plain(found), fields, core_seconds(folder / "deep") / 3600)
-
-
-def plain(found: AirflowResult) -> dict[str, Any]:
-    """A measured airflow as airflow.json holds it."""
-    table = dict(vars(found))
-    for name in ("cd", "cl_rms", "strouhal", "cp_base", "suction"):
-        table[name] = None if table[name] is None else dict(vars(table[name]))
-    return table
+    return Column("3D", found, fields, core_seconds(folder / "deep") / 3600)
 
 
 def tell(stage: str, text: str) -> None:
@@ -159,7 +152,7 @@ def shares(scene: wf.Scene, fields: Sequence[FlowField]) -> Shares:
         half = PAIRED * pairs.std(axis=0, ddof=1) / np.sqrt(len(pairs))
         mean = rows.mean(axis=0)
         found[name] = {
-            bin_: Interval(float(m), float(m - h), float(m + h)) for bin_, m, h in zip(bins, mean, half, strict=True)
+            bin_: Number(float(m), float(m - h), float(m + h)) for bin_, m, h in zip(bins, mean, half, strict=True)
         }
     return found
 
@@ -184,14 +177,12 @@ def on_axis(spec: FlowSpec, fields: Sequence[FlowField]) -> tuple[Array, Array, 
     return spec.along * u.mean(axis=0)[:, 1] / spec.speed, along, across
 
 
-def told(part: dict[str, float] | None, digits: int = 2) -> str:
+def told(part: Number | None, digits: int = 2) -> str:
     """A number with its interval."""
-    return (
-        "–" if part is None else f"{part['value']:.{digits}f} ({part['low']:.{digits}f} to {part['high']:.{digits}f})"
-    )
+    return "–" if part is None else f"{part.value:.{digits}f} ({part.low:.{digits}f} to {part.high:.{digits}f})"
 
 
-def percent(row: dict[str, Interval], bins: Sequence[str]) -> str:
+def percent(row: dict[str, Number], bins: Sequence[str]) -> str:
     """The share in some bins together, %."""
     value = sum(row[name].value for name in bins)
     half = np.sqrt(sum((row[name].high - row[name].value) ** 2 for name in bins))
@@ -209,12 +200,12 @@ def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Co
         rows.setdefault(name, []).append(value)
 
     for column in columns:
-        table, zone = column.table, column.table["suction"]
-        add("cells", str(table["cells"]))
+        one = column.found
+        add("cells", str(one.cells))
         for name, key, digits in (("Cd", "cd", 2), ("Cl rms", "cl_rms", 2), ("St", "strouhal", 3)):
-            add(name, told(table[key], digits))
-        add("Cp base", told(table["cp_base"]))
-        add("reversal length / D", f"{zone['reversal_length'] / width:.2f}")
+            add(name, told(getattr(one, key), digits))
+        add("Cp base", told(one.cp_base))
+        add("reversal length / D", f"{known(known(one.suction).reversal_length) / width:.2f}")
         speed, along, across = on_axis(spec, column.fields)
         for i, place in enumerate(PLACES):
             add(f"axis, {place:g} D behind: speed, u', v'", f"{speed[i]:.2f}, {along[i]:.2f}, {across[i]:.2f}")
@@ -233,23 +224,23 @@ def print_table(body: str, spec: FlowSpec, scene: wf.Scene, columns: Sequence[Co
 
 def print_proof(column: Column, spec: FlowSpec) -> None:
     """That the flow is three-dimensional, and how long it was looked at."""
-    span, width = column.table["span"], spec.mesh.projected_width
-    assert span is not None
-    quarters = ", ".join(f"{part:.3f}" for part in span["quarters"])
-    lengths = ", ".join(f"{length / width:.2f}" for length in span["integral_lengths"])
-    periods = column.table["statistics"].get("periods", "–")
+    span, width = known(column.found.span), spec.mesh.projected_width
+    quarters = ", ".join(f"{part:.3f}" for part in span.quarters)
+    lengths = ", ".join(f"{length / width:.2f}" for length in span.integral_lengths)
+    averaged = column.found.statistics
+    periods = "–" if averaged is None else averaged.periods
     print(
-        f"\nSpan {span['depth'] / width:.3g} D in {span['layers']} layers, {len(span['flown'])} of them flown in; "
-        f"{span['recorded'] / spec.convective_time:.0f} D/U recorded ({periods} sheddings averaged). Rms of w in the "
-        f"near wake {span['w_rms']:.3f} U, in quarters of the time {quarters}; of u, v about the span's mean "
-        f"{span['uv_rms']:.3f} U. Integral lengths along the span of v', u', w': {lengths} D."
+        f"\nSpan {span.depth / width:.3g} D in {span.layers} layers, {len(span.flown)} of them flown in; "
+        f"{span.recorded / spec.convective_time:.0f} D/U recorded ({periods} sheddings averaged). Rms of w in the "
+        f"near wake {span.w_rms:.3f} U, in quarters of the time {quarters}; of u, v about the span's mean "
+        f"{span.uv_rms:.3f} U. Integral lengths along the span of v', u', w': {lengths} D."
     )
-    for note in column.table["notes"]:
+    for note in column.found.notes or ():
         print(f"Note: {note}.")
-    axis = span["axis"]
+    axis = span.axis
     print("\n| behind / D | speed | u' | v' | v' along the whole span | w' | modelled |\n|---|---|---|---|---|---|---|")
-    for i, place in enumerate(axis["behind"]):
-        parts = (axis[name][i] for name in ("speed", "along", "across", "coherent", "spanwise", "modelled"))
+    for i, place in enumerate(axis.behind):
+        parts = (getattr(axis, name)[i] for name in ("speed", "along", "across", "coherent", "spanwise", "modelled"))
         print(f"| {place:g} | {' | '.join(f'{part:.2f}' for part in parts)} |")
 
 

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
+from wakeflow.core.number import Number
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.bounds import COLLISIONS, LOADING
 from wakeflow.planning.make import make_plan
 from wakeflow.report.colours import fraction_colours
 from wakeflow.report.words import percent
 from wakeflow.results.landing_results import Separation
-from wakeflow.results.measured import Measured
 from wakeflow.results.separation import separate
 
 CASES = Path(__file__).parents[1]
@@ -42,7 +42,7 @@ class Point:
     separation: Separation
     meetings: dict[str, float]
 
-    def recovery(self, name: str) -> Measured | None:
+    def recovery(self, name: str) -> Number | None:
         """Share of a fraction in its target bins; None without any."""
         return self.separation.recovery[name]
 

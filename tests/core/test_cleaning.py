@@ -14,7 +14,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.core.files import write_json
 from wakeflow.core.links import link_or_copy
 from wakeflow.core.store import Store
-from wakeflow.sweeps.show import MOST_ROWS, show_stages
+from wakeflow.terminal.stored import MOST_ROWS, show_stages
 
 
 @pytest.fixture

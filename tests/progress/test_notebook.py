@@ -9,8 +9,8 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, shipped
+from wakeflow import progress
 from wakeflow.pipeline.cache import silent
-from wakeflow.progress import heard, notebook
 
 display = pytest.importorskip("IPython.display")
 
@@ -34,7 +34,7 @@ class Cell:
 @pytest.fixture
 def cell(monkeypatch: pytest.MonkeyPatch) -> Cell:
     made = Cell()
-    monkeypatch.setattr(notebook, "_in_notebook", lambda: True)
+    monkeypatch.setattr(progress, "_in_notebook", lambda: True)
     monkeypatch.setattr(display, "display", made.display)
     return made
 
@@ -56,8 +56,8 @@ def test_a_listener_of_the_caller_hears_instead(cell: Cell, tmp_path: Path) -> N
 
 
 def test_nothing_is_shown_in_a_script() -> None:
-    assert not notebook._in_notebook()
-    assert heard(None)[0] is silent
+    assert not progress._in_notebook()
+    assert progress.heard(None)[0] is silent
 
 
 @pytest.mark.slow

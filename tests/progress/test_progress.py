@@ -11,8 +11,7 @@ import pytest
 import wakeflow as wf
 from support import shipped
 from wakeflow.planning.plan import StageCost
-from wakeflow.progress import RunProgress, live
-from wakeflow.progress.pace import FROM_CACHE
+from wakeflow.progress import FROM_CACHE, RunProgress, live
 
 STAGES = (
     StageCost("mesh", 2.0, "first"),

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.report import NOTHING, Column, Report, Row, Table, Tell
+from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute
 from wakeflow.funnel.cone import write_plate
@@ -165,7 +166,8 @@ def run_funnel(folder: Path, *, slow: bool, tell: Tell) -> Report:
 
     def discharge(**changes: Any) -> Row:
         funnel = Funnel(**{**BASE, **changes})
-        return compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell)
+        row: Row = to_json(compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell))
+        return row
 
     facts: dict[str, list[Row]] = {
         "plate": [_plate(folder / "plate", modulus, tell) for modulus in PLATES],

@@ -19,6 +19,7 @@ from proofs.airflow.published import Case, Published, cases, read_cases, verific
 from proofs.report import Table
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
+from wakeflow.core.record import from_json
 from wakeflow.field import FlowField
 from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.best_estimate import best_estimate
@@ -202,7 +203,7 @@ def _airflow(case: Path, **changes: Any) -> SolvedAirflow:
         "suction": {"reversal_length": 0.1}, "period": None,
         "cells": 1000,
     }  # fmt: skip
-    return SolvedAirflow(Airflow.read({**table, **changes}), case, 0.05)
+    return SolvedAirflow(from_json(Airflow, {**table, **changes}), case, 0.05)
 
 
 def test_quantities_take_numbers_with_and_without_intervals(tmp_path: Path) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from support import field_of
+from wakeflow.core.record import from_json
 from wakeflow.report.air import _levels_of_bodies, suction_nodes
 from wakeflow.report.canvas import new_figure, pdf_too, save
-from wakeflow.report.figures import cost, forces, mesh
-from wakeflow.report.figures.cost import draw_cost
-from wakeflow.report.figures.forces import draw_forces
-from wakeflow.report.figures.mesh import draw_mesh
-from wakeflow.report.figures.residence import times_in_zone
+from wakeflow.report.figures import budget, solver
+from wakeflow.report.figures.budget import draw_cost
+from wakeflow.report.figures.flights import times_in_zone
+from wakeflow.report.figures.solver import draw_forces, draw_mesh
 from wakeflow.results.airflow_summary import Airflow
 from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.results.solved_case import ForceHistory, PlaneCells
@@ -29,7 +29,7 @@ SPEED = 2.0  # m/s of the tracks below
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures as they are about to be saved, each with its data."""
     kept: list[Any] = []
-    for module in (cost, forces, mesh):
+    for module in (budget, solver):
         monkeypatch.setattr(module, "save", lambda figure, path, data=None: kept.append((figure, data)))
     return kept
 
@@ -103,7 +103,7 @@ def test_the_mesh_shows_the_cells_in_its_windows(rhombus: Scene, drawn: list[Any
     places = [(0.026, 0.0), (0.1, 0.05), (0.19, -0.9)]  # m: at the body, in the window, below the channel
     points = np.concatenate([np.array(place) + 0.004 * square for place in places])
     cells = PlaneCells(points, [np.arange(4 * i, 4 * i + 4) for i in range(3)])
-    draw_mesh(Path("unused"), cells, rhombus, Airflow.read({"rung": "draft"}))
+    draw_mesh(Path("unused"), cells, rhombus, from_json(Airflow, {"rung": "draft"}))
     figure, data = drawn[0]
     assert [len(axes.collections[0].get_paths()) for axes in figure.axes] == [2, 1]
     assert "3 cells" in figure.axes[0].get_title(loc="left")

@@ -19,9 +19,8 @@ from wakeflow.field import FlowField
 from wakeflow.pipeline.film_stage import Film
 from wakeflow.report.canvas import BODY
 from wakeflow.report.colours import fraction_colours
-from wakeflow.report.film import write_film
-from wakeflow.report.html.film import BEGIN, END, show_film
-from wakeflow.report.pictures.paths import body_displacement
+from wakeflow.report.film import BEGIN, END, show_film, write_film
+from wakeflow.report.pictures.view import body_displacement
 from wakeflow.scene import Scene
 
 SPAN, SIZE, PLENTY = 0.2, 300, 5e6

@@ -17,8 +17,8 @@ import wakeflow as wf
 from wakeflow.field import FlowField
 from wakeflow.laws.material import materials
 from wakeflow.report.canvas import bins_across
-from wakeflow.report.html.asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from wakeflow.report.html.live import FRAMES, POINTS, _frames
+from wakeflow.report.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from wakeflow.results.provenance import commit_of
 from wakeflow.results.result import Request
 from wakeflow.scene import Scene

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 
 import wakeflow as wf
 from support import field_of, shipped
-from wakeflow.core import frames
+from wakeflow.core import tables
 from wakeflow.report.plot import cells_left, outcome_of
 
 
@@ -159,7 +159,7 @@ def test_landings_read_back_are_those_of_the_kept_granules(result: wf.Result) ->
 
 
 def test_frames_are_plain_arrays_without_pandas(result: wf.Result, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "find_spec", lambda name: None)
+    monkeypatch.setattr(tables, "find_spec", lambda name: None)
     table: dict[str, Any] = result.frame()
     assert list(table) == ["fraction", "bin", "share", "low", "high", "target"]
     for name, place, share, low, high in zip(*(table[head] for head in list(table)[:5]), strict=True):
@@ -182,8 +182,8 @@ def test_frames_are_pandas_where_it_is_installed(result: wf.Result, monkeypatch:
         def DataFrame(columns: dict[str, Any]) -> tuple[str, list[str]]:
             return "frame", list(columns)
 
-    monkeypatch.setattr(frames, "find_spec", lambda name: name)
-    monkeypatch.setattr(frames, "import_module", lambda name: {"pandas": Pandas}[name])
+    monkeypatch.setattr(tables, "find_spec", lambda name: name)
+    monkeypatch.setattr(tables, "import_module", lambda name: {"pandas": Pandas}[name])
     assert result.frame() == ("frame", ["fraction", "bin", "share", "low", "high", "target"])
 
 

@@ -19,30 +19,27 @@ from matplotlib.figure import Figure as Canvas
 
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains
+from wakeflow.core.number import Number
+from wakeflow.core.record import from_json, to_json
 from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, clear_report, csv, html, is_whole, write_report
+from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, tables, write_report
 from wakeflow.report.air import window_round_body
 from wakeflow.report.canvas import inside_window, new_axes, save
-from wakeflow.report.figures import Figure, figures, landing, pressure
-from wakeflow.report.figures import tracks as tracks_figure
-from wakeflow.report.figures.landing import draw_landing
-from wakeflow.report.figures.partition import draw_partition
-from wakeflow.report.figures.pressure import draw_pressure
-from wakeflow.report.figures.residence import draw_residence
-from wakeflow.report.figures.surface import draw_surface
-from wakeflow.report.figures.tracks import draw_tracks
-from wakeflow.report.figures.vorticity import draw_vorticity
+from wakeflow.report.figures import Figure, air, figures, flights
+from wakeflow.report.figures import shares as share_figures
+from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vorticity
+from wakeflow.report.figures.flights import draw_residence, draw_tracks
+from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
-from wakeflow.results.airflow_summary import Airflow
 from wakeflow.results.landing_results import PartitionCurve, Separation
-from wakeflow.results.measured import Measured, Share
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
-from wakeflow.terminal import budget_table, separation_table
+from wakeflow.terminal.result import budget_table, separation_table
 
 if TYPE_CHECKING:
     from wakeflow.report.canvas import Paper
@@ -53,11 +50,17 @@ AIRFLOW = {
     "cd": {"value": 1.2345, "low": 1.21, "high": 1.26}, "strouhal": None,
     "cl_rms": {"value": 0.0, "low": 0.0, "high": 0.001}, "cp_base": {"value": -0.62, "low": -0.63, "high": -0.61},
     "pressure_drop": 3.14, "flow_rate": 1.5, "p_inlet": INLET,
-    "suction": {"cp_min": -1.93, "length": 0.083, "width": 0.061, "area": 0.0041, "reversal_length": 0.131},
+    "suction": {
+        "threshold": -0.5, "cp_min": -1.93, "length": 0.083, "width": 0.061, "area": 0.0041, "reversal_length": 0.131,
+    },
 }  # fmt: skip
 
 
-FOUND = Airflow.read(AIRFLOW)
+FOUND = from_json(Airflow, AIRFLOW)
+PLAN: dict[str, Any] = {
+    "airflow": {"rung": "draft", "why": "", "stepping": "steady", "turbulence": None, "symmetric": True, "half": True},
+    "target_error": 0.01, "force": {}, "fractions": {}, "estimate": {"seconds": 1.0, "memory": 1.0, "disk": 1.0},
+}  # fmt: skip
 
 
 def _field(scene: Scene, step: float = 0.01) -> FlowField:
@@ -119,7 +122,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         shares = raw / raw.sum() if i < count - 1 else np.eye(len(bins))[-1]
         half = 0.004 + 0.001 * i
         fractions[name] = {
-            b: {"share": float(s), "low": max(0.0, float(s) - half), "high": min(1.0, float(s) + half)}
+            b: {"value": float(s), "low": max(0.0, float(s) - half), "high": min(1.0, float(s) + half)}
             for b, s in zip(bins, shares, strict=True)
         }
     purity: dict[str, Any] = {
@@ -139,11 +142,11 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         {"source": "airflow-model", "error": None, "seconds": 0.0, "how": "unknown"},
     ]
     return {
-        "schema": 1,
+        "schema": 2,
         "scene": scene.tables(),
         "options": {"until": None, "rung": None, "force": {}, "target_error": None},
         "funnel": None,
-        "plan": {"used": ["steady airflow"], "left_out": [
+        "plan": {**PLAN, "used": ["steady airflow"], "left_out": [
             {"name": "basset-history", "bound": 3.1e-4, "why": "small", "fraction": None},
             {"name": "brownian", "bound": None, "why": "all < large", "fraction": None},
         ]},
@@ -196,7 +199,7 @@ def scene(request: pytest.FixtureRequest, cases: Path) -> Scene:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures as they are about to be saved."""
     kept: list[Any] = []
-    for module in (pressure, tracks_figure, landing):
+    for module in (air, flights, share_figures):
         monkeypatch.setattr(module, "save", lambda figure, path, data=None: kept.append(figure))
     return kept
 
@@ -450,7 +453,7 @@ def test_the_few_tracks_of_a_small_fraction_lie_as_all_of_them_do(rhombus: Scene
 def test_the_cut_of_a_partition_curve_has_its_unit(rhombus: Scene) -> None:
     curves = [
         PartitionCurve(("middle",), by, unit, (at, 3 * at), (0.5, 0.5), (1.0, 0.0), (0.9, 0.0), (1.0, 0.1),
-                       Measured(2 * at, at, 3 * at), 0.5 * at, 0.25)
+                       Number(2 * at, at, 3 * at), 0.5 * at, 0.25)
         for by, unit, at in (("size", "m", 1e-3), ("terminal velocity", "m/s", 1.0))
     ]  # fmt: skip
     panels = draw_partition(Canvas(), rhombus, curves)
@@ -481,7 +484,7 @@ def test_shares_in_the_landing_picture_are_the_results(rhombus: Scene, drawn: li
     for axes, shares in zip(panels, result["separation"]["fractions"].values(), strict=True):
         told = {t.get_text() for t in axes.texts}
         for place, row in shares.items():
-            text = percent(Share(row["share"], row["low"], row["high"])).replace(" ", "\n", 1) + " %"
+            text = percent(Number(row["share"], row["low"], row["high"])).replace(" ", "\n", 1) + " %"
             assert (f"elsewhere\n{text}" if place == "elsewhere" else text) in told
 
 
@@ -489,8 +492,8 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     shelf = [[-0.1, -0.1], [0.0, -0.15], [0.1, -0.15]]
     scene = rhombus.replace({"bin.shelf.points": shelf})
     corner = np.array([[0.0, -0.15]])
-    assert landing._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
-    assert landing._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
+    assert share_figures._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
+    assert share_figures._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
         np.hypot(0.1, 0.05) + 0.04
     )
     draw_landing("unused", scene, _landings(scene))
@@ -505,19 +508,19 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
 @pytest.mark.parametrize(
     ("number", "text"),
     [
-        (Measured(0.621, 0.613, 0.629), "62.1 ± 0.8"),
-        (Share(0.62144, 0.62104, 0.62184), "62.14 ± 0.04"),
-        (Measured(1.0, 0.99998, 1.0), "100.000 -0.002"),
-        (Share(0.982, 0.951, 0.991), "98.2 -3.1 +0.9"),
-        (Share(0.0, 0.0, 0.004), "0.0 +0.4"),
-        (Measured(0.756, 0.637, 0.875), "76 ± 12"),
-        (Measured(0.25, 0.25, 0.25), "25.0 ± 0.0"),
-        (Measured(0.5, None, None), "50.0"),
-        (Measured(None, None, None), "–"),
+        (Number(0.621, 0.613, 0.629), "62.1 ± 0.8"),
+        (Number(0.62144, 0.62104, 0.62184), "62.14 ± 0.04"),
+        (Number(1.0, 0.99998, 1.0), "100.000 -0.002"),
+        (Number(0.982, 0.951, 0.991), "98.2 -3.1 +0.9"),
+        (Number(0.0, 0.0, 0.004), "0.0 +0.4"),
+        (Number(0.756, 0.637, 0.875), "76 ± 12"),
+        (Number(0.25, 0.25, 0.25), "25.0 ± 0.0"),
+        (Number(0.5, None, None), "50.0"),
+        (Number(None, None, None), "–"),
         (None, "–"),
     ],
 )
-def test_digits_follow_the_interval(number: Measured | Share | None, text: str) -> None:
+def test_digits_follow_the_interval(number: Number | None, text: str) -> None:
     assert percent(number) == text
 
 
@@ -528,7 +531,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -> None:
     result = _result(scene, None)
-    csv.write_tables(tmp_path, _read(result))
+    tables.write_tables(tmp_path, _read(result))
     rows = _rows(tmp_path / "separation.csv")
     separation = result["separation"]
     assert len(rows) == len(scene.fraction) * len(separation["bins"])
@@ -547,7 +550,7 @@ def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -
 
 
 def test_the_budget_leaves_unknown_errors_empty(rhombus: Scene, tmp_path: Path) -> None:
-    csv.write_tables(tmp_path, _read(_result(rhombus, None)))
+    tables.write_tables(tmp_path, _read(_result(rhombus, None)))
     rows = _rows(tmp_path / "budget.csv")
     assert [r["source"] for r in rows[:3]] == ["sampling", "airflow-model", "total"]
     assert [r["error"] for r in rows[:3]] == ["0.0043", "", ""]
@@ -696,12 +699,12 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
 
 def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
     result = _result(rhombus, None)
-    result["impact"] = impact_loads(rhombus, make_plan(rhombus))
+    result["impact"] = to_json(impact_loads(rhombus, make_plan(rhombus)))
     shown = _Page(html.render(_read(result), {})).tables["impact"]
     assert [row[:2] for row in shown[1:]] == [
         [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")
     ]
-    csv.write_tables(tmp_path, _read(result))
+    tables.write_tables(tmp_path, _read(result))
     rows = _rows(tmp_path / "impact.csv")
     wheat, last = result["impact"]["fractions"]["wheat"]["slopes"]["right"], rows[-1]
     assert float(rows[5]["normal force (N)"]) == pytest.approx(wheat["normal"])
@@ -775,7 +778,7 @@ def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
 def test_the_report_loads_nothing_heavy() -> None:
     from wakeflow.core.process import capture
 
-    code = "import sys, wakeflow.report, wakeflow.report.csv, wakeflow.report.figures, wakeflow.report.vtk;" + (
+    code = "import sys, wakeflow.report, wakeflow.report.tables, wakeflow.report.figures, wakeflow.report.vtk;" + (
         "print(sorted({'pyvista', 'vtk', 'matplotlib', 'jinja2', 'scipy'} & set(sys.modules)))"
     )
     assert capture([sys.executable, "-c", code]) == (0, "[]\n")

@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from support import shipped
 from wakeflow.core.graded import Grade
@@ -16,7 +15,7 @@ from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.make import make_plan
 from wakeflow.results.notices import ENDINGS, _out_of_the_top, _unlanded
 from wakeflow.scene import Scene
-from wakeflow.terminal.warn import MOST_WARNINGS, warn
+from wakeflow.terminal.screen import MOST_WARNINGS, warn
 from wakeflow.tracking import Fate
 
 KEY = re.compile(r"\b[a-z]+\.[a-zA-Z_.]+|--force [a-z.-]+=o|\[[a-z.A-Z]+\]")  # air.speed, --force lift=on, [vibration]
@@ -42,7 +41,7 @@ def test_granules_that_leave_above_are_told_and_those_that_fall_are_not() -> Non
 
 def test_the_gravest_stand_on_screen_and_the_rest_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     plan = make_plan(shipped("rhombus"), force={"collisions": False, "air-loading": False})
-    warn(Console(), plan.warnings, [notice.grade.value for notice in plan.notices])
+    warn(plan.warnings, [notice.grade.value for notice in plan.notices])
     out = capsys.readouterr().out
     assert plan.notices[0].grade is Grade.VOID  # 500 kg/h are far beyond independent granules
     assert sum(out.count(f"! {grade.value}: ") for grade in Grade) == MOST_WARNINGS

@@ -11,7 +11,7 @@ from support import CASES, Here, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.searching.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.sweeps.axis import Axis, axis_of_text
-from wakeflow.terminal.search import show_search
+from wakeflow.terminal.many import show_search
 
 FILE = f"""
 [search]

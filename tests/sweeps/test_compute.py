@@ -67,7 +67,7 @@ def test_a_scene_that_fails_is_in_the_table_with_its_reason(swept: Any) -> None:
 def test_frames_are_columns_tidy_or_a_row_a_scene(swept: Any) -> None:
     sweep, found, _ = swept
     tidy, wide = sweep.table.frame(), sweep.frame(wide=True)
-    assert len(tidy["value"]) == len(sweep.table.rows())
+    assert len(tidy["value"]) == len(sweep.table.tidy().rows)
     assert list(wide["scene"]) == [one.name for one in found]
     value, low, high = (np.asarray(wide[f"recovery.wheat{end}"], dtype=float) for end in ("", ".low", ".high"))
     assert np.isnan(value[4:]).all()

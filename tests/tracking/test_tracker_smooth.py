@@ -111,7 +111,6 @@ def test_results_depend_on_nothing_but_the_granule() -> None:
 
 
 # -- moving meshes
-# ------------------------------------------------------------------------------------------------------
 
 AMPLITUDE, OMEGA, PHASE = np.array([0.003, 0.02]), 60.0, 0.7
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import socket
+from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
@@ -82,6 +83,13 @@ class Cluster(Executor):
     def size(self) -> int:
         """Tasks that can run at once on the workers that are there now."""
         return sum(worker["nthreads"] for worker in self._workers.values())
+
+    def threads(self, tasks: int) -> int:
+        """How many threads each of so many tasks can have: those of one machine at most."""
+        machines: Counter[str] = Counter()
+        for worker in self._workers.values():
+            machines[worker["host"]] += worker["nthreads"]
+        return max(1, min(self.size // max(1, tasks), max(machines.values(), default=1)))
 
     @property
     def _workers(self) -> Mapping[str, Any]:

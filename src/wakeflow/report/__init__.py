@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from .outcome import Landed, Outcome
 
 if TYPE_CHECKING:
-    from ..results.funnel_summary import FunnelSummary
+    from ..funnel.delivered import FunnelSummary
     from ..results.result import PictureSummary
 
 __all__ = [
@@ -40,9 +40,10 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
     Every file is whole or absent; what an earlier run left and this one does not write is removed. Returns the path
     of report.html.
     """
-    from . import csv, html, pictures, vtk
+    from . import html, pictures, vtk
     from .canvas import pdf_too
     from .figures import draw_figures
+    from .tables import write_tables
 
     folder = Path(folder)
     clear_report(folder, film=False)
@@ -57,13 +58,13 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
     vtk.write_tracks(folder, outcome.tracks, outcome.scene, outcome.field)
     vtk.write_moving(folder, outcome.tracks, outcome.scene, outcome.field)
     vtk.write_landings(folder, outcome.granules, outcome.scene)
-    csv.write_tables(folder, outcome.result)
+    write_tables(folder, outcome.result)
     return html.write_html(folder, outcome)
 
 
 def draw_discharge(path: Path | str, poured: FunnelSummary) -> None:
     """Draw the mass left in the feed funnel over time."""
-    from .figures.discharge import draw_discharge as draw
+    from .figures.flights import draw_discharge as draw
 
     draw(path, poured)
 

@@ -6,7 +6,6 @@ goes is its ``paper``: a PNG to write, an empty figure, or axes. Lengths are in 
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
+from ..core.tables import CellTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,32 +30,6 @@ if TYPE_CHECKING:
 
     AnyFigure = Figure | SubFigure
     Paper = Path | str | Axes | AnyFigure
-
-__all__ = [
-    "BARS",
-    "BODY",
-    "INK",
-    "MM",
-    "STREAM",
-    "PlotGrid",
-    "Window",
-    "air_arrow",
-    "bins_across",
-    "canvas",
-    "draw_bins",
-    "first_outline",
-    "frame",
-    "inside_window",
-    "new_axes",
-    "new_figure",
-    "pdf_too",
-    "save",
-    "saved",
-    "solids",
-    "streams",
-    "text_width",
-    "triangulation",
-]
 
 Array = NDArray[np.float64]
 Window = tuple[float, float, float, float]  # left, right, low, high (m)
@@ -345,11 +319,8 @@ def _unify(figure: Figure) -> None:
 
 def _save_data(path: Path, data: Mapping[str, NDArray[Any]]) -> None:
     if len({values.shape for values in data.values()}) == 1 and next(iter(data.values())).ndim == 1:
-        with atomic_write(path.with_suffix(".csv")) as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(data)
-            columns = [[f"{v:.7g}" for v in c] if c.dtype.kind == "f" else c.tolist() for c in data.values()]
-            writer.writerows(zip(*columns, strict=True))
+        rows = list(zip(*(column.tolist() for column in data.values()), strict=True))
+        CellTable(list(data), rows).write_csv(path.with_suffix(".csv"), 7)
         return
     with atomic_write(path.with_suffix(".npz"), "wb") as stream:
         np.savez_compressed(stream, **data)  # type: ignore[arg-type]

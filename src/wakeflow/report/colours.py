@@ -5,8 +5,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 
-__all__ = ["COLOURS", "fraction_colours"]
-
 # Okabe & Ito (2008), "Color Universal Design", without its yellow, too pale for a line, and with a grey and a brown.
 # tests/report/test_colours.py measures how far apart they are seen, with any kind of colour vision.
 AMBER, BLUE, VERMILION, GREY = "#E69F00", "#0072B2", "#D55E00", "#555555"

@@ -6,8 +6,10 @@ size and brought down, so that edges are smooth. A GIF that would be larger than
 
 from __future__ import annotations
 
+import base64
 import io
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +20,10 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
+from .air import Turning, tone
 from .canvas import BODY, INK, MM, STREAM, Window, air_arrow, canvas, draw_bins, frame, streams
 from .colours import COLOURS, fraction_colours
-from .pictures.paths import Path2D, body_displacement
-from .turning import Turning, tone
+from .pictures.view import Path2D, body_displacement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..pipeline.film_stage import Film
     from ..scene import Scene
-
-__all__ = ["FORMATS", "write_film"]
 
 Array = NDArray[np.float64]
 FORMATS = {"gif": 12.5, "mp4": 30.0}  # frames a second; a GIF counts hundredths of a second
@@ -46,6 +46,13 @@ LEAST = 200  # dots of the longer side, below which nothing is seen
 EVEN = 2  # dots, of a frame of an MP4
 SPARE = 1.0  # inches; what nothing is drawn on is cut off
 CLOCK, EDGE = 11.0, 0.05  # points; inches
+ON_PAGE = 5e6  # bytes of a film that the page holds, so that it stays below twice that
+BEGIN, END = "<!-- film -->", "<!-- /film -->"
+ALT = "Granules of the fractions on their way past the bodies, through the turning air"
+CAPTION = (
+    "Granules as they come, on their way past the bodies. Colour behind them: the air's vorticity, blue clockwise, red "
+    "counter-clockwise."
+)
 
 
 def write_film(
@@ -260,3 +267,43 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
 
 def _named(name: str, one_in: float) -> str:
     return name if one_in <= 1.0 else f"{name}, one in {one_in:.0f}"
+
+
+# -- on the page of its run --------------------------------------------------------------------------------------------
+
+
+def film_in(folder: Path) -> Path | None:
+    """The film among the figures of a run, the newest of its formats; None without one."""
+    found = [path for suffix in FORMATS if (path := folder / "figures" / f"film.{suffix}").exists()]
+    return max(found, key=lambda path: path.stat().st_mtime, default=None)
+
+
+def film_section(film: Path | None) -> str:
+    """The section of the page between its marks, empty without a film; one that is too large is named, not shown."""
+    if film is None:
+        return f"{BEGIN}{END}"
+    size = film.stat().st_size
+    if size > ON_PAGE:
+        shown = f"<p>figures/{film.name}, {size / 1e6:.3g} MB: too large for the page.</p>"
+    else:
+        data = base64.b64encode(film.read_bytes()).decode("ascii")
+        shown = f"<figure>{_player(film.suffix, data)}<figcaption>{CAPTION}</figcaption></figure>"
+    head = '<section id="film">\n<h2>Film</h2>\n<details open><summary>Close this to stop it</summary>\n'
+    return f"{BEGIN}{head}{shown}\n</details>\n</section>{END}"
+
+
+def _player(suffix: str, data: str) -> str:
+    if suffix == ".mp4":
+        return f'<video controls loop muted playsinline aria-label="{ALT}" src="data:video/mp4;base64,{data}"></video>'
+    return f'<img alt="{ALT}" src="data:image/gif;base64,{data}">'
+
+
+def show_film(folder: Path, film: Path) -> None:
+    """Put a film on the page of a run that has one, in place of an earlier film; a page without room for it stays."""
+    page = folder / "report.html"
+    if not page.exists():
+        return
+    text = page.read_text(encoding="utf-8")
+    section = film_section(film)
+    with atomic_write(page) as stream:
+        stream.write(re.sub(f"{BEGIN}.*?{END}", lambda _: section, text, count=1, flags=re.DOTALL))

@@ -22,16 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.typing import LineStyleType
 
-__all__ = [
-    "draw_lines",
-    "draw_map",
-    "draw_table_figures",
-    "draw_trade_off",
-    "main_quantities",
-    "numeric_inputs",
-    "on_front",
-]
-
 Array = NDArray[np.float64]
 STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
@@ -423,7 +413,7 @@ def _width(entry: Entry | None, name: str) -> float:
 
 
 def _ends(found: TableQuantity) -> tuple[float, float]:
-    return (found.value if found.low is None else found.low, found.value if found.high is None else found.high)
+    return (found.low, found.high) if found.known else (found.value, found.value)
 
 
 def _arm(found: TableQuantity) -> tuple[float, float]:

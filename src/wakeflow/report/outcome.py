@@ -1,13 +1,15 @@
-"""What a run hands to its report."""
+"""What a run hands to its report, and the standard figures that are drawn of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..core.registry import Registry
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -15,8 +17,7 @@ if TYPE_CHECKING:
     from ..results.result import Result
     from ..results.solved_case import ForceHistory, PlaneCells
     from ..scene import Scene
-
-__all__ = ["Landed", "Outcome", "Track"]
+    from .canvas import Paper
 
 # of a granule: time (m,) s, position (m, 2) m, velocity (m, 2) m/s; diameter () m; bin () as below, fate () of wf.Fate
 Track = Mapping[str, NDArray[Any]]
@@ -58,3 +59,41 @@ class Outcome:
     def airflow(self) -> Airflow | None:
         """What is known of the air; None in a vacuum."""
         return self.result.airflow
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture in the folder ``figures`` and on the page, NAME.png under the name that it is registered by.
+
+    ``caption``: what it shows; ``draw(paper, outcome)`` writes the PNG, the SVG and the data, or draws on the axes or
+    in the figure that the paper is, and returns the axes, one or an array; ``needs(outcome)``: whether the run has what
+    it shows; ``always``: every finished report has it, so that one without it is drawn again.
+    """
+
+    caption: str
+    draw: Callable[[Paper, Outcome], Any]
+    needs: Callable[[Outcome], bool] | None = None
+    always: bool = False
+
+
+figures: Registry[Figure] = Registry("standard figure")
+
+
+def add_figure(
+    name: str,
+    caption: str,
+    draw: Callable[..., Any],
+    parts_of: Callable[[Outcome], tuple[object, ...] | None],
+    *,
+    always: bool = False,
+) -> None:
+    """Register a figure whose ``draw(paper, *parts)`` takes the parts of a run that ``parts_of`` finds, None where the
+    run has nothing to show.
+    """
+    draw_it = Figure(
+        caption,
+        lambda paper, outcome: draw(paper, *(parts_of(outcome) or ())),
+        lambda outcome: parts_of(outcome) is not None,
+        always,
+    )
+    figures.add(name, draw_it)

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from ..results.result import Result
     from .canvas import AnyFigure
 
-__all__ = ["Plot", "cells_left", "outcome_of"]
-
 OF_A_TRACK = {"diameter": "diameter (m)", "bin": "bin", "fate": "fate"}  # columns of tracks.vtp
 
 

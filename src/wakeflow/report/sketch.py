@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
-from .canvas import BARS, BODY, INK, MM, new_figure, text_width
+from .canvas import BARS, BODY, INK, MM, new_figure, save, text_width
+from .outcome import add_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ..scene import Bin, Body, Feed, Scene, Vibration
     from .canvas import AnyFigure, Paper
-
-__all__ = ["draw_sketch", "write_sketch"]
 
 Array = NDArray[np.float64]
 UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
@@ -361,3 +360,12 @@ def _places(sheet: _Sheet, column: list[_Note]) -> Array:
     wanted = np.array([MM * note.at[1] for note in column])
     found = isotonic_regression(wanted + below, increasing=False).x - below
     return np.asarray(found)
+
+
+def _draw(paper: Paper, scene: Scene) -> Axes:
+    figure = draw_sketch(scene, paper=paper)
+    save(figure, paper)
+    return figure.axes[0]
+
+
+add_figure("sketch", "The machine to scale, with its measures.", _draw, lambda outcome: (outcome.scene,), always=True)

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.files import atomic_write
+from ..core.number import Number
+from ..core.tables import CellTable
 from ..results.dividers import Dividers
-from ..results.measured import Measured
 from .canvas import new_figure, save
 from .colours import COLOURS
-
-__all__ = ["draw_dividers", "write_dividers"]
 
 HEADS = (
     "purity asked (%)", "purity (%)", "purity low (%)", "purity high (%)", "recovery (%)", "recovery low (%)",
@@ -34,24 +32,20 @@ def draw_dividers(path: Path, found: Sequence[Dividers]) -> None:
 
 
 def write_dividers(path: Path, found: Sequence[Dividers]) -> None:
-    """Write the same as CSV, with the stretches at each purity; empty where none reaches it."""
-    import csv
-
-    with atomic_write(path) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(HEADS)
-        for one in found:
-            numbers = [*_numbers(one.purity), *_numbers(one.recovery)] if one.possible else [None] * 6
-            cells = ["" if number is None or np.isnan(number) else f"{number:.6g}" for number in numbers]
-            places = "; ".join(f"{low:.6g} {high:.6g}" for low, high in one.stretches)
-            writer.writerow([f"{100 * one.asked:.6g}", *cells, places])
+    """Write what :func:`draw_dividers` draws as CSV, with the stretches at each purity; empty where none reaches it."""
+    rows = []
+    for one in found:
+        numbers = [*_numbers(one.purity), *_numbers(one.recovery)] if one.possible else [None] * 6
+        cells = [None if number is None or np.isnan(number) else number for number in numbers]
+        rows.append([100 * one.asked, *cells, "; ".join(f"{low:.6g} {high:.6g}" for low, high in one.stretches)])
+    CellTable(HEADS, rows).write_csv(path, 6)
 
 
-def _both(one: Dividers) -> tuple[Measured, Measured]:
+def _both(one: Dividers) -> tuple[Number, Number]:
     return one.purity, one.recovery
 
 
-def _numbers(found: Measured) -> tuple[float, float, float]:
+def _numbers(found: Number) -> tuple[float, float, float]:
     """Percent, nan where unknown."""
-    value, low, high = (np.nan if one is None else 100.0 * one for one in (found.value, found.low, found.high))
+    value, low, high = (100.0 * one if np.isfinite(one) else np.nan for one in found)
     return value, low, high

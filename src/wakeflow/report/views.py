@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..results.result import Result, accessors
-from .card import result_card
 from .plot import Plot
+from .tables import result_card
 
 __all__ = ["Result"]
 

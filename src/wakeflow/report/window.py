@@ -15,8 +15,6 @@ from .colours import fraction_colours
 if TYPE_CHECKING:
     from ..scene import Scene
 
-__all__ = ["look"]
-
 SIZE = (1200, 900)  # pixels
 SLOWEST = 0.98  # of the tracks have ended at the slider's end
 TRACK, BAR = 2.0, 8.0  # pixels wide

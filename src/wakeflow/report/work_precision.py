@@ -1,4 +1,4 @@
-"""Error against run time: one panel a kind of granule and airflow, a line a method."""
+"""Error against run time: of methods, a panel each kind of granule and airflow, and of the settings of one scene."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..core.tables import CellTable
 from .canvas import new_figure, save
-from .colours import fraction_colours
-
-__all__ = ["draw"]
+from .colours import COLOURS, fraction_colours
 
 MARKERS = "os^Dv"
 
@@ -49,3 +48,39 @@ def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
         row[0].set_ylabel("landing error, body widths")
     grid.flat[0].legend(fontsize=7)
     save(figure, path)
+
+
+HEADS = ("knob", "setting", "error", "half", "seconds")
+KNOB_MARKERS = "os^Dv*"
+LEAST = 1e-5  # of a share: an error that is drawn no smaller
+
+
+def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
+    """Write ``path`` as PNG and beside it as SVG: the error of each setting of a knob full, from the coarsest setting
+    to the finest, what the run says of itself dotted, in percentage points over seconds.
+    """
+    figure = new_figure(7.0, 4.0)
+    axes = figure.add_subplot(xlabel="run time, s", ylabel="largest error of a bin share, points", title=title)
+    for number, knob in enumerate(dict.fromkeys(row["knob"] for row in rows)):
+        mine = [row for row in rows if row["knob"] == knob]
+        seconds = [row["seconds"] for row in mine]
+        look: dict[str, Any] = {
+            "color": COLOURS[number % len(COLOURS)],
+            "marker": KNOB_MARKERS[number % len(KNOB_MARKERS)],
+            "ms": 4.0,
+        }
+        axes.plot(seconds, [100 * max(row["error"], LEAST) for row in mine], "-", label=knob, **look)
+        if all(row["half"] is not None for row in mine):
+            axes.plot(seconds, [100 * max(row["half"], LEAST) for row in mine], ":", alpha=0.7, **look)
+    for style, told in (("-", "error, against the reference"), (":", "half of its own interval")):
+        axes.plot([], [], style, color="0.4", label=told)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    save(figure, path)
+
+
+def write_knobs(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write what :func:`draw_knobs` draws as CSV: errors and half widths as shares, seconds."""
+    CellTable(HEADS, [[row[head] for head in HEADS] for row in rows]).write_csv(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -10,20 +9,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..core.frames import frame_of
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
+from ..core.tables import Cell, CellTable
 from ..scene.messages import unit_of
 from .quantities import TableQuantity
 
-__all__ = ["DONE", "FAILED", "OPEN", "Entry", "ResultTable", "cell_frame", "write_cells"]
-
 DONE, FAILED, OPEN = "done", "failed", "open"
-Cell = str | float | None
 NUMBERS = ("value", "low", "high", "error", "numerical")
 
 
@@ -64,6 +58,11 @@ class ResultTable:
         return {key: unit_of(key) for key in keys}
 
     @cached_property
+    def headings(self) -> list[str]:
+        """The keys of the inputs, each with its unit behind it."""
+        return [f"{key} ({unit})" if unit else key for key, unit in self.inputs.items()]
+
+    @cached_property
     def names(self) -> dict[str, str]:
         """The numbers that any scene has, and their units."""
         return {one.name: one.unit for entry in self.entries for one in entry.quantities}
@@ -94,49 +93,40 @@ class ResultTable:
         pairs = [(group[0], other) for group in alike.values() for other in group[1:]]
         return bool(pairs) and all(one.quantities == other.quantities for one, other in pairs)
 
-    @property
-    def columns(self) -> list[str]:
-        """The heads of the tidy table; an input's unit stands behind its key."""
-        heads = [f"{key} ({unit})" if unit else key for key, unit in self.inputs.items()]
-        return ["scene", "state", *heads, "quantity", *NUMBERS, "unit", "reason"]
-
-    def rows(self) -> list[list[Cell]]:
-        """The tidy table: a row for each number of each scene, one without numbers for a scene that has none."""
-        found: list[list[Cell]] = []
+    def tidy(self) -> CellTable:
+        """A row for each number of each scene, one without numbers for a scene that has none; an input's unit is
+        written behind its key.
+        """
+        rows: list[list[Cell]] = []
         for entry in self.entries:
             head: list[Cell] = [entry.name, entry.state, *(_cell(entry.inputs.get(key)) for key in self.inputs)]
-            numbers = [[q.name, q.value, q.low, q.high, q.error, q.numerical, q.unit] for q in entry.quantities]
+            numbers = [[q.name, q.value, *q.ends, q.error, q.numerical, q.unit] for q in entry.quantities]
             empty: list[list[Cell]] = [[None] * (2 + len(NUMBERS))]
-            found += [[*head, *row, entry.reason or None] for row in numbers or empty]
-        return found
+            rows += [[*head, *row, entry.reason or None] for row in numbers or empty]
+        return CellTable(["scene", "state", *self.headings, "quantity", *NUMBERS, "unit", "reason"], rows)
 
-    def wide(self) -> dict[str, list[Cell]]:
-        """A row a scene: columns by their heads; a number's interval stands in NAME.low and NAME.high."""
-        table: dict[str, list[Cell]] = {"scene": [entry.name for entry in self.entries]}
-        table["state"] = [entry.state for entry in self.entries]
-        for key, head in zip(self.inputs, self.columns[2:], strict=False):
-            table[head] = [_cell(entry.inputs.get(key)) for entry in self.entries]
+    def wide(self) -> CellTable:
+        """A row a scene; the ends of a number's interval are in NAME.low and NAME.high."""
+        columns: dict[str, Sequence[Cell]] = {"scene": [entry.name for entry in self.entries]}
+        columns["state"] = [entry.state for entry in self.entries]
+        for key, head in zip(self.inputs, self.headings, strict=True):
+            columns[head] = [_cell(entry.inputs.get(key)) for entry in self.entries]
         for name in self.names:
             cells = [entry.by_name.get(name) for entry in self.entries]
-            table[name] = [None if one is None else one.value for one in cells]
-            for end in ("low", "high"):
-                ends = [None if one is None else getattr(one, end) for one in cells]
+            columns[name] = [None if one is None else one.value for one in cells]
+            for place, end in enumerate(("low", "high")):
+                ends: list[Cell] = [None if one is None else one.ends[place] for one in cells]
                 if any(value is not None for value in ends):
-                    table[f"{name}.{end}"] = ends
-        table["reason"] = [entry.reason or None for entry in self.entries]
-        return table
+                    columns[f"{name}.{end}"] = ends
+        columns["reason"] = [entry.reason or None for entry in self.entries]
+        return CellTable(list(columns), list(zip(*columns.values(), strict=True)))
 
     def frame(self, *, wide: bool = False) -> Any:
         """The table as a pandas DataFrame where pandas is installed, else as a dict of numpy arrays, by column.
 
-        Tidy, as :meth:`rows`, or ``wide``: a row a scene. Numbers that are missing are nan.
+        A row for each number of each scene, or ``wide``: a row a scene. Numbers that are missing are nan.
         """
-        if wide:
-            table = self.wide()
-        else:
-            rows = self.rows()
-            table = {head: [row[place] for row in rows] for place, head in enumerate(self.columns)}
-        return cell_frame(table)
+        return (self.wide() if wide else self.tidy()).frame()
 
     def quantity(self, name: str) -> str:
         """``name``, where the table has such a number. Raises SceneError, naming the nearest, where it has not."""
@@ -144,38 +134,14 @@ class ResultTable:
             raise SceneError(f"no quantity {name!r} in this table{did_you_mean(name, list(self.names))}")
         return name
 
-    def write_csv(self, path: Path) -> None:
-        """Write the tidy table; empty where nothing is known, ten digits a number."""
-        write_cells(path, self.columns, self.rows())
-
-    def write_wide_csv(self, path: Path) -> None:
-        """Write the table with a row a scene."""
-        table = self.wide()
-        write_cells(path, list(table), [list(row) for row in zip(*table.values(), strict=True)])
-
     def write_parquet(self, path: Path) -> bool:
         """Write the tidy table as Parquet where pyarrow is installed; whether it is."""
         if find_spec("pyarrow") is None:
             return False
         arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-        rows = self.rows()
-        columns = {head: _array([row[place] for row in rows]) for place, head in enumerate(self.columns)}
         with atomic_write(path, "wb") as stream:
-            parquet.write_table(arrow.Table.from_pydict(columns), stream)
+            parquet.write_table(arrow.Table.from_pydict(self.tidy().columns()), stream)
         return True
-
-
-def cell_frame(table: Mapping[str, Sequence[Cell]]) -> Any:
-    """Columns of cells by their heads, as of :func:`wakeflow.core.frames.frame_of`."""
-    return frame_of({head: _array(cells) for head, cells in table.items()})
-
-
-def write_cells(path: Path, heads: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
-    """Write rows as CSV; empty where nothing is known, ten digits a number."""
-    with atomic_write(path) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(heads)
-        writer.writerows([_text(cell) for cell in row] for row in rows)
 
 
 def _cell(value: Any) -> Cell:
@@ -185,14 +151,3 @@ def _cell(value: Any) -> Cell:
     if isinstance(value, bool):
         return "on" if value else "off"
     return float(value) if isinstance(value, int | float) else str(value)
-
-
-def _array(cells: Sequence[Cell]) -> Any:
-    """A column: of float with nan where nothing is known, or of text."""
-    if any(isinstance(cell, str) for cell in cells):
-        return np.array(["" if cell is None else _text(cell) for cell in cells], dtype=object)
-    return np.array([np.nan if cell is None else cell for cell in cells], dtype=float)
-
-
-def _text(cell: Cell) -> str:
-    return "" if cell is None else f"{cell:.10g}" if isinstance(cell, float) else cell

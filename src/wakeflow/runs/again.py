@@ -59,7 +59,7 @@ def film_of(
             known = list(tables["fraction"])
             raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
     with one_thread_of_blas():
-        pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener, 1)
+        pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener)
         air = None if pipeline.scene.air is None else pipeline.field[1]
         film = pipeline.film(span)
     return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})

@@ -25,7 +25,7 @@ __all__ = [
     "picture_tables",
 ]
 
-# modules of report.figures: no picture takes a name
+# figures of report.figures, in the order of the page: no picture takes a name
 STANDARD_FIGURES = (
     "sketch", "pressure", "surface", "vorticity", "tracks", "residence", "discharge", "landing", "partition", "wakes",
     "inputs", "cost", "forces", "mesh",

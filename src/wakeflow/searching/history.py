@@ -139,8 +139,8 @@ class History:
     def _expected(self, evaluation: Evaluation, losses: Array, excess: Array, spread: Array) -> Expected:
         own, broken = self._numbers(evaluation)
         found = [evaluation.quantities[goal.quantity] for goal in self.task.goals]
-        up = np.array([0.0 if one.high is None else one.high - one.value for one in found])
-        down = np.array([0.0 if one.low is None else one.value - one.low for one in found])
+        up = np.array([one.high - one.value if one.known else 0.0 for one in found])
+        down = np.array([one.value - one.low if one.known else 0.0 for one in found])
         small = np.array(
             [goal.sign < 0 for goal in self.task.goals]
         )  # of what should be large the loss is the negative

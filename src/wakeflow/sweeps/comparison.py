@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
-from ..core.files import atomic_write
+from ..core.tables import CellTable
 from ..results.difference import RUNG, SWITCHED, Difference, differences_of
 from ..results.quantities import quantities_of
 from ..results.result import Result
@@ -17,9 +16,10 @@ from ..results.table import DONE, Entry, ResultTable
 from ..scene import Scene
 from ..scene.changes import differing
 
-__all__ = ["RunComparison", "compare"]
-
-HEADS = ("scene", "against", "quantity", "difference", "low", "high", "clear", "unit")
+DIFFERENCES = {  # heads of differences.csv, and what each is of a difference
+    "scene": "scene", "against": "against", "quantity": "quantity", "difference": "value", "low": "low", "high": "high",
+    "clear": "clear", "unit": "unit",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class RunComparison:
 
     def _repr_html_(self) -> str:
         """The table of main numbers, as a notebook shows it."""
-        from ..report.card import table_card
+        from ..report.tables import table_card
 
         return table_card(self.table)
 
@@ -52,14 +52,8 @@ class RunComparison:
         from ..report.html.comparison import write_comparison
         from ..report.many import draw_table_figures
 
-        self.table.write_csv(folder / "compare.csv")
-        with atomic_write(folder / "differences.csv") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(HEADS)
-            for one in self.differences:
-                ends = ["" if end is None else f"{end:.10g}" for end in (one.low, one.high)]
-                clear = "yes" if one.clear else "no"
-                writer.writerow([one.scene, one.against, one.quantity, f"{one.value:.10g}", *ends, clear, one.unit])
+        self.table.tidy().write_csv(folder / "compare.csv")
+        CellTable.of(self.differences, DIFFERENCES).write_csv(folder / "differences.csv")
         draw_table_figures(folder / "figures", self.table)
         write_comparison(folder / "compare.html", self.table, self.differences, self.runs)
 

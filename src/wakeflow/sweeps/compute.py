@@ -54,7 +54,7 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """The table of main numbers, as a notebook shows it."""
-        from ..report.card import table_card
+        from ..report.tables import table_card
 
         return table_card(self.table)
 
@@ -165,9 +165,8 @@ def sweep(
         with FileLock(folder / ".lock", timeout=0):
             listener("sweep", "planning")
             with executor_on(scheduler, count, folder) as executor:
-                workers, threads = _hands(executor)
                 agenda = make_agenda(
-                    found, folder, request, threads=threads, report=report, workers=workers, neighbours=neighbours,
+                    found, folder, request, threads=partial(_threads, executor), report=report, neighbours=neighbours,
                     listener=listener,
                 )  # fmt: skip
                 _check_disk(agenda, folder)
@@ -199,11 +198,11 @@ def executor_on(
     return Cluster.connect(scheduler, TaskPlace(Path.cwd(), logs.absolute(), cache_root()))
 
 
-def _hands(executor: Executor) -> tuple[int, int]:
-    """How many tasks an executor works on at a time, and how many threads each has."""
+def _threads(executor: Executor, scenes: int) -> int:
+    """On how many threads each of so many scenes is flown: more where they are fewer than the workers."""
     if isinstance(executor, Workers):
-        return executor.count, max(1, cores() // executor.count)
-    return (executor.size if isinstance(executor, Cluster) else 1), 1
+        return max(1, cores() // min(executor.count, max(1, scenes)))
+    return executor.threads(scenes) if isinstance(executor, Cluster) else 1
 
 
 def _check_disk(agenda: Agenda, folder: Path) -> None:
@@ -250,7 +249,7 @@ class _Rows:
         else:
             self._read(one)
         if time.monotonic() - self.written >= WRITE_EVERY:
-            self.table.write_csv(self.folder / TABLE)
+            self.table.tidy().write_csv(self.folder / TABLE)
             self.written = time.monotonic()
 
     def _read(self, one: Variant) -> None:
@@ -272,8 +271,8 @@ class _Rows:
 
         table = self.table
         before = (self.folder / TABLE).read_text() if (self.folder / WIDE).exists() else None
-        table.write_csv(self.folder / TABLE)
-        table.write_wide_csv(self.folder / WIDE)
+        table.tidy().write_csv(self.folder / TABLE)
+        table.wide().write_csv(self.folder / WIDE)
         table.write_parquet(self.folder / PARQUET)
         drawn = any((self.folder / "figures").glob("*.png"))
         if figures and (not drawn or before != (self.folder / TABLE).read_text()):

@@ -11,7 +11,7 @@ from ..core.cluster import Cluster
 from ..core.errors import ProgramError
 from ..core.quantities import duration
 from .agenda import Agenda, Step
-from .work import JobEnd, fly_scene, help_fly, solve_airflow_of
+from .work import JobEnd, fly_scene, solve_airflow_of
 
 __all__ = ["SweepProgress", "do_agenda"]
 
@@ -60,7 +60,7 @@ class _Board:
         """Hand a step out, or have it wait for what it needs."""
         if step.needs is None or step.needs in self.found:
             able = executor.on(step.ranks) if isinstance(executor, Cluster) else executor
-            work = solve_airflow_of if step.airflow else help_fly if step.helps else fly_scene
+            work = solve_airflow_of if step.airflow else fly_scene
             self.running[able.submit(work, step.job)] = step
         else:
             self.waiting.setdefault(step.needs, []).append(step)

@@ -18,11 +18,11 @@ from ..core.errors import SceneError
 from ..core.files import path_of
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
+from ..core.tables import CellTable
 from ..pipeline.cache import Listener
 from ..results.difference import Difference, differences_of
 from ..results.result import Result
 from ..results.sensitivity import SWEEP, InputMove, grouped, least_sure, regressed_moves
-from ..results.table import cell_frame, write_cells
 from ..runs import run
 from ..scene import Scene
 from ..scene.messages import unit_of
@@ -36,13 +36,12 @@ if TYPE_CHECKING:
 
     from ..planning.plan import Plan
 
-__all__ = ["Sensitivity", "sensitivity"]
-
 TABLE, FIGURE, SWEPT = "sensitivity.csv", "figures/sensitivity.png", "sensitivity"
-COLUMNS = (
-    "quantity", "value", "input", "input low", "input high", "unit of input", "change at low", "change at high",
-    "error of change", "unit", "index", "error of index", "how",
-)  # fmt: skip
+COLUMNS = {  # heads of the table, and what each is of a move
+    "quantity": "quantity", "value": "value", "input": "key", "input low": "low", "input high": "high",
+    "unit of input": "unit", "change at low": "at_low", "change at high": "at_high", "error of change": "error",
+    "unit": "measure", "index": "index", "error of index": "index_error", "how": "how",
+}  # fmt: skip
 PASSED_OVER = ("seconds", "without_collisions.")  # no numbers of the answer
 EXPLAINED = 0.7  # of a share's variance, from which its inputs alone tell the whole
 
@@ -95,15 +94,14 @@ class Sensitivity:
 
     def frame(self) -> Any:
         """A row a move: a pandas DataFrame where pandas is installed, else a dict of numpy arrays, by column."""
-        rows = [_cells(one) for one in self.moves]
-        return cell_frame({head: [row[place] for row in rows] for place, head in enumerate(COLUMNS)})
+        return CellTable.of(self.moves, COLUMNS).frame()
 
     def plot(self, quantities: Sequence[str] = (), path: Path | str | None = None) -> Path:
         """Draw the tornado of ``quantities``, by default :attr:`main`; returns the PNG, an SVG lies beside it.
 
         Raises SceneError for a name that no input moves.
         """
-        from ..report.tornado import draw_tornado
+        from ..report.figures.budget import draw_tornado
 
         target = self.folder / FIGURE if path is None else Path(path)
         draw_tornado(target, self.of(quantities))
@@ -151,7 +149,7 @@ def sensitivity(
             "give [uncertainty], or run it anew and to its end"
         )
     told = Sensitivity(folder, result, tuple(moves), failed)
-    write_cells(folder / TABLE, COLUMNS, [_cells(one) for one in told.moves])
+    CellTable.of(told.moves, COLUMNS).write_csv(folder / TABLE)
     return told
 
 
@@ -247,7 +245,7 @@ def _value(change: Difference | None) -> float | None:
 
 
 def _half(change: Difference) -> float | None:
-    return None if change.low is None or change.high is None else 0.5 * (change.high - change.low)
+    return change.half if change.known else None
 
 
 def _joined(swept: Sequence[InputMove], regressed: Sequence[InputMove]) -> list[InputMove]:
@@ -258,10 +256,3 @@ def _joined(swept: Sequence[InputMove], regressed: Sequence[InputMove]) -> list[
         before = drawn.pop((one.quantity, one.key), None)
         moves.append(one if before is None else replace(one, index=before.index, index_error=before.index_error))
     return [*moves, *drawn.values()]
-
-
-def _cells(one: InputMove) -> list[str | float | None]:
-    return [
-        one.quantity, one.value, one.key, one.low, one.high, one.unit, one.at_low, one.at_high, one.error, one.measure,
-        one.index, one.index_error, one.how,
-    ]  # fmt: skip

@@ -20,10 +20,10 @@ from ..pipeline.cache import silent
 from ..planning.plan import Plan
 from ..progress import unheard
 from ..results.result import FILE, Request, Result
-from ..runs import help_along, run_once
+from ..runs import run_once
 from ..scene import Scene
 
-__all__ = ["Job", "JobEnd", "finished", "fly_scene", "help_fly", "solve_airflow_of"]
+__all__ = ["Job", "JobEnd", "finished", "fly_scene", "solve_airflow_of"]
 
 LOCK = ".job.lock"  # held by the process that works on a folder
 STAMP = "point.json"  # written last into a scene's folder: what the numbers beside it were made for
@@ -33,8 +33,7 @@ CRASH = "failure.log"  # the traceback of a failure that is nobody's wrong input
 @dataclass(frozen=True)
 class Job:
     """One scene to compute: plain ``tables``, how it is asked for, its folder, the ``stamp`` of all that it was made
-    for, and its ``plan``; on how many ``threads``, by how many processes (``crew``) it is flown; whether a ``report``
-    is due.
+    for, and its ``plan``; on how many ``threads`` it is flown; whether a ``report`` is due.
     """
 
     tables: Mapping[str, Any]
@@ -44,7 +43,6 @@ class Job:
     plan: Plan
     threads: int = 1
     report: bool = False
-    crew: int = 1
 
     @property
     def asked(self) -> Request:
@@ -91,14 +89,6 @@ def fly_scene(job: Job) -> JobEnd:
         return outcome
 
 
-def help_fly(job: Job) -> JobEnd:
-    """Fly part of a scene's granules beside the process that computes it to its end."""
-    if finished(job.folder, job.stamp) is None:
-        _compile()
-        help_along(Scene.parse(job.tables), job.asked, job.plan, workers=job.threads, crew=job.crew)
-    return JobEnd()
-
-
 def _alone(folder: Path) -> AbstractContextManager[object]:
     """Wait until no other process works on a job's folder, as one may that a cluster's scheduler has lost sight of."""
     from filelock import FileLock
@@ -114,7 +104,7 @@ def _tried(job: Job, until: str | None) -> JobEnd:
             _compile()
         run_once(
             Scene.parse(job.tables), folder=job.folder, request=replace(job.asked, until=until), workers=job.threads,
-            listener=silent, planned=unheard, redraw=False, report=job.report, crew=job.crew, made=job.plan,
+            listener=silent, planned=unheard, redraw=False, report=job.report, made=job.plan,
         )  # fmt: skip
     except ProgramError as problem:
         _note(job.folder, f"{problem}\n{problem.tail}\n")

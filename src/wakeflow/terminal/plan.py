@@ -14,7 +14,7 @@ from ..planning.cost import wall_seconds
 from ..planning.machine_rates import COMPILE, on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
 from ..report.sketch import fall_words, motion_words
-from .warn import MOST_WARNINGS, warn
+from .screen import MOST_WARNINGS, screen_table, warn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from ..planning.plan import Plan, StageCost
     from ..planning.terms import LeftOut
     from ..scene import Body, Scene
-
-__all__ = ["PARTS", "show_plan", "show_whole_plan"]
 
 AIRS = {  # what is flown in, by kind of airflow
     "none": "left out, granules fly in parabolas from impact to impact",
@@ -193,7 +191,6 @@ def _parts(stages: Sequence[StageCost]) -> dict[str, float]:
 def show_whole_plan(plan: Plan) -> None:
     """Print what is used, the bound on every term for every fraction, what is left out, every stage, every warning."""
     from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
     console = Console()
@@ -201,26 +198,26 @@ def show_whole_plan(plan: Plan) -> None:
         console.print(f"• {line}", highlight=False, markup=False)
     if any(how.bounds for how in plan.fractions.values()):
         console.print(_bounds_table(plan))
-    table = Table("left out", "fraction", f"bound ({plan.unit})", "why", title=None, pad_edge=False)
-    for (name, why), rows in _grouped(plan.left_out).items():
-        bounds = "\n".join("–" if row.bound is None else f"{row.bound:.2g}" for row in rows)
-        table.add_row(name, "\n".join(row.fraction or "all" for row in rows), bounds, Text(why))
-    console.print(table)
+    rows = []
+    for (name, why), out in _grouped(plan.left_out).items():
+        bounds = "\n".join("–" if row.bound is None else f"{row.bound:.2g}" for row in out)
+        rows.append([name, "\n".join(row.fraction or "all" for row in out), bounds, Text(why)])
+    console.print(screen_table(["left out", "fraction", f"bound ({plan.unit})", "why"], rows, left=4))
     console.print(_stages_table(on_this_machine(plan, cache_root())[0]))
-    warn(console, plan.warnings, [notice.grade.value for notice in plan.notices], most=len(plan.notices))
+    warn(plan.warnings, [notice.grade.value for notice in plan.notices], most=len(plan.notices))
     console.print(_cost(plan), highlight=False)
 
 
 def _stages_table(stages: Sequence[StageCost]) -> Table:
     """Every stage in order, and what it is expected to take here."""
-    from rich.table import Table
-
-    table = Table("stage", title="what is done, in order", title_justify="left", pad_edge=False)
-    table.add_column("s", justify="right")
-    for stage in stages:
-        often = f" ({stage.times} times)" if stage.times > 1 else ""
-        table.add_row(stage.name + often, f"{stage.whole:.0f}" if stage.whole >= 1.0 else "< 1")
-    return table
+    rows = [
+        [
+            stage.name + (f" ({stage.times} times)" if stage.times > 1 else ""),
+            f"{stage.whole:.0f}" if stage.whole >= 1.0 else "< 1",
+        ]
+        for stage in stages
+    ]
+    return screen_table(["stage", "s"], rows, "what is done, in order")
 
 
 def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:
@@ -233,21 +230,15 @@ def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:
 
 def _bounds_table(plan: Plan) -> Table:
     """Terms by fractions: what each could move, in body widths; a star where it is computed."""
-    from rich.table import Table
-
-    title = f"how far each term could move a fraction, {plan.unit} (accuracy {plan.target_error:.2g} of a share)"
-    caption = "* computed; the rest left out"
-    table = Table("term", title=title, title_justify="left", pad_edge=False, caption=caption, caption_justify="left")
-    for name in plan.fractions:
-        table.add_column(name, justify="right")
     terms = list(next(iter(plan.fractions.values())).bounds)
     whole = whole_terms(plan.airflow, plan.crowd)
+    rows: list[list[str] | None] = []
     for term in terms:
         cells = [
             f"[bold]* {how.bounds[term]:.2g}[/]" if term in how.forces or term in whole else f"{how.bounds[term]:.2g}"
             for how in plan.fractions.values()
         ]
-        table.add_row(term, *cells)
-    table.add_section()
-    table.add_row("left out below", *(f"{how.limit:.2g}" for how in plan.fractions.values()))
-    return table
+        rows.append([term, *cells])
+    rows += [None, ["left out below", *(f"{how.limit:.2g}" for how in plan.fractions.values())]]
+    title = f"how far each term could move a fraction, {plan.unit} (accuracy {plan.target_error:.2g} of a share)"
+    return screen_table(["term", *plan.fractions], rows, title, "* computed; the rest left out")

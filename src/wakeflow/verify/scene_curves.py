@@ -47,7 +47,7 @@ def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: N
     computed with ``slow`` alone, else its draft. Beside them the peer's chain (``trackers.peer_chain``), where it can
     compute the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
-    from ..report.knob_curves import draw_knobs, write_knobs
+    from ..report.work_precision import draw_knobs, write_knobs
 
     scene = Scene.load(path)
     rung = None if slow or make_plan(scene).airflow.stepping != "time-resolved" else "draft"

@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wakeflow.core.lazy import cached_property
+from wakeflow.core.number import Number
 from wakeflow.core.registry import Registry
 from wakeflow.field import FlowField
 from wakeflow.field.blend import blended_wake
 from wakeflow.foam.case import read_parameters
 from wakeflow.foam.cost import core_seconds
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate, wakes
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.results.airflow_summary import Airflow, airflow_of
-from wakeflow.results.measured import Measured
 from wakeflow.tracking.residence import ResidenceTime, residence_time
 
 RESIDENCE = "residence_time"  # the quantity, here and in the wakes' data
@@ -155,15 +155,15 @@ def measured(pipeline: Pipeline) -> SolvedAirflow:
     """The airflow of a scene, solved or from the cache."""
     start = pipeline.draft.solution[1] / "case" if pipeline.plan.airflow.stepping == "time-resolved" else None
     case = pipeline.solution[1] / "case"
-    return SolvedAirflow(airflow_of(pipeline), case, pipeline.scene.width, start, dusty_wake(pipeline))
+    return SolvedAirflow(pipeline.airflow, case, pipeline.scene.width, start, dusty_wake(pipeline))
 
 
-def _number(found: Measured | float | None, scale: float = 1.0) -> QuantityValue | None:
+def _number(found: Number | float | None, scale: float = 1.0) -> QuantityValue | None:
     """A number of an airflow, with or without its interval."""
     if found is None:
         return None
-    low, value, high = (found.low, found.value, found.high) if isinstance(found, Measured) else (found,) * 3
-    if value is None or low is None or high is None:
+    value, low, high = found if isinstance(found, Number) else (found,) * 3
+    if isinstance(found, Number) and not found.known:
         return None
     return QuantityValue(scale * value, scale * low, scale * high)
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from proofs.report import Report, Row, Table, Tell
+from wakeflow.core.errors import known
 from wakeflow.core.files import write_json
 from wakeflow.core.resources import case_template
 from wakeflow.core.sources import code_key
@@ -56,11 +57,12 @@ def solve_row(spec: FlowSpec, store: Store) -> Row:
     def work(folder: Path) -> None:
         built = build_mesh(spec.mesh, folder)
         found = solve_airflow(spec, folder / "mesh.msh", folder / "case")
+        smallest, reversal = known(built.smallest_edge), known(known(found.suction).reversal_length)
         row = {
-            "cells": built.cells, "smallest": built.smallest_edge / spec.mesh.projected_width, "steps": found.steps,
+            "cells": built.cells, "smallest": smallest / spec.mesh.projected_width, "steps": found.steps,
             "seconds": core_seconds(folder / "case"),
-            "cd": found.cd.value, "cp_base": found.cp_base.value,
-            "reversal": found.suction.reversal_length / spec.mesh.projected_width, "verdict": found.verdict,
+            "cd": known(found.cd).value, "cp_base": known(found.cp_base).value,
+            "reversal": reversal / spec.mesh.projected_width, "verdict": found.verdict,
         }  # fmt: skip
         write_json(folder / "row.json", row)
         shutil.rmtree(folder / "case")

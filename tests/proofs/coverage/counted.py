@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from proofs.coverage.flown import Predicted
-from wakeflow.laws.best_estimate import Estimate, left_one_out
+from wakeflow.core.number import Number
+from wakeflow.laws.best_estimate import left_one_out
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.results.separation import separate
 from wakeflow.results.total import INPUTS
@@ -113,10 +114,9 @@ def counted(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
 def _recoveries(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
     places = list(told.separation.bins)
     for name, found in told.separation.recovery.items():
-        if found is not None and found.value is not None and found.low is not None and found.high is not None:
+        if found is not None and found.known:
             true = float(sum(truth[name][places.index(target)] for target in told.scene.fraction[name].targets))
-            ends = found.value, found.low, found.high
-            yield Counted(told.one.name, told.one.group, f"recovery.{name}", *ends, true)
+            yield Counted(told.one.name, told.one.group, f"recovery.{name}", found.value, found.low, found.high, true)
 
 
 def _purities(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
@@ -126,9 +126,8 @@ def _purities(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
         inside = {name: mass[name] * float(truth[name][number]) for name in mass}
         total = sum(inside.values())
         for name, pure in (found or {}).items() if total > LEAST else ():
-            if pure.value is not None and pure.low is not None and pure.high is not None:
-                ends, label = (pure.value, pure.low, pure.high), f"purity.{place}.{name}"
-                yield Counted(told.one.name, told.one.group, label, *ends, inside[name] / total)
+            label = f"purity.{place}.{name}"
+            yield Counted(told.one.name, told.one.group, label, pure.value, pure.low, pure.high, inside[name] / total)
 
 
 def of_kind(rows: Iterable[Counted], kind: str) -> list[Counted]:
@@ -238,7 +237,7 @@ def left_out_wakes() -> list[LeftOne]:
     """Theta and the strength, each measurement predicted from all others."""
     rows: list[LeftOne] = []
     for entry, gave, others in left_one_out():
-        found: Estimate = others
+        found: Number = others
         which = "theta" if entry.of_theta else "strength"
         rows.append(LeftOne(entry.name, which, float(np.clip(gave.value, 0.0, 1.0)), found.low, found.high))
     return rows

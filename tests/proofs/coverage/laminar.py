@@ -84,7 +84,7 @@ def compute_references(names: tuple[str, ...] = NAMES, tell: Callable[[str], Non
         pipeline = Pipeline(scene, make_plan(scene), store=Store(cache_root()))
         found = separate(scene, pipeline.tracks().landings)
         shares = {f: {place: round(s.value, 6) for place, s in row.items()} for f, row in found.fractions.items()}
-        known[name] = {"cells": pipeline.airflow["cells"], "shares": shares}
+        known[name] = {"cells": pipeline.airflow.cells, "shares": shares}
         write_json(FILE, known)
 
 

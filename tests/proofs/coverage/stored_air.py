@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from wakeflow.core.lazy import cached_property
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import content_key, digest_files
 from wakeflow.field import FlowField
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.airflow_kinds import AirflowKind
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.airflow import AirflowPlan
@@ -209,8 +209,8 @@ class StoredAir(AirflowKind):
         key = content_key("stored", *tables, digest_files([Path(__file__)]), code_key("wakeflow.field"))
         return key, field_of(self.air, self.scene)
 
-    def make_table(self) -> dict[str, Any]:
-        return {"verdict": self.air.flow}
+    def make_table(self) -> Airflow:
+        return Airflow(verdict=self.air.flow)
 
 
 @dataclass

@@ -1,7 +1,7 @@
-"""The standard figures of a report: a module each, registered under its own name, which is the picture's too.
+"""The standard figures of a report, each registered under its name, which is the picture's too.
 
-The names stand in ``scene.pictures.STANDARD_FIGURES``, in the order of the page, since no [picture.NAME] of a scene may
-take one of them.
+The names are in ``scene.pictures.STANDARD_FIGURES``, in the order of the page, since no [picture.NAME] of a scene may
+take one of them; the modules here are imported in that order.
 """
 
 from __future__ import annotations
@@ -9,19 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ...scene.pictures import STANDARD_FIGURES
+from .. import sketch  # noqa: F401
 from ..canvas import saved
-from .figure import Figure, figures
-
-if TYPE_CHECKING:
-    from ..outcome import Outcome
+from ..outcome import Figure, Outcome, figures
 
 __all__ = ["Figure", "captions", "draw_figures", "figure_files", "figures", "lasting_figures"]
 
-for _name in STANDARD_FIGURES:
-    import_module(f".{_name}", __name__)
+for _module in ("air", "flights", "shares", "budget", "solver"):
+    import_module(f".{_module}", __name__)
 
 
 def draw_figures(folder: Path, outcome: Outcome) -> None:

@@ -7,25 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...core.files import atomic_write
-from ...results.measured import Measured
 from ...scene import RESERVED_BIN, Scene
 from ..canvas import bins_across
 from ..colours import fraction_colours
 from ..figures import captions
 from ..many import main_quantities
 from ..words import NO_VALUE, difference_text, percent
-from .asked import input_text
-from .document import page_template
-from .inlined import inlined_pictures, shape_of
-from .rows import number
+from .document import inlined_pictures, page_template, shape_of
+from .rows import input_text, number
 
 if TYPE_CHECKING:
     from ...results.difference import Difference
     from ...results.quantities import TableQuantity
     from ...results.result import Result
     from ...results.table import Entry, ResultTable
-
-__all__ = ["write_comparison"]
 
 TOLD = ("share.", "purity.", "recovery.", "throughput.", "airflow.")  # the rest stands in differences.csv
 PARTS = ("share.", "purity.", "recovery.")  # of a whole: percent
@@ -53,14 +48,13 @@ def write_comparison(path: Path, table: ResultTable, differences: Sequence[Diffe
     """Write the page of ``runs``, in the order of the ``table``'s entries: what differs in their scenes, their answers
     with the differences from the first and their intervals, and their pictures side by side.
     """
-    here, names = Path(__file__).parent, [entry.name for entry in table.entries]
+    names = [entry.name for entry in table.entries]
     scenes = [Scene.parse(run.scene) for run in runs]
     rows = _rows(table, differences)
     main = set(main_quantities(table))
     text = page_template("compare.html.j2").render(
-        style=(here / "style.css").read_text(encoding="utf-8"),
-        script=(here / "compare.js").read_text(encoding="utf-8"),
         names=names,
+        less=[f"{name if len(names) > 2 else ''} less {names[0]}" for name in names[1:]],
         made=[(name, *_made(run)) for name, run in zip(names, runs, strict=True)],
         inputs=[(key, *(_input(key, entry) for entry in table.entries)) for key in table.inputs],
         main=[row for row in rows if row.quantity in main],
@@ -105,7 +99,7 @@ def _value(name: str, found: TableQuantity | None) -> str:
     if found is None:
         return NO_VALUE
     if name.startswith(PARTS):
-        return f"{percent(Measured(found.value, found.low, found.high))} %"
+        return f"{percent(found)} %"
     return f"{number(found.value)} {found.unit}".removesuffix(" 1")
 
 
@@ -120,8 +114,7 @@ def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, Any]]:
     for name, one in entry.by_name.items():
         kind, *of = name.split(".", 2)
         if kind == "share" and len(of) == 2:
-            ends = one.value if one.low is None else one.low, one.value if one.high is None else one.high
-            value, low, high = (100.0 * part for part in (one.value, *ends))
+            value, low, high = (100.0 * part for part in (one if one.known else (one.value,) * 3))
             found[of[0], of[1]] = {"value": value, "low": low, "high": high, "told": _value(name, one)}
     return found
 

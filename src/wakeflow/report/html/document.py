@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import base64
 import json
-from collections.abc import Iterator, Mapping
+import struct
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.files import atomic_write
+from ...core.number import Number
 from ...core.quantities import say, speaking
 from ...results.landing_results import BudgetPart, BudgetRow, PartitionCurve
-from ...results.measured import Measured
 from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
 from ..canvas import bins_across
 from ..colours import fraction_colours
-from ..csv import IMPACT_COLUMNS, impact_cells
 from ..figures import captions
+from ..film import film_in, film_section
 from ..pictures import found
 from ..sketch import UNITS
+from ..tables import impact_cells
 from ..words import (
     NO_VALUE,
     UNKNOWN_ERROR,
@@ -31,20 +34,30 @@ from ..words import (
     percent,
     source_seconds,
 )
-from .asked import machine_rows, material_rows, proofs_of, scene_in_full, source_of
-from .film import film_in, film_section
-from .inlined import inlined_pictures, shape_of
 from .live import live_data
-from .rows import airflow_rows, end_rows, funnel_rows, number, percentage_points, seconds
+from .rows import (
+    airflow_rows,
+    end_rows,
+    funnel_rows,
+    machine_rows,
+    material_rows,
+    measured_text,
+    number,
+    percentage_points,
+    proofs_of,
+    scene_in_full,
+    seconds,
+    source_of,
+)
 
 if TYPE_CHECKING:
     from ...results.result import Result
     from ..outcome import Outcome
 
-__all__ = ["page_template", "render", "write_html"]
-
 SKETCH = "sketch"  # the figure that stands beside the machine's measures
 MOST_MOVED = 3  # shares that are told of a number
+LONG = 1.75  # width over height of a picture that takes the page's whole width
+TALL = 0.8  # of one that takes a sheet's whole height
 SIDE = 900  # dots of the longer side of the script's canvas
 HOW = {
     "measured": "from this run",
@@ -85,15 +98,11 @@ def render(
     from markupsafe import Markup
 
     scene = Scene.parse(result.scene) if scene is None else scene
-    shown = captions() if texts is None else texts
-    here = Path(__file__).parent
     text: str = page_template("page.html.j2").render(
-        style=(here / "style.css").read_text(encoding="utf-8"),
-        script=(here / "live.js").read_text(encoding="utf-8"),
         result=result,
         title=title,
         made=result.provenance,
-        pictures=_shown(pictures, shown),
+        pictures=_shown(pictures, captions() if texts is None else texts),
         sketch=pictures.get(SKETCH),
         live=live,
         film=Markup(film),
@@ -105,11 +114,22 @@ def render(
         **_asked(result, scene),
         **_shares(result, scene),
         **_air(result),
-        **_impacts(result),
         **_budget(result),
-        **_inputs(result),
+        inputs=_inputs(result),
     )
     return text
+
+
+def inlined_pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """The PNG files of ``names`` in a folder as base64, those that there are."""
+    files = {name: folder / f"{name}.png" for name in names}
+    return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
+
+
+def shape_of(picture: str) -> str:
+    """What a base64 PNG is on a page: "long" where half of its width is too narrow for it, "tall", or neither."""
+    width, height = struct.unpack(">II", base64.b64decode(picture[:48])[16:24])
+    return "long" if width > LONG * height else "tall" if width < TALL * height else ""
 
 
 def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[str, str, str]]:
@@ -130,15 +150,20 @@ def page_template(name: str) -> Any:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        percent=percent, points=percentage_points, number=number, seconds=seconds, between=_between
+        percent=percent,
+        points=percentage_points,
+        number=number,
+        seconds=seconds,
+        between=_between,
+        cells="{} cells".format,
     )
     environment.globals.update(change_of=change_of)
     return environment.get_template(name)
 
 
-def _between(row: Measured) -> str:
+def _between(row: Number) -> str:
     """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
-    if row.low is None or row.high is None:
+    if not row.known:
         return NO_VALUE
     return f"{100 * row.low:.3g} to {100 * row.high:.3g}"
 
@@ -183,14 +208,11 @@ def _origin(result: Result) -> list[tuple[str, str]]:
 def _shares(result: Result, scene: Scene) -> dict[str, Any]:
     """What the page says of the separation."""
     landings = result.landings
+    parts = ("separation", "without_collisions", "slab", "bracket", "air_loading")
     return {
-        "separation": None if landings is None else landings.separation,
+        **{name: getattr(landings, name, None) for name in parts},
         "bins": [*bins_across(scene), RESERVED_BIN],
         "cuts": [] if landings is None else [_cut(curve) for curve in landings.separation.cut],
-        "alone": None if landings is None else landings.without_collisions,
-        "slab": None if landings is None else landings.slab,
-        "bracket": {} if landings is None else landings.bracket or {},
-        "air_loading": {} if landings is None else landings.air_loading or {},
         "answers": list(_answers(result)),
         "targets": {name: result.targets(name) for name in result.scene["fraction"]},
         "expected": lambda place: expected(result, place),
@@ -198,7 +220,7 @@ def _shares(result: Result, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _answers(result: Result) -> Iterator[tuple[str, Measured, tuple[str, ...]]]:
+def _answers(result: Result) -> Iterator[tuple[str, Number, tuple[str, ...]]]:
     """(fraction, its recovery, its target bins) for every fraction that has a target."""
     recovery = {} if result.landings is None else result.landings.separation.recovery
     return ((name, row, result.targets(name)) for name, row in recovery.items() if row is not None)
@@ -207,53 +229,30 @@ def _answers(result: Result) -> Iterator[tuple[str, Measured, tuple[str, ...]]]:
 def _cut(curve: PartitionCurve) -> tuple[str, ...]:
     """A row of the partition curves' cuts; sizes in mm."""
     scale, unit = (1e3, "mm") if curve.by == "size" else (1.0, curve.unit)
-
-    def told(value: float | None) -> str:
-        return NO_VALUE if value is None else number(scale * value)
-
-    cut = curve.cut
-    if cut is None:
-        return " or ".join(curve.product), curve.by, NO_VALUE, NO_VALUE, NO_VALUE, curve.why or ""
-    ends = "" if cut.low is None else f" [{told(cut.low)}, {told(cut.high)}]"
-    imperfection = NO_VALUE if curve.imperfection is None else number(curve.imperfection)
-    return (
-        " or ".join(curve.product),
-        curve.by,
-        f"{told(cut.value)}{ends} {unit}",
-        told(curve.ep),
-        imperfection,
-        curve.why or "",
-    )
+    cut, told = curve.cut, [NO_VALUE] * 3
+    if cut is not None:
+        sharp = number(None if curve.ep is None else scale * curve.ep)
+        told = [f"{measured_text(cut, scale)} {unit}", sharp, number(curve.imperfection)]
+    return (" or ".join(curve.product), curve.by, *told, curve.why or "")
 
 
 def _air(result: Result) -> dict[str, Any]:
-    """What the page says of the air and the feed funnel."""
-    return {
-        "airflow": airflow_rows(result.airflow, result.mesh),
-        "ends": end_rows(result.airflow),
-        "funnel": funnel_rows(result.funnel),
-        "grids": () if result.airflow is None else result.airflow.grids or (),
-        "left_out": [
-            (
-                row.name if row.fraction is None else f"{row.name} · {row.fraction}",
-                NO_VALUE if row.bound is None else f"{row.bound:.2g}",
-                row.why,
-            )
-            for row in result.plan.left_out
-        ],
-    }
-
-
-def _impacts(result: Result) -> dict[str, Any]:
-    """What the page says of first impacts and of fates."""
-    flights = result.flights
+    """What the page says of the air, the feed funnel, what was left out, first impacts and fates."""
+    flights, airflow = result.flights, result.airflow
     impact = None if flights is None else flights.impact
     return {
+        "airflow": airflow_rows(airflow, result.mesh),
+        "ends": end_rows(airflow),
+        "funnel": funnel_rows(result.funnel),
+        "grids": () if airflow is None else airflow.grids or (),
+        "left_out": [
+            (" · ".join(filter(None, (row.name, row.fraction))), NO_VALUE if row.bound is None else f"{row.bound:.2g}",
+             row.why) for row in result.plan.left_out
+        ],
         "impact": impact,
         "impacts": impact_cells(impact),
-        "impact_columns": IMPACT_COLUMNS,
         "fates": {} if flights is None else flights.fates,
-    }
+    }  # fmt: skip
 
 
 def _budget(result: Result) -> dict[str, Any]:
@@ -284,21 +283,21 @@ def _how(part: BudgetPart) -> str:
     return how if part.note is None else f"{how}: {part.note}"
 
 
-def _inputs(result: Result) -> dict[str, Any]:
+def _inputs(result: Result) -> list[tuple[str, ...]]:
     """What the page says of the numbers that are not known exactly, those first that move a share most."""
     landings = result.landings
-    known = {} if landings is None else landings.inputs or {}
-    parts = {} if landings is None else landings.measure_next or {}
-    moves: dict[str, list[tuple[float, str]]] = {key: [] for key in known}
-    for name, places in parts.items():
+    if landings is None or not landings.inputs:
+        return []
+    moves: dict[str, list[tuple[float, str]]] = {key: [] for key in landings.inputs}
+    for name, places in (landings.measure_next or {}).items():
         for place, effects in places.items():
             for key, effect in effects.items():
-                moves[key].append((effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
+                moves[key].append((-effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
     rows = []
-    for key, one in known.items():
-        most = sorted(moves[key], key=lambda move: -move[0])[:MOST_MOVED]
-        told = ", ".join(text for _, text in most)
+    for key, one in landings.inputs.items():
+        most = sorted(moves[key], key=lambda move: move[0])[:MOST_MOVED]
         with speaking(UNITS):
             ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
+        told = ", ".join(text for _, text in most)
         rows.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), told)))
-    return {"inputs": [row for _, row in sorted(rows, key=lambda one: -one[0])]}
+    return [row for _, row in sorted(rows, key=lambda one: one[0])]

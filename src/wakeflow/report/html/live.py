@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air import moments_of
+from ..air import Turning, moments_of
 from ..canvas import MM, bins_across
 from ..colours import fraction_colours
-from ..turning import Turning
 from ..words import percent
 
 if TYPE_CHECKING:
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
     from ...results.result import Result
     from ...scene import Scene
     from ..outcome import Outcome, Track
-
-__all__ = ["live_data"]
 
 Array = NDArray[np.float64]
 FRAMES = 32  # of a loop

@@ -14,16 +14,13 @@ from ...core.geometry import distance_to
 from ...scene.pictures import Animation
 from ..canvas import BODY, INK, MM, Window, new_figure, save
 from ..colours import fraction_colours
-from .paths import Path2D, body_displacement
-from .view import Drawn, View
+from .view import Drawn, Path2D, View, body_displacement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ...scene import Scene
-
-__all__ = ["draw_animation"]
 
 Array = NDArray[np.float64]
 TALL, WIDEST = 2.9, 11.0  # inches: height of a frame of the GIF, width of the strip

@@ -13,13 +13,10 @@ from ...injection.first_contact import motion_of
 from ...scene.pictures import Curves
 from ..canvas import MM, new_figure, save
 from ..colours import fraction_colours
-from .paths import Path2D
-from .view import Drawn, View
+from .view import Drawn, Path2D, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["draw_curves"]
 
 Array = NDArray[np.float64]
 POINTS = 41  # of a curve

@@ -27,14 +27,11 @@ from ..canvas import (
     triangulation,
 )
 from ..colours import fraction_colours
-from ..figures.pressure import draw_pressure
-from .paths import Path2D
-from .view import Drawn, View
+from ..figures.air import draw_pressure
+from .view import Drawn, Path2D, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["draw_density", "draw_streamlines", "mass_flux"]
 
 Array = NDArray[np.float64]
 CELL, ACROSS = 0.125, 60  # cells of a map: at most so many widths of the first body, and so many over the channel

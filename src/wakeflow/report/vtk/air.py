@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from ...results.airflow_summary import Airflow
     from ...scene import Scene
 
-__all__ = ["link_field", "write_field"]
-
 Array = NDArray[np.float64]
 ITSELF = "field.npz"
 NAMES = ("field.vtu", "mean.vtu", "field.pvd")  # the index last, so that it never names files that are not there

@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.files import atomic_write
 
-__all__ = ["lifted", "lines_of", "number_by_name", "save_piece", "save_series"]
-
 HEAD = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
 FOOT = "  </Collection>\n</VTKFile>\n"
 

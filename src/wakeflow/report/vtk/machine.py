@@ -15,8 +15,6 @@ from .files import lifted, lines_of, save_piece
 if TYPE_CHECKING:
     from ...scene import Scene
 
-__all__ = ["write_machine"]
-
 HEAD = '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
 FOOT = "  </vtkMultiBlockDataSet>\n</VTKFile>\n"
 

@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from ...tracking import Fate
 from ..air import moments_of
-from ..pictures.paths import Path2D
+from ..pictures.view import Path2D
 from .files import lifted, lines_of, number_by_name, save_piece, save_series
 
 if TYPE_CHECKING:
     from ...field import FlowField
     from ...scene import Scene
     from ..outcome import Track
-
-__all__ = ["write_landings", "write_moving", "write_tracks"]
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,66 @@
+"""Tables of cells: rows under their heads, as CSV and as what Python is handed."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .files import atomic_write
+
+Cell = str | float | bool | None
+
+
+@dataclass(frozen=True)
+class CellTable:
+    """``rows`` of cells under ``heads``, which carry the units; None where nothing is known."""
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+
+    @classmethod
+    def of(cls, records: Iterable[object], attributes: Mapping[str, str]) -> CellTable:
+        """A row a record; ``attributes``: the name of each by the head of its column."""
+        return cls(tuple(attributes), [[getattr(one, name) for name in attributes.values()] for one in records])
+
+    def write_csv(self, path: Path, digits: int = 10) -> None:
+        """Write the table; empty where nothing is known, ``digits`` a number."""
+        with atomic_write(path) as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(self.heads)
+            writer.writerows([_text(cell, digits) for cell in row] for row in self.rows)
+
+    def columns(self) -> dict[str, Any]:
+        """Arrays by their heads: of float with nan where nothing is known, or of text."""
+        return {head: _array([row[place] for row in self.rows]) for place, head in enumerate(self.heads)}
+
+    def frame(self) -> Any:
+        """The columns as of :func:`frame_of`."""
+        return frame_of(self.columns())
+
+
+def frame_of(columns: Mapping[str, Any]) -> Any:
+    """Arrays of one length by the heads of their columns, as a pandas DataFrame where pandas is installed, else as a
+    dict.
+    """
+    if find_spec("pandas") is None:
+        return dict(columns)
+    return import_module("pandas").DataFrame(dict(columns))
+
+
+def _array(cells: Sequence[Cell]) -> Any:
+    if any(isinstance(cell, str) for cell in cells):
+        return np.array([_text(cell) for cell in cells], dtype=object)
+    return np.array([np.nan if cell is None else cell for cell in cells], dtype=float)
+
+
+def _text(cell: Cell, digits: int = 10) -> str:
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    return "" if cell is None else f"{cell:.{digits}g}" if isinstance(cell, float) else str(cell)

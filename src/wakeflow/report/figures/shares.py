@@ -1,0 +1,371 @@
+"""The standard figures of where granules land: histograms along walls, partition curves, shares in each wake."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..canvas import INK, MM, bins_across, new_figure, save, text_width
+from ..colours import COLOURS, fraction_colours
+from ..outcome import add_figure
+from ..words import percent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from ...results.landing_results import LandingResults, PartitionCurve, Separation
+    from ...scene import Scene
+    from ..canvas import Paper
+    from ..outcome import Landed, Outcome
+
+Array = NDArray[np.float64]
+CELLS = 60  # of a histogram along one wall
+SHADES = ("#e6ebf1", "#f6f7f9")
+HEADROOM = 1.4  # above the highest cell, for the shares
+
+
+@dataclass(frozen=True)
+class _Wall:
+    """One column: a coordinate (m) along a wall or a bin's own line, and where on it each bin (by its index) stands."""
+
+    title: str
+    span: tuple[float, float]
+    bins: dict[int, tuple[float, float]]
+
+    def edges(self) -> Array:
+        """Histogram edges (m): about CELLS cells, with an edge wherever a bin begins or ends."""
+        marks = np.unique([*self.span, *(x for ends in self.bins.values() for x in ends)])
+        cell = (self.span[1] - self.span[0]) / CELLS
+        pieces = [
+            np.linspace(a, b, max(1, round((b - a) / cell)), endpoint=False) for a, b in itertools.pairwise(marks)
+        ]
+        return np.append(np.concatenate(pieces), marks[-1])
+
+
+def draw_landing(
+    paper: Paper, scene: Scene, landings: Mapping[str, Landed], separation: Separation | None = None
+) -> NDArray[Any]:
+    """Histograms of where each fraction lands, one row a fraction, one column a wall that has bins.
+
+    ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are
+    written; without it shares are those of ``landings``, without interval.
+    """
+    names, walls = list(landings), list(_walls_with_bins(scene))
+    wide = 6.2 if len(walls) == 1 else 4.2
+    figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1), paper)
+    panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
+    colours = fraction_colours(names)
+    table = _Table()
+    for row, name in enumerate(names):
+        shares = _shares(scene, name, landings[name], separation)
+        peak = 0.0
+        for axes, wall in zip(panels[row], walls, strict=True):
+            edges, share = _histogram(wall, scene, landings[name])
+            peak = max(peak, _draw_histogram(axes, wall, edges, share, colours[name]))
+            table.add(name, wall.title, edges, share)
+            _write_shares(axes, wall, scene, shares, wide)
+        axes = panels[row][0]
+        axes.set_ylim(0.0, HEADROOM * peak if peak > 0 else 1.0)
+        axes.set_ylabel(f"{name}\nmass per cm (%)", fontsize=9)
+        panels[row][-1].annotate(
+            f"elsewhere\n{shares['elsewhere']}", (1.0, 0.5), xytext=(6, 0), xycoords="axes fraction",
+            textcoords="offset points", fontsize=7.5, va="center",
+        )  # fmt: skip
+    for axes, wall in zip(panels[0], walls, strict=True):
+        _name_bins(axes, wall, scene, wide)
+    for axes, wall in zip(panels[-1], walls, strict=True):
+        axes.set_xlabel(wall.title)
+    figure.suptitle("Where each fraction lands, in percent of its mass", fontsize=9)
+    save(figure, paper, table.columns())
+    return panels
+
+
+def _walls_with_bins(scene: Scene) -> Iterator[_Wall]:
+    channel, half = scene.channel, scene.channel.width / 2
+    for on, title in (
+        ("floor", "x on the floor (mm)"),
+        ("top", "x on the top (mm)"),
+        ("left", "y on the left wall (mm)"),
+        ("right", "y on the right wall (mm)"),
+    ):
+        axis = 0 if on in ("floor", "top") else 1
+        placed = {
+            i: b.line(channel)[:, axis] for i, b in enumerate(scene.bin.values()) if b.points is None and b.on == on
+        }
+        bins = {i: (float(a), float(b)) for i, (a, b) in sorted(placed.items(), key=lambda item: float(item[1][0]))}
+        if bins:
+            yield _Wall(title, (-half, half) if axis == 0 else (channel.bottom, channel.top), bins)
+    for i, (name, bin_) in enumerate(scene.bin.items()):
+        if bin_.points is not None:
+            length = float(np.sum(np.hypot(*np.diff(bin_.line(channel), axis=0).T)))
+            yield _Wall(f"along {name} (mm)", (0.0, length), {i: (0.0, length)})
+
+
+def _along(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
+    """Coordinate along the wall (m) and weight of the granules that ended in its bins."""
+    here = np.isin(landing.bin, list(wall.bins))
+    points = np.stack([np.asarray(landing.x)[here], np.asarray(landing.y)[here]], axis=1)
+    bin_ = list(scene.bin.values())[next(iter(wall.bins))]
+    if bin_.points is None:
+        where = points[:, 0 if bin_.on in ("floor", "top") else 1]
+    else:
+        where = _arc_length(bin_.line(scene.channel), points)
+    return np.clip(where, *wall.span), np.asarray(landing.weight, dtype=float)[here]
+
+
+def _arc_length(line: Array, points: Array) -> Array:
+    """Arc length (m) of the place on a polyline (k, 2) that is nearest to each of the points (n, 2)."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    size = np.hypot(*step.T)
+    part = np.clip(np.einsum("nkc,kc->nk", points[:, None] - start, step) / size**2, 0.0, 1.0)
+    gap = np.linalg.norm(points[:, None] - start - part[..., None] * step, axis=2)
+    best = np.argmin(gap, axis=1)
+    before = np.concatenate([[0.0], np.cumsum(size)[:-1]])
+    return np.asarray(before[best] + part[np.arange(len(points)), best] * size[best])
+
+
+def _histogram(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
+    """Edges (k + 1,) m of the cells along a wall, and the share (k,) % of the fraction's mass that landed in each."""
+    edges = wall.edges()
+    where, weight = _along(wall, scene, landing)
+    total = float(np.sum(landing.weight))
+    mass, _ = np.histogram(where, bins=edges, weights=weight)
+    return edges, 100.0 * mass / total if total > 0 else np.zeros(len(mass))
+
+
+def _draw_histogram(axes: Axes, wall: _Wall, edges: Array, share: Array, colour: str) -> float:
+    """Draw one panel; its highest value (% of the fraction's mass per cm)."""
+    height = share / (100.0 * np.diff(edges))
+    axes.stairs(height, MM * edges, fill=True, color=colour, alpha=0.85, zorder=2)
+    for place, ends in enumerate(wall.bins.values()):
+        axes.axvspan(MM * ends[0], MM * ends[1], color=SHADES[place % 2], zorder=0)
+        for end in ends:
+            axes.axvline(MM * end, color="#9aa3ad", linewidth=0.6, zorder=1)
+    axes.set_xlim(MM * wall.span[0], MM * wall.span[1])
+    axes.tick_params(labelsize=8)
+    return float(height.max(initial=0.0))
+
+
+class _Table:
+    """The cells of all panels, one below the other."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[list[str], list[str], Array, Array, Array]] = []
+
+    def add(self, fraction: str, wall: str, edges: Array, share: Array) -> None:
+        names = [fraction] * len(share), [wall.replace("(mm)", "").strip()] * len(share)
+        self.parts.append((*names, edges[:-1], edges[1:], share))
+
+    def columns(self) -> dict[str, Array]:
+        heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
+        return {head: np.concatenate(column) for head, column in zip(heads, zip(*self.parts, strict=True), strict=True)}
+
+
+def _shares(scene: Scene, name: str, landing: Landed, separation: Separation | None) -> dict[str, str]:
+    """What is written over every bin: its share in percent, with half its interval where known."""
+    if separation is not None:
+        rows = separation.fractions[name]
+        return {place: percent(row).replace(" ", "\n", 1) + " %" for place, row in rows.items()}
+    weight, places = np.asarray(landing.weight, dtype=float), np.asarray(landing.bin)
+    total = float(weight.sum())
+    names = {**dict(enumerate(scene.bin)), -1: "elsewhere"}
+    return {n: f"{100 * weight[places == i].sum() / total:.1f} %" if total > 0 else "–" for i, n in names.items()}
+
+
+def _write_shares(axes: Axes, wall: _Wall, scene: Scene, shares: Mapping[str, str], wide: float) -> None:
+    names, scale = list(scene.bin), wide / (wall.span[1] - wall.span[0])
+    for i, ends in wall.bins.items():
+        text = shares[names[i]]
+        upright = text_width(max(text.split("\n"), key=len), 7.5) > scale * (ends[1] - ends[0])
+        axes.annotate(
+            text, (MM * sum(ends) / 2, 0.96), xycoords=("data", "axes fraction"), fontsize=6 if upright else 7.5,
+            ha="center", va="top", rotation=90 if upright else 0, zorder=4,
+        )  # fmt: skip
+
+
+def _name_bins(axes: Axes, wall: _Wall, scene: Scene, wide: float) -> None:
+    names, scale = list(scene.bin), wide / (wall.span[1] - wall.span[0])
+    upright = any(text_width(names[i], 8) > scale * (ends[1] - ends[0]) for i, ends in wall.bins.items())
+    for i, ends in wall.bins.items():
+        axes.annotate(
+            names[i], (MM * sum(ends) / 2, 1.0), xytext=(0, 3), xycoords=("data", "axes fraction"),
+            textcoords="offset points", fontsize=8, ha="center", va="bottom", rotation=90 if upright else 0,
+        )  # fmt: skip
+
+
+EMPTY = 0.3  # decades without granules: across them a curve is dotted and has no band
+AXES = {"size": (MM, "diameter", "mm"), "terminal velocity": (1.0, "terminal velocity", "m/s")}
+
+
+def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve]) -> NDArray[Any]:
+    """Draw a panel a property and a line a product, with its 95 % band and its cut."""
+    kinds = list(dict.fromkeys(curve.by for curve in curves))
+    figure = new_figure(0.6 + 4.6 * len(kinds), 3.9, paper)
+    panels: NDArray[Any] = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
+    colours = _product_colours(scene, curves)
+    for axes, kind in zip(panels, kinds, strict=True):
+        scale, label, unit = AXES[kind]
+        for curve in (one for one in curves if one.by == kind):
+            at, colour = scale * np.array(curve.at), colours[curve.product]
+            share, low, high = (100 * np.array(ends) for ends in (curve.share, curve.low, curve.high))
+            for part in np.split(np.arange(len(at)), np.flatnonzero(np.diff(np.log10(at)) > EMPTY) + 1):
+                axes.fill_between(at[part], low[part], high[part], color=colour, alpha=0.2, linewidth=0)
+                axes.plot(at[part], share[part], "o-", ms=3, lw=1.2, color=colour)
+            axes.errorbar(at, share, [share - low, high - share], fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
+            axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
+            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale, unit))
+            if curve.cut is not None and curve.cut.value is not None:
+                axes.plot([scale * curve.cut.value] * 2, [0.0, 50.0], ":", color=colour, linewidth=1.0)
+        for level in (25.0, 50.0, 75.0):
+            axes.axhline(level, color="#9aa3ad", linewidth=0.5, zorder=0)
+        axes.set_xscale("log")
+        axes.set_ylim(-2.0, 102.0)
+        axes.set_xlabel(f"{label} ({unit})")
+        axes.legend(fontsize=7, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    panels[0].set_ylabel("share of its mass in the product (%)")
+    save(figure, paper, _curve_columns(curves))
+    return panels
+
+
+def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tuple[str, ...], str]:
+    """That of the fraction which should land in a product; of a bin that is nobody's target one of its own."""
+    own = fraction_colours(list(scene.fraction))
+    wanted = {fraction.targets: own[name] for name, fraction in scene.fraction.items()}
+    products = list(dict.fromkeys(curve.product for curve in curves))
+    return {product: wanted.get(product, COLOURS[i % len(COLOURS)]) for i, product in enumerate(products)}
+
+
+def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
+    name = " or ".join(curve.product)
+    if curve.cut is None or curve.cut.value is None:
+        return f"{name}: {curve.why}"
+    sharp = "" if curve.ep is None else f", Ep {scale * curve.ep:.3g} {unit}, I {curve.imperfection:.2g}"
+    return f"{name}: cut {scale * curve.cut.value:.3g} {unit}{sharp}"
+
+
+def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
+    sizes = [len(curve.at) for curve in curves]
+    names = (" or ".join(curve.product) for curve in curves)
+    found: dict[str, ArrayLike] = {
+        "product": np.repeat(list(names), sizes),
+        "by": np.repeat([curve.by for curve in curves], sizes),
+        "unit": np.repeat([curve.unit for curve in curves], sizes),
+    }
+    for head, key in (
+        ("value", "at"), ("mass of the feed (1)", "mass"), ("share (1)", "share"), ("low (1)", "low"),
+        ("high (1)", "high"),
+    ):  # fmt: skip
+        found[head] = np.concatenate([np.array(getattr(curve, key)) for curve in curves])
+    return found
+
+
+MARKERS = "<>^vsDPX*"
+LEAST = 1e-3  # a share that is smaller in every wake is not drawn
+ROW = 0.3  # inches
+
+
+def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[Any]:
+    """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
+    rows = _wake_rows(scene, landings)
+    panels = list(dict.fromkeys(name for name, _ in rows))
+    wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
+    counts = [sum(name == one for one, _ in rows) for name in panels]
+    figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
+    grid: NDArray[Any] = figure.subplots(
+        len(panels), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": counts}
+    )[:, 0]
+    colours = fraction_colours(list(scene.fraction))
+    assert landings.bracket is not None
+    for axes, name in zip(grid, panels, strict=True):
+        places = [place for one, place in rows if one == name]
+        for level, place in enumerate(places):
+            share = landings.separation.fractions[name][place]
+            ends = [100 * (share.high - share.low)], [100 * share.low]
+            axes.barh([level], ends[0], left=ends[1], height=0.55, color=colours[name], alpha=0.35)
+            axes.plot([100 * share.value] * 2, [level - 0.28, level + 0.28], color=colours[name], linewidth=2.5)
+            for marker, wake in zip(MARKERS, wakes, strict=False):
+                found = landings.bracket[name][place].get(wake)
+                if found is not None:
+                    axes.plot([100 * found], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
+        axes.set_yticks(range(len(places)), places, fontsize=8)
+        axes.set_ylim(len(places) - 0.5, -0.5)
+        axes.set_title(name, fontsize=9, loc="left")
+        axes.grid(axis="x", color="#dddddd", linewidth=0.5)
+    for marker, wake in zip(MARKERS, wakes, strict=False):
+        grid[0].plot([], [], marker, ms=5, mfc="white", mec=INK, linestyle="none", label=wake)
+    grid[0].legend(fontsize=7, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
+    grid[-1].set_xlim(-1.0, 101.0)
+    grid[-1].set_xlabel("share of the fraction's mass (%)")
+    save(figure, paper, _wake_columns(landings))
+    return grid
+
+
+def _marks(landings: LandingResults) -> list[tuple[str, str, str]]:
+    """Fraction, bin and wake of every share that was flown in another wake."""
+    bracket = landings.bracket or {}
+    return [
+        (name, place, wake) for name, places in bracket.items() for place, found in places.items() for wake in found
+    ]
+
+
+def _wake_rows(scene: Scene, landings: LandingResults) -> list[tuple[str, str]]:
+    """Fractions and bins that some of the fraction lands in, bins from left to right."""
+    bracket = landings.bracket or {}
+    bins = [*bins_across(scene), "elsewhere"]
+    return [
+        (name, place)
+        for name, places in bracket.items()
+        for place in bins
+        if max([*places.get(place, {}).values(), landings.separation.fractions[name][place].value]) > LEAST
+    ]
+
+
+def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
+    marks, bracket = _marks(landings), landings.bracket or {}
+    heads = ("fraction", "bin", "wake")
+    found: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
+    found["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
+    return found
+
+
+def _landings(outcome: Outcome) -> tuple[object, ...]:
+    landings = outcome.result.landings
+    return outcome.scene, outcome.landings, None if landings is None else landings.separation
+
+
+def _curves(outcome: Outcome) -> tuple[Scene, Sequence[PartitionCurve]] | None:
+    landings = outcome.result.landings
+    return None if landings is None or not landings.separation.cut else (outcome.scene, landings.separation.cut)
+
+
+def _in_wakes(outcome: Outcome) -> tuple[Scene, LandingResults] | None:
+    landings = outcome.result.landings
+    return None if landings is None or not landings.bracket else (outcome.scene, landings)
+
+
+add_figure(
+    "landing",
+    "Where the mass of each fraction lands; percent with 95 % interval.",
+    draw_landing,
+    _landings,
+    always=True,
+)
+add_figure(
+    "partition",
+    "Partition curves: of granules alike in size or terminal velocity, the share in each product; bands: 95 %, of "
+    "the finite number of granules alone; dotted where nothing is fed.",
+    draw_partition,
+    _curves,
+)
+add_figure(
+    "wakes",
+    "The same granules, each alone, in each wake (marks), and the answer with its 95 % interval (bars).",
+    draw_wakes,
+    _in_wakes,
+)
