@@ -36,7 +36,7 @@ def main(options: list[str]) -> int:
     for fraction in fractions:
         for name, table in tables.items():
             row, whole = table["fractions"][fraction], table["recovery"][fraction]
-            cells = [f"{100 * row[place]['share']:.1f}" for place in bins]
+            cells = [f"{100 * row[place]['value']:.1f}" for place in bins]
             half = 50 * (whole["high"] - whole["low"])
             print(f"| {fraction} | {name} | {' | '.join(cells)} | {100 * whole['value']:.1f} ± {half:.1f} |")
     return 0
