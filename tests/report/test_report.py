@@ -145,6 +145,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         {"source": "sampling", "error": 0.0043, "seconds": 1.5, "how": "measured"},
         {"source": "airflow-model", "error": None, "seconds": 0.0, "how": "unknown"},
     ]
+    total = {"error": None, "seconds": 1.5}
     return {
         "schema": 2,
         "scene": scene.tables(),
@@ -162,7 +163,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         "met_by_law": {}, "impact": None, "bracket": None, "key": "k",
         "fates": {name: {"binned": 480 + i, "escaped": 20 - i} for i, name in enumerate(scene.fraction)},
         "budget": [
-            {"quantity": f"share.{name}.{bins[0]}", "unit": None, "parts": parts, "total": dict(error=None, seconds=1.5)}
+            {"quantity": f"share.{name}.{bins[0]}", "unit": None, "parts": parts, "total": total}
             for name in scene.fraction
         ],
         "seconds": {"mesh": {"seconds": 1.25, "cached": True}, "tracks": {"seconds": 200.0, "cached": False}},
