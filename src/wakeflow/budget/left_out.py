@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..pipeline.landings import Landings
 from ..planning.bounds import COLLISIONS, VIBRATION
 from ..planning.lock_in import vibration_of_scene
@@ -69,11 +70,10 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
         for point in ends[place]:
             away = np.minimum(away, distance[point])
         for row in rows:
-            assert row.bound is not None
-            error = most_crossing(away, landing.bin == number[place], row.bound, landing.weight)
-            kind = LEFT_OUT if row.bound <= limit else NOT_COMPUTED
+            error = most_crossing(away, landing.bin == number[place], known(row.bound), landing.weight)
+            kind = LEFT_OUT if known(row.bound) <= limit else NOT_COMPUTED
             if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
-                error = max(error, min(1.0, row.bound))
+                error = max(error, min(1.0, known(row.bound)))
             found.append(_part(row, error, kind, scene.unit))
     return parts
 

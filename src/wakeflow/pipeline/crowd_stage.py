@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.crowd import CrowdPlan
@@ -73,8 +74,7 @@ class CrowdStage:
     @property
     def crowd(self) -> CrowdPlan:
         """What the plan says of the slab. The plan must have one."""
-        assert self.plan.crowd is not None
-        return self.plan.crowd
+        return known(self.plan.crowd)
 
     @cached_property
     def start_up(self) -> float:

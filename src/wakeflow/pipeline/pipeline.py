@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.store import Store, cache_root, content_key
 from ..funnel import compute as compute_funnel
@@ -175,8 +175,7 @@ class Pipeline:
     @cached_property
     def draft(self) -> Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
-        assert self.planner is not None
-        plan = self.planner.at(self.scene).plan("draft")
+        plan = known(self.planner).at(self.scene).plan("draft")
         grid = min(self.grid, len(plan.airflow.scales) - 1)
         return replace(self, plan=plan, grid=grid, label=self.label._replace(draft=True))
 

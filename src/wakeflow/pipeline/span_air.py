@@ -46,8 +46,7 @@ class SpanAir(SolvedAir):
 
     @property
     def cells(self) -> int:
-        assert self.flow_spec.span is not None
-        return super().cells * self.flow_spec.span.layers
+        return super().cells * known(self.flow_spec.span).layers
 
     @cached_property
     def layers(self) -> tuple[str, Path]:
