@@ -181,12 +181,6 @@ def test_crowd_speed(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(float(row.split()[-2]) > 0 for row in rows[1:5])
 
 
-def test_labyrinth_chain_without_air(capsys: pytest.CaptureFixture[str]) -> None:
-    scene = shipped("labyrinth", {"feed.count": 64})
-    labyrinth_chain.without_air(scene)
-    assert len(table_rows(capsys.readouterr().out)) == 2 * len(scene.fraction)
-
-
 @pytest.mark.openfoam
 def test_labyrinth_chain(capsys: pytest.CaptureFixture[str]) -> None:
     labyrinth_chain.main(64, 4.0)

@@ -1,8 +1,8 @@
-"""The chain beside the tracker on cases/labyrinth.toml, printed as the tables of docs/validation.md:
+"""The chain next to flights in the airflow of cases/labyrinth.toml, printed as the tables of docs/validation.md:
 
 .venv/bin/python cases/studies/labyrinth_chain.py [count of granules a fraction, 1024] [mesh_scale of the airflow, 2]
 
-Without air both must agree, granule by granule; in the labyrinth's steady airflow they differ by what the air does.
+They differ by what the labyrinth's steady airflow does.
 """
 
 from __future__ import annotations
@@ -16,14 +16,11 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
-from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.compilation import compile_tracker
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight, compile_tracker
 from wakeflow.planning.make import make_plan
 
 CASES = Path(__file__).parents[1]
-SHAKEN = {"vibration.frequency": 30.0, "vibration.gamma": 1.5}
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float]:
@@ -31,30 +28,6 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
     start = time.process_time()
     found = work()
     return found, time.process_time() - start
-
-
-def flown(scene: wf.Scene, name: str) -> tuple[Any, float]:
-    """Tracks of one fraction without air, by whom the plan says, and the processor time of flying them."""
-    plan = make_plan(scene, rung="none")
-    still = scene.without_air()
-    feed = feedstock(still, plan, name, None)
-    return timed(lambda: Flight(still, plan, Realisations(None), scene.numerics.tolerance).fly(name, feed.granules))
-
-
-def without_air(scene: wf.Scene) -> None:
-    """Landing by landing: the same granules by the chain and by the tracker, bodies at rest and vibrating."""
-    print("| bodies | fraction | within 1e-6 widths | same bin | chain, us a granule | tracker, us a granule |")
-    print("|---|---|---|---|---|---|")
-    for label, changed in (("at rest", {}), ("30 Hz, Gamma 1.5", SHAKEN)):
-        one = scene.replace(changed) if changed else scene
-        tables = {key: table for key, table in one.tables().items() if key not in ("air", "numerics")}
-        vacuum = wf.Scene.parse({**tables, "numerics": {"tolerance": one.numerics.tolerance}})
-        for name in scene.fraction:
-            (ours, spent), (theirs, other) = flown(one, name), flown(vacuum, name)
-            off = np.linalg.norm(ours.position - theirs.position, axis=1) / scene.width
-            same, bins = np.mean(off < 1e-6), np.mean(ours.line == theirs.line)
-            costs = " | ".join(f"{1e6 * s / len(off):.3g}" for s in (spent, other))
-            print(f"| {label} | {name} | {100 * same:.1f} % | {100 * bins:.1f} % | {costs} |")
 
 
 def with_air(scene: wf.Scene, mesh_scale: float) -> None:
@@ -85,7 +58,6 @@ def main(count: int, mesh_scale: float) -> None:
     """Print all tables for ``count`` granules a fraction, the airflow on a mesh ``mesh_scale`` times as coarse."""
     scene = wf.Scene.load(CASES / "labyrinth.toml").replace({"feed.count": count})
     compile_tracker()
-    without_air(scene)
     with_air(scene, mesh_scale)
 
 

@@ -24,8 +24,7 @@ from tempfile import TemporaryDirectory
 import wakeflow as wf
 from wakeflow.core.process import cores
 from wakeflow.core.store import cache_root
-from wakeflow.pipeline.crowd_flight import compile_slab
-from wakeflow.pipeline.tracks import compile_tracker
+from wakeflow.pipeline.compilation import compile_slab, compile_tracker
 from wakeflow.planning.cost import wall_seconds
 from wakeflow.planning.machine_rates import on_this_machine
 from wakeflow.planning.make import make_plan

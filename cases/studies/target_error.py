@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
-from wakeflow.pipeline.tracks import compile_tracker
+from wakeflow.pipeline.compilation import compile_tracker
 from wakeflow.verify.settings import TimedRun, best_fixed, reference_shares, to_target
 
 CASES = Path(__file__).parents[1]

@@ -31,7 +31,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
-    from .labyrinth import chain
     from .laws.collision import impact
     from .laws.granule_layer import layer, layers
     from .laws.restitution import Restitution
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from .report.views import Result
     from .results.dividers import dividers
     from .runs import run
+    from .runs.chain import chain
     from .scene import Scene
     from .searching.designs import Search, search
     from .sweeps.comparison import compare
@@ -59,7 +59,6 @@ LAYERS = (
     "foam",
     "field",
     "tracking",
-    "ballistics",
     "injection",
     "pipeline",
     "results",
@@ -69,7 +68,6 @@ LAYERS = (
     "runs",
     "sweeps",
     "searching",
-    "labyrinth",
     "verify",
     "doctor",
     "terminal",
@@ -99,7 +97,7 @@ _HOME = {
     "Sweep": "sweeps.compute",
     "Tracks": "tracking",
     "WakeflowError": "core.errors",
-    "chain": "labyrinth",
+    "chain": "runs.chain",
     "compare": "sweeps.comparison",
     "dividers": "results.dividers",
     "impact": "laws.collision",

@@ -113,7 +113,6 @@ class Plan(_Sendable):
     estimate: Mapping[str, float]  # seconds, memory (bytes), disk (bytes)
     stages: tuple[StageCost, ...] = ()  # what is done, in order, and what it is expected to take
     notices: tuple[Notice, ...] = ()  # what a user must know before the run, the gravest first
-    flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
     validity: tuple[Limit, ...] = ()  # what the feed rate strains, and from which rate on
     unit: str = "body widths"  # of lengths; channel widths where nothing stands
     crowd: CrowdPlan | None = None  # the slab in which granules meet; None: each flies alone

@@ -143,7 +143,7 @@ class PlanSummary(Partial):
         "", "what a user must know before the run, the gravest first", default=None
     )
     grades: tuple[str, ...] | None = column("", GRADES, default=None)
-    flown_by: str | None = column("", "tracker, or chain: impacts and parabolas in closed form", default=None)
+    flown_by: str | None = column("", "of results of version 1: tracker or chain; not written any more", default=None)
     validity: tuple[ValidityLimit, ...] | None = column("", "what the feed rate strains", default=None)
     unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")
     crowd: PlannedSlab | None = column("", "the slab in which granules meet; null where each flies alone", default=None)

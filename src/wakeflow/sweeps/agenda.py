@@ -204,9 +204,9 @@ class _Jobs:
         tables, threads = one.scene.tables(), self.threads
         return Job(tables, one.request, self.out / folder, one.stamp, one.plan, threads, report, crew)
 
-    def crew(self, one: _Planned, seconds: float) -> int:
+    def crew(self, seconds: float) -> int:
         """How many workers fly a scene that takes so long."""
-        return max(1, self.idle) if one.plan.flown_by == "tracker" and seconds >= WORTH_A_CREW else 1
+        return max(1, self.idle) if seconds >= WORTH_A_CREW else 1
 
 
 def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
@@ -230,7 +230,7 @@ def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
         needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
         leaders.setdefault(same, name)
         seconds, disk = alone - air.seconds, one.plan.estimate["disk"] - air.disk
-        crew = jobs.crew(one, seconds)
+        crew = jobs.crew(seconds)
         job = jobs.of(one, name, report=jobs.report, crew=crew)
         yield Step(name, job, False, needs, seconds / crew, disk)
         for number in range(2, crew + 1):

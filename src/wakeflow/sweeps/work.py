@@ -15,8 +15,8 @@ from typing import Any
 
 from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
-from ..core.store import cache_root
 from ..pipeline.cache import silent
+from ..pipeline.compilation import compile_tracker
 from ..planning.plan import Plan
 from ..progress import unheard
 from ..results.result import FILE, Request, Result
@@ -94,7 +94,7 @@ def fly_scene(job: Job) -> JobEnd:
 def help_fly(job: Job) -> JobEnd:
     """Fly part of a scene's granules beside the process that computes it to its end."""
     if finished(job.folder, job.stamp) is None:
-        _compile()
+        compile_tracker()
         help_along(Scene.parse(job.tables), job.asked, job.plan, workers=job.threads, crew=job.crew)
     return JobEnd()
 
@@ -110,8 +110,8 @@ def _alone(folder: Path) -> AbstractContextManager[object]:
 def _tried(job: Job, until: str | None) -> JobEnd:
     try:
         (job.folder / STAMP).unlink(missing_ok=True)
-        if job.plan.flown_by == "tracker" and until is None:
-            _compile()
+        if until is None:
+            compile_tracker()
         run_once(
             Scene.parse(job.tables), folder=job.folder, request=replace(job.asked, until=until), workers=job.threads,
             listener=silent, planned=unheard, redraw=False, report=job.report, crew=job.crew, made=job.plan,
@@ -126,18 +126,6 @@ def _tried(job: Job, until: str | None) -> JobEnd:
         return JobEnd(f"{type(problem).__name__}: {problem} (traceback: {file})")
     (job.folder / CRASH).unlink(missing_ok=True)
     return JobEnd()
-
-
-def _compile() -> None:
-    """Have the tracker compiled by one worker for all: the others wait and read it from the cache."""
-    from filelock import FileLock
-
-    from ..pipeline.tracks import compile_tracker
-
-    root = cache_root()
-    root.mkdir(parents=True, exist_ok=True)
-    with FileLock(root / "compile.lock"):
-        compile_tracker()
 
 
 def _note(folder: Path, text: str) -> Path:

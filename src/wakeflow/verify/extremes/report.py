@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.files import atomic_write, write_json
-from ...pipeline.tracks import compile_tracker
+from ...pipeline.compilation import compile_tracker
 from . import airflows, contacts, granules, scenes  # noqa: F401 - they register rows
 from .matrix import ERROR_UNITS, MISSED, extremes, fly_extreme
 

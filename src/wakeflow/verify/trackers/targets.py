@@ -37,7 +37,8 @@ START = "import time, numpy as np; t = time.perf_counter(); import wakeflow as w
 CROWD = """
 import json, resource, sys, tempfile, time
 from pathlib import Path
-from wakeflow.pipeline.tracks import Flight, compile_tracker
+from wakeflow.pipeline.compilation import compile_tracker
+from wakeflow.pipeline.tracks import Flight
 from wakeflow.verify.trackers.benchmark_cases import shipped
 from wakeflow.planning.make import make_plan
 scene, _, pipeline = shipped(lambda stage, text: None)
