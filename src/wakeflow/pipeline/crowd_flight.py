@@ -27,7 +27,7 @@ from .landings import Landings
 from .realisations import Realisations
 from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
 
-__all__ = ["SlabFlight", "SlabFlown", "compile_slab", "load_crowd", "steady_after", "step_of"]
+__all__ = ["SlabFlight", "SlabFlown", "load_crowd", "steady_after", "step_of"]
 
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
@@ -175,15 +175,6 @@ class SlabFlight:
                 measured=self.measured,
             ),
         )
-
-
-def compile_slab(_: None = None) -> None:
-    """Have the slab's kernel compiled, or read from its cache, before it is needed."""
-    place, speed = np.array([[0.0, 0.0], [0.0, 1.0]]), np.zeros((2, 2))
-    still = tracking.Granules(position=place, velocity=speed, diameter=1e-3, density=1e3)
-    tracking.track(
-        None, still, until=1e-3, length=1.0, forces=("gravity",), collisions=tracking.Collisions(depth=0.1, step=1e-4)
-    )
 
 
 def steady_after(plan: Plan, landings: Mapping[str, Landings]) -> float:

@@ -72,7 +72,7 @@ class TrackStage:
         versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
-        flown = self.plan.flown_by, mirrored, len(airs), airs.cycles
+        flown = mirrored, len(airs), airs.cycles
         if self.loading is not None:
             upstream = content_key(upstream, self.loading.key)
         return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
@@ -132,6 +132,5 @@ class TrackStage:
 
     def finish_compiling(self, stage: str, key: str) -> None:
         """Wait for the tracker's compilation where a stage will be flown by it, for the first time in this run."""
-        first = self.plan.flown_by == "tracker" and COMPILED not in self.cache.seconds
-        if first and not self.cache.store.holds(stage, key):
+        if COMPILED not in self.cache.seconds and not self.cache.store.holds(stage, key):
             self.compilation.finish(self.cache)

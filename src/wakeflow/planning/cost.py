@@ -23,7 +23,7 @@ STARTED = 2.0  # s: importing and planning
 REPORT = 4.0  # s: its figures, tables and the field's files
 SECONDS_A_GRANULE = 450e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
 IN_KNOWN_AIR = 120e-6  # s of both cores: the same in air that is known without triangles
-BY_CHAIN = 30e-6  # s of both cores: of a flight from impact to impact without air
+WITHOUT_AIR = 30e-6  # s of both cores: of a flight from impact to impact
 EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
@@ -189,7 +189,7 @@ def _fed(scene: Scene) -> int:
 def _flown(work: Workload, count: int) -> float:
     """Seconds in which ``count`` granules of every fraction fly once."""
     one = SECONDS_A_GRANULE if work.airflow.stepping is not None or work.airflow.rung == "given" else IN_KNOWN_AIR
-    return EACH_STAGE + (BY_CHAIN if work.airflow.rung == "none" else one) * count * work.effort
+    return EACH_STAGE + (WITHOUT_AIR if work.airflow.rung == "none" else one) * count * work.effort
 
 
 def _code(*modules: str) -> tuple[str, ...]:

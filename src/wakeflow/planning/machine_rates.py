@@ -53,7 +53,7 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     known = _read(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
     here = [replace(one, seconds=one.seconds * rates.get(one.key.stage.work, 1.0)) for one in plan.stages]
-    if plan.flown_by == "tracker" and not _compiled(root):
+    if not is_compiled(root):
         waits = any(one.when == "answer" for one in here)
         here.insert(0, StageCost(StageKey(OWN, COMPILE.name), COMPILED, "beside" if waits else "first"))
     return tuple(here), max(map(len, known.values()), default=0)
@@ -66,7 +66,7 @@ def _rate(runs: Sequence[tuple[float, float]]) -> float:
     return rates[bisect_left(below, 0.5 * below[-1])][0]
 
 
-def _compiled(root: Path) -> bool:
+def is_compiled(root: Path) -> bool:
     """Whether the cache holds a compiled tracker that is newer than its sources: told from the times of files, since
     numba's own cache knows it for certain, but not at once.
     """

@@ -82,7 +82,6 @@ def make_plan(
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
         notices=gravest_first((*strained, *without_air.notices, *missing_lines(gates, flown.unit))),
-        flown_by="chain" if chain else "tracker",
         validity=validity,
         unit=flown.unit,
         crowd=crowd,

@@ -101,7 +101,6 @@ class Plan:
     estimate: CostEstimate = column("", "expected cost")
     stages: tuple[StageCost, ...] = column("", "what was to be done, in order", default=())
     notices: tuple[Notice, ...] = column("", "what a user must know before the run, the gravest first", default=())
-    flown_by: str = column("", "tracker, or chain: impacts and parabolas in closed form", default="tracker")
     validity: tuple[Limit, ...] = column("", "what the feed rate strains, and from which rate on", default=())
     unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")
     crowd: CrowdPlan | None = column("", "the slab in which granules meet; null where each flies alone", default=None)

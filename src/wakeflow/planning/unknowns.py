@@ -167,7 +167,7 @@ def _restitution(fraction: Fraction) -> float:
 def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """Terminal velocities, in the scene's own air; in a vacuum nothing settles."""
     for name, how in plan.fractions.items():
-        if scene.air is None or how.terminal_velocity is None or plan.flown_by == "chain":
+        if how.terminal_velocity is None or not _has_air(scene, plan):
             continue
         if how.terminal_velocity <= 0.0 or scene.fraction[name].properties.density <= STANDARD_AIR[0]:
             continue  # it rises: no drag is calibrated to that
@@ -246,7 +246,8 @@ def _feed_position(scene: Scene, plan: Plan) -> Iterator[Unknown]:
 
 
 def _has_air(scene: Scene, plan: Plan) -> bool:
-    return scene.air is not None and plan.flown_by == "tracker"
+    """Whether granules fly in the scene's air."""
+    return scene.air is not None and plan.airflow.kind != "none"
 
 
 def _air_speed(scene: Scene, plan: Plan) -> Iterator[Unknown]:
