@@ -217,9 +217,7 @@ def test_a_restitution_law_is_looked_up_at_each_impact() -> None:
         time += 2 * speed / G
     end = fly(grain, until=time, tolerance=1e-12, length=1.0, bodies=[FLOOR], lines=[line + 1.0])
     assert end.fate[0] == Fate.AIRBORNE
-    assert end.position[0, 1] == pytest.approx(
-        1e-3, abs=1e-11
-    )  # the tracker's skin: it just comes back to the floor a fourth time
+    assert end.position[0, 1] == pytest.approx(1e-3, abs=1e-11)  # at the floor a fourth time, to the tracker's skin
     assert abs(end.velocity[0, 1]) == pytest.approx(speed, rel=1e-7) or end.impacts[0] == 4  # of the table
 
 
