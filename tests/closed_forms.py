@@ -35,7 +35,8 @@ Array = NDArray[np.float64]
 G = np.array([0.0, -GRAVITY])
 SLOW = 1e-6  # m/s: slower rebounds are sliding
 FIRST, GROWTH = 1e-8, 1.2  # s: the first look at a flight, and how the looks grow apart
-NEAR, SWING = 0.05, 0.2  # of a radius, and rad of a vibration: a look at a flight, a step along a wall
+NEAR, SWING = 0.05, 0.1  # of a radius, and rad of a vibration: a look at a flight, a step along a wall
+STRETCH = 0.02  # s of a flight looked at in one piece
 TOUCH = 1e-14  # m: deeper is inside
 LOWEST = 0.01  # of the landing error: bounces that rise less are sliding
 HALVINGS = 60  # of a time: then it is round-off
@@ -144,7 +145,13 @@ class _Granule:
 
     def fly(self, until: float) -> tuple[Body, int, float] | None:
         """Fly to what is met first: a body, its edge and where along it; None where a line or the clock ends it."""
-        last, line = self._crossing(until - self.t)
+        while (met := self._fly_on(until)) is None and self.line < 0 and until - self.t > 1e-12:
+            pass
+        return met
+
+    def _fly_on(self, until: float) -> tuple[Body, int, float] | None:
+        """Fly a stretch, or to what ends it."""
+        last, line = self._crossing(min(until - self.t, STRETCH))
         looks, met, end = self._looks(last), None, last
         for body in self.bodies:
             inside = np.flatnonzero(self._gap(body, looks)[0] <= -TOUCH)

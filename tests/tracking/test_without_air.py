@@ -169,7 +169,7 @@ def agree(grains: Granules, **how: Any) -> None:
     off = np.linalg.norm(ours.position - theirs.position, axis=1) / D
     assert np.sum(off > 1e-6) <= 1  # a grazed corner or a hop more or less makes another path
     assert np.sum(ours.impacts != theirs.impacts) <= 1
-    assert np.median(off) < 1e-11
+    assert np.median(off) < 1e-10
     assert np.sum(ours.fate != theirs.fate) <= 1
 
 
@@ -217,10 +217,8 @@ def test_a_restitution_law_is_looked_up_at_each_impact() -> None:
         time += 2 * speed / G
     end = fly(grain, until=time, tolerance=1e-12, length=1.0, bodies=[FLOOR], lines=[line + 1.0])
     assert end.fate[0] == Fate.AIRBORNE
-    assert end.position[0, 1] == pytest.approx(
-        1e-3, abs=1e-11
-    )  # the tracker's skin: it just comes back to the floor a fourth time
-    assert abs(end.velocity[0, 1]) == pytest.approx(speed, rel=1e-12) or end.impacts[0] == 4
+    assert end.position[0, 1] == pytest.approx(1e-3, abs=1e-11)  # at the floor a fourth time, to the tracker's skin
+    assert abs(end.velocity[0, 1]) == pytest.approx(speed, rel=1e-7) or end.impacts[0] == 4  # of the table
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3, 10.0])
