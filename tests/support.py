@@ -99,6 +99,18 @@ def rhombus_spec(**how: Any) -> FlowSpec:
     return FlowSpec(mesh, 5.0, **AIR, turbulence="kOmegaSST", stepping="steady" if mesh.half else "time-resolved")
 
 
+def working_in(folder: Path) -> dict[int, str]:
+    """Process id and command of running processes whose working folder is ``folder`` or below it."""
+    found = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if Path(os.readlink(process / "cwd")).is_relative_to(folder):
+                found[int(process.name)] = (process / "cmdline").read_text()
+        except OSError:  # it ended meanwhile, or belongs to someone else
+            continue
+    return found
+
+
 class Here(Executor):
     """An executor of the caller's own that works in this process, and counts."""
 

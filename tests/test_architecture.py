@@ -23,7 +23,7 @@ SOURCE = ROOT / "src" / "wakeflow"
 LONGEST = 40  # lines of a function, its docstring not counted
 ONLY_IN = {  # folders that may import a library
     "gmsh": ("meshing",),
-    "numba": ("tracking.kernel", "verify.trackers"),
+    "numba": ("tracking.kernel",),
     "pyvista": ("report",),
     "matplotlib": ("report",),
     "jinja2": ("report",),

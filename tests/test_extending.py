@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from proofs.airflow.measured import quantities
+from proofs.problems.exact import exact_numbers, exact_problems, fly
 from support import DOCS
 from wakeflow.cli import app, main
 from wakeflow.core.registry import Registry
@@ -31,8 +33,6 @@ from wakeflow.planning.bounds import other_terms
 from wakeflow.planning.impaction import front_of
 from wakeflow.report.pictures import draw_all, pictures
 from wakeflow.scene.rungs import rungs
-from wakeflow.verify.airflow.measured import quantities
-from wakeflow.verify.problems.exact import exact_numbers, exact_problems, fly
 
 PAGE = DOCS / "extending.md"
 Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example

@@ -25,8 +25,9 @@ The rest of help() is the reference: every class and function with its options, 
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from .core.lazy import loaded
 
 if TYPE_CHECKING:
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
@@ -73,46 +74,8 @@ LAYERS = (
     "verify",
     "doctor",
     "terminal",
-    "options",
-    "commands",
-    "looking",
     "cli",
 )
-
-_HOME = {
-    "Body": "tracking",
-    "Collisions": "tracking",
-    "Fate": "tracking",
-    "FlowField": "field",
-    "FoamError": "core.errors",
-    "Granules": "tracking",
-    "MeshError": "core.errors",
-    "Motion": "tracking",
-    "Plan": "planning.plan",
-    "ProgramError": "core.errors",
-    "Restitution": "laws.restitution",
-    "Result": "report.views",
-    "Scene": "scene",
-    "SceneError": "core.errors",
-    "Search": "searching.designs",
-    "Sensitivity": "sweeps.sensitivity",
-    "Sweep": "sweeps.compute",
-    "Tracks": "tracking",
-    "WakeflowError": "core.errors",
-    "chain": "labyrinth",
-    "compare": "sweeps.comparison",
-    "dividers": "results.dividers",
-    "impact": "laws.collision",
-    "layer": "laws.granule_layer",
-    "layers": "laws.granule_layer",
-    "plan": "planning.make:make_plan",
-    "run": "runs",
-    "search": "searching.designs",
-    "sensitivity": "sweeps.sensitivity",
-    "sweep": "sweeps.compute",
-    "track": "tracking",
-    "variants": "sweeps.variant",
-}
 
 __all__ = [
     "Body", "Collisions", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan",
@@ -127,12 +90,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version(__name__)
-    if name not in _HOME:
-        raise AttributeError(f"module 'wakeflow' has no attribute {name!r}")
-    module, _, attribute = _HOME[name].partition(":")
-    value = getattr(import_module(f".{module}", __name__), attribute or name)
-    globals()[name] = value
-    return value
+    return loaded(__name__, name)
 
 
 def __dir__() -> list[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .core.number import Number
 from .core.record import to_json
 from .injection.feed import feedstock
 from .pipeline.landings import Landings
@@ -36,15 +37,15 @@ class Chained:
         table: dict[str, Any] = to_json(self.shares)
         return table
 
-    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
+    def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
         return self.shares.share(fraction, place)
 
-    def recovery(self, fraction: str) -> tuple[float, float, float]:
+    def recovery(self, fraction: str) -> Number:
         """Share of a fraction in its targets, by mass, with its 95 % interval: (value, low, high)."""
         return self.shares.recovered(fraction)
 
-    def purity(self, place: str, fraction: str) -> tuple[float, float, float]:
+    def purity(self, place: str, fraction: str) -> Number:
         """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high)."""
         return self.shares.part_of(place, fraction)
 

@@ -6,13 +6,18 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 
-from wakeflow.core.errors import MeshError, ProgramError, SceneError
+from wakeflow.core.beside import beside, heed
+from wakeflow.core.errors import FoamError, MeshError, ProgramError, SceneError
 from wakeflow.core.files import atomic_write, write_json
+from wakeflow.core.lazy import cached_property
 from wakeflow.core.process import call_in_child, run_program, tail
 from wakeflow.core.store import Store, content_key
 
@@ -155,3 +160,102 @@ def test_calls_in_a_child_return_raise_and_crash_cleanly(tmp_path: Path) -> None
     assert "AttributeError" in caught.value.tail
     with pytest.raises(ProgramError, match="exit code"):
         call_in_child("os:_exit", 139, log=log)
+
+
+LONG = 60.0  # s that nobody waits
+
+
+def sleeping(folder: Path, seconds: float = LONG) -> None:
+    """An outside program that takes its time."""
+    run_program(["sleep", str(seconds)], cwd=folder, log=folder / f"log.{threading.get_ident()}")
+
+
+def test_jobs_are_done_in_their_order_beside_the_block() -> None:
+    done: list[str] = []
+    met = threading.Barrier(2)
+
+    def first() -> None:
+        met.wait(LONG)  # the block is there at the same time
+        done.append("first")
+
+    with beside([first, lambda: done.append("second")]):
+        met.wait(LONG)
+    assert done == ["first", "second"]
+
+
+def test_without_jobs_only_the_block_runs() -> None:
+    with beside([]):
+        heed()
+
+
+def test_a_job_that_fails_ends_the_program_that_the_block_waits_for(tmp_path: Path) -> None:
+    def fail() -> None:
+        time.sleep(0.2)
+        raise FoamError("the other airflow diverged", ended="failed")
+
+    begun = time.monotonic()
+    with pytest.raises(FoamError, match="the other airflow diverged"), beside([fail]):
+        sleeping(tmp_path)
+    assert time.monotonic() - begun < LONG / 2
+    heed()  # nothing is left of it in this thread
+
+
+def test_a_failure_of_a_job_is_never_taken_for_one_of_the_block() -> None:
+    """The ladder of safer settings catches failures of its own solver: it must not catch the other thread's."""
+    failed = threading.Event()
+
+    def fail() -> None:
+        failed.set()
+        raise MeshError("folded")
+
+    def heeding_in_spite_of_failures() -> None:
+        assert failed.wait(LONG)
+        for _ in range(100):
+            try:
+                heed()
+            except Exception:
+                pytest.fail("caught as if it were the block's")
+            time.sleep(0.05)
+
+    with pytest.raises(MeshError, match="folded"), beside([fail]):
+        heeding_in_spite_of_failures()
+
+
+@pytest.mark.parametrize("ending", [KeyboardInterrupt(), MeshError("folded")])
+def test_a_block_that_ends_takes_the_jobs_program_with_it(tmp_path: Path, ending: BaseException) -> None:
+    started, later = threading.Event(), []
+
+    def job() -> None:
+        started.set()
+        sleeping(tmp_path)
+
+    def end() -> None:
+        assert started.wait(LONG)
+        raise ending
+
+    begun = time.monotonic()
+    with pytest.raises(type(ending)), beside([job, lambda: later.append(1)]):
+        end()
+    assert time.monotonic() - begun < LONG / 2
+    assert not later
+
+
+class Slow:
+    def __init__(self, meeting: Barrier) -> None:
+        self.meeting, self.times = meeting, 0
+
+    @cached_property
+    def made(self) -> int:
+        """What it says."""
+        self.times += 1
+        self.meeting.wait(timeout=20)
+        return self.times
+
+
+def test_two_threads_do_not_wait_for_each_other_and_each_value_is_made_once() -> None:
+    both = Barrier(2)  # broken, and an error, where one is made only after the other
+    subjects = [Slow(both), Slow(both)]
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(lambda one: one.made, subjects)) == [1, 1]
+    assert [one.made for one in subjects] == [1, 1]
+    assert Slow.made.__doc__ == "What it says."

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wakeflow.core.boxes import Boxes, ForceDensity
+from wakeflow.core.graded import gravest_first, information, less_sure, void
 from wakeflow.core.quantities import converted, quantity, say, speaking
+from wakeflow.core.roots import halved, halved_all
 
 
 @pytest.mark.parametrize(
@@ -98,3 +103,68 @@ def test_numbers_are_said_in_the_users_unit() -> None:
         with speaking({}):
             assert say(0.5, "1") == "0.5"
     assert say(1.0, "rad") == "1 rad"
+
+
+def test_the_gravest_come_first_each_once_and_in_order() -> None:
+    told = [information("a"), less_sure("b"), void("c"), less_sure("d"), less_sure("b")]
+    assert [notice.text for notice in gravest_first(told)] == ["c", "b", "d", "a"]
+
+
+def test_boxes_fill_the_channel_and_none_lies_astride_the_axis() -> None:
+    boxes = Boxes.across(0.4, -0.2, 0.2, 0.05 / 16)
+    assert boxes.columns % 2 == 0
+    assert boxes.columns * boxes.pitch == pytest.approx(0.4)
+    assert boxes.bottom + boxes.rows * boxes.pitch >= 0.2 - 1e-12
+    np.testing.assert_allclose(boxes.centres[0, :, 0], -boxes.centres[0, ::-1, 0], atol=1e-15)
+
+
+def test_every_centre_lies_in_its_own_box_and_a_point_outside_in_the_nearest() -> None:
+    boxes = Boxes(-0.3, 0.1, 0.1, 6, 3)
+    np.testing.assert_array_equal(boxes.holding(boxes.centres.reshape(-1, 2)), np.arange(18))
+    np.testing.assert_array_equal(boxes.holding(np.array([[-9.0, 0.15], [9.0, 9.0]])), [0, 17])
+
+
+def test_a_mirrored_force_is_its_own_image_and_as_strong_along() -> None:
+    boxes = Boxes(-0.2, 0.0, 0.1, 4, 2)
+    force = ForceDensity(boxes, np.random.default_rng(1).normal(size=(2, 4, 2)))
+    made = force.mirrored()
+    np.testing.assert_allclose(made.density, made.density[:, ::-1] * (-1.0, 1.0))
+    assert made.total == pytest.approx([0.0, force.total[1]], abs=1e-15)
+    np.testing.assert_allclose(made.mirrored().density, made.density)
+
+
+def test_the_part_of_a_way_and_what_is_too_weak() -> None:
+    boxes = Boxes(0.0, 0.0, 0.5, 2, 1)
+    weak, strong = (ForceDensity(boxes, np.array([[[0.0, a], [3.0, 4.0]]])) for a in (0.1, 0.3))
+    assert weak.towards(strong, 0.5).density[0, 0, 1] == pytest.approx(0.2)
+    assert weak.above(5.0).total == pytest.approx([0.75, 1.0])  # |(3, 4)| = 5 stays, 0.25 m2 a box
+
+
+@pytest.mark.parametrize("halvings", [0, 1, 7, 200])
+def test_the_bracket_keeps_the_change_and_shrinks_by_two_each_time(halvings: int) -> None:
+    low, high = halved(lambda x: x < math.pi, 3.0, 4.0, halvings)
+    assert low < math.pi <= high
+    assert high - low == max(0.5**halvings, math.ulp(math.pi))
+
+
+def _cube_below(value: float, x: float) -> bool:
+    return x**3 < value
+
+
+def test_many_brackets_at_once_give_what_each_gives_alone() -> None:
+    rng = np.random.default_rng(4)
+    at = rng.uniform(-5.0, 5.0, 50)
+    low, high = halved_all(lambda x: x**3 < at, np.full(50, -2.0), np.full(50, 2.0), 45)
+    for i, value in enumerate(at):
+        assert (low[i], high[i]) == halved(partial(_cube_below, float(value)), -2.0, 2.0, 45)
+    assert np.all((low**3 < at) & (at <= high**3))
+
+
+def test_a_condition_that_never_changes_ends_at_the_end_it_points_to() -> None:
+    assert halved(lambda _: True, 0.0, 1.0, 100)[1] == 1.0
+    assert halved(lambda _: False, 0.0, 1.0, 100)[0] == 0.0
+
+
+def test_nothing_to_search_is_no_error() -> None:
+    low, high = halved_all(lambda x: x < 0.0, np.zeros(0), np.zeros(0), 60)
+    assert low.shape == high.shape == (0,)

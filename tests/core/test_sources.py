@@ -32,8 +32,8 @@ SOME = 20  # modules of a stage that are touched: its key reads all of them each
 def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A copy of the sources that may be edited; keys are made of it."""
     root = tmp_path / "wakeflow"
-    shutil.copytree(sources.ROOT, root, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(sources, "ROOT", root)
+    shutil.copytree(sources.PACKAGE, root, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(sources, "PACKAGE", root)
     sources.code_key.cache_clear()
     yield root
     sources.code_key.cache_clear()
@@ -58,7 +58,7 @@ def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: 
 
 def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
     before = sources.code_key(*CODE["airflow"])
-    for name in ("cli.py", "pipeline/tracks.py"):
+    for name in ("cli/run.py", "pipeline/tracks.py"):
         (copied / name).write_text("")
     sources.code_key.cache_clear()
     assert sources.code_key(*CODE["airflow"]) == before
@@ -102,7 +102,7 @@ def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path)
 
 
 def test_every_stage_that_a_key_names_is_listed() -> None:
-    folder = sources.ROOT / "pipeline"
+    folder = sources.PACKAGE / "pipeline"
     named = {name for path in folder.glob("*.py") for name in re.findall(r'code_of\("([^"]+)"\)', path.read_text())}
     assert named == set(CODE)
 
@@ -120,4 +120,4 @@ def test_what_a_package_registers_as_it_is_imported_counts() -> None:
 def test_names_of_a_package_lead_to_their_modules_only() -> None:
     assert "wakeflow.field.flow" in sources.closure("wakeflow.field")
     assert "wakeflow.foam.solver" not in sources.closure("wakeflow.foam.read")
-    assert Path(wakeflow.__file__).parent == sources.ROOT
+    assert Path(wakeflow.__file__).parent == sources.PACKAGE

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support import shaken_mesh
+from support import field_of, shaken_mesh
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
+from wakeflow.field.derived import stream_function, vorticity
 
 
 def linear(points: np.ndarray) -> np.ndarray:
@@ -49,21 +50,6 @@ def test_nodes_and_boundary_points_are_inside() -> None:
     assert np.all(field.locate(points) >= 0)
 
 
-def test_neighbours_share_the_edge_opposite_the_corner() -> None:
-    points, cells = shaken_mesh(6)
-    field = FlowField.from_arrays(points, cells, linear(points))
-    for tri, row in enumerate(field.neighbours):
-        for k, other in enumerate(row):
-            edge = {int(field.triangles[tri, (k + 1) % 3]), int(field.triangles[tri, (k + 2) % 3])}
-            if other >= 0:
-                assert edge <= set(field.triangles[other].tolist())
-                assert tri in field.neighbours[other]
-            else:
-                on = points[list(edge)]
-                assert np.any(np.all((on < 1e-12) | (on > 1 - 1e-12), axis=0))
-    assert np.sum(field.neighbours < 0) == 4 * 6
-
-
 def test_pressure_gradient_is_exact_for_quadratics() -> None:
     points, cells = shaken_mesh(9)
     x, y = points.T
@@ -99,13 +85,6 @@ def test_a_mesh_too_small_for_quadratics_gets_a_linear_fit() -> None:
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
     field = FlowField.from_arrays(corners, [[0, 1, 2], [0, 2, 3]], np.zeros((4, 2)), pressure=corners @ [3.0, -2.0])
     np.testing.assert_allclose(field.pressure_gradient, [[3, -2]] * 4, atol=1e-12)
-
-
-def test_a_given_gradient_is_used() -> None:
-    points, cells = shaken_mesh(4)
-    given = np.ones((len(points), 2))
-    field = FlowField.from_arrays(points, cells, linear(points), pressure_gradient=given)
-    np.testing.assert_array_equal(field.pressure_gradient, given)
 
 
 def half_field(n: int = 10) -> FlowField:
@@ -252,3 +231,35 @@ def test_a_reflected_field_is_the_mirror_image_everywhere() -> None:
     np.testing.assert_allclose(mirrored[0], velocity * (-1.0, 1.0), atol=1e-12)
     np.testing.assert_allclose(mirrored[1], pressure, atol=1e-12)
     np.testing.assert_allclose(mirrored[2], gradient * (-1.0, 1.0), atol=1e-9)
+
+
+def _strain_and_turn(points: np.ndarray) -> np.ndarray:
+    """psi = x y + x^2 + y^2: u = x + 2 y, v = -y - 2 x; it turns with -4 1/s everywhere."""
+    x, y = points.T
+    return np.stack([x + 2.0 * y, -y - 2.0 * x], axis=1)
+
+
+def test_the_vorticity_of_a_linear_flow_is_exact() -> None:
+    assert vorticity(field_of(_strain_and_turn)) == pytest.approx(-4.0)
+
+
+def test_stream_function_gives_the_flow_between_two_points() -> None:
+    errors = []
+    for n in (10, 20):
+        field = field_of(_strain_and_turn, n)
+        x, y = field.points.T
+        exact = x * y + x**2 + y**2
+        psi = stream_function(field)
+        errors.append(np.abs(psi - psi.mean() - (exact - exact.mean())).max())
+    assert errors[0] < 0.05
+    assert errors[1] < errors[0] / 3.0  # second order
+
+
+def test_the_stream_function_is_of_one_instant() -> None:
+    field = field_of(_strain_and_turn)
+    moving = type(field).from_arrays(
+        field.points, field.triangles, np.stack([field.velocity] * 2), times=[0.0, 1.0]
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="steady"):
+        stream_function(moving)
+    assert vorticity(moving).shape == (2, len(field.points))

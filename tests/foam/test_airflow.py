@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from support import AIR, RHOMBUS, ROOT, WIDTH, rhombus_spec
+from support import AIR, RHOMBUS, ROOT, WIDTH, rhombus_spec, working_in
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.process import run_program
 from wakeflow.core.resources import case_template
@@ -99,9 +99,6 @@ def shedding(shared: Store) -> Solved:
 def copied(source: Solved, folder: Path) -> Path:
     shutil.copytree(source.case, folder, dirs_exist_ok=True)
     return folder
-
-
-# -- physics -----------------------------------------------------------------------------------------------------------
 
 
 class TestRhombus:
@@ -217,12 +214,6 @@ class TestPrism:
         for name in ("area", "width", "length", "reversal_length"):  # meshes of one size differ by 3 % of a length
             assert whole.result["suction"][name] == pytest.approx(prism_flow.result["suction"][name], rel=0.04)
 
-    def test_upward_and_downward_air_are_mirror_images(self, prism_flow: Solved, shared: Store) -> None:
-        down = solved(shared, "downward", triangle_spec(30, "draft", direction="down"))
-        assert down.result["cd"]["value"] == pytest.approx(prism_flow.result["cd"]["value"], rel=0.01)
-        assert down.result["cp_base"]["value"] == pytest.approx(prism_flow.result["cp_base"]["value"], rel=0.02)
-        assert down.result["pressure_drop"] == pytest.approx(prism_flow.result["pressure_drop"], rel=0.02)
-
 
 class TestShedding:
     pytestmark = pytest.mark.openfoam
@@ -314,8 +305,6 @@ class TestStart:
         assert rows[-1, 1] == pytest.approx(rhombus_flow.result["cd"]["value"], rel=0.01)
 
 
-# -- interruption and failure ------------------------------------------------------------------------------------------
-
 INTERRUPTED = """
 import sys
 from pathlib import Path
@@ -325,18 +314,6 @@ from wakeflow.foam.airflow import solve_airflow
 spec = rhombus_spec(scale=1.0)
 solve_airflow(spec, Path({msh!r}), Path({case!r}))
 """
-
-
-def alive_in(folder: Path) -> list[str]:
-    """Commands of running processes whose working folder is ``folder``."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            if Path(os.readlink(process / "cwd")) == folder:
-                found.append((process / "cmdline").read_text())
-        except OSError:
-            continue
-    return found
 
 
 class TestInterruption:
@@ -353,16 +330,16 @@ class TestInterruption:
             deadline = time.monotonic() + 60
             while not last_state(case) and parent.poll() is None and time.monotonic() < deadline:
                 time.sleep(0.02)
-            while not alive_in(case) and parent.poll() is None and time.monotonic() < deadline:
+            while not working_in(case) and parent.poll() is None and time.monotonic() < deadline:
                 time.sleep(0.02)  # between two segments
-            assert alive_in(case)
+            assert working_in(case)
         finally:
             parent.send_signal(signal.SIGKILL)
             parent.communicate()
         deadline = time.monotonic() + 5
-        while alive_in(case) and time.monotonic() < deadline:
+        while working_in(case) and time.monotonic() < deadline:
             time.sleep(0.05)
-        assert alive_in(case) == []
+        assert not working_in(case)
         saved = last_state(case)
         assert saved >= 300
         assert not (case / "phase.json").exists()
@@ -399,7 +376,6 @@ class TestInterruption:
         assert seen[0].time > whole
         assert (np.diff(_rows(case)[:, 0]) > 0).all()
         assert result.verdict == "periodic"
-        assert result.strouhal is not None
         assert result.strouhal.value == pytest.approx(0.2, rel=0.08)
         gaps = np.diff(read_flow(case, "all")["times"])
         np.testing.assert_allclose(gaps, gaps.mean(), rtol=1e-3)
@@ -430,7 +406,7 @@ class TestInterruption:
 
         with pytest.raises(KeyboardInterrupt):
             solve_airflow(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", tmp_path / "case", listener=stop)
-        assert alive_in(tmp_path / "case") == []
+        assert not working_in(tmp_path / "case")
 
 
 def _rows(case: Path) -> np.ndarray:
@@ -474,7 +450,7 @@ class TestFailure:
         prepare_case(rhombus_flow.spec, rhombus_flow.folder / "mesh.msh", case)
         with pytest.raises(FoamError, match="did not end within"):
             run_steady(rhombus_flow.spec, case, timeout=0.5)
-        assert alive_in(case) == []
+        assert not working_in(case)
 
 
 @pytest.mark.parametrize("name", ["rhombus", "plate-left", "B2_x"])
@@ -505,9 +481,6 @@ def test_a_folder_that_openfoam_cannot_work_in_is_named(tmp_path: Path) -> None:
 def test_a_time_resolved_half_domain_is_refused() -> None:
     with pytest.raises(SceneError, match="whole channel"):
         replace(rhombus_spec(), stepping="time-resolved")
-
-
-# -- the case and reading it -------------------------------------------------------------------------------------------
 
 
 def test_the_template_leaves_no_parameter_unresolved() -> None:
@@ -596,13 +569,9 @@ class TestReading:
         path = time_folders(case)[-1] / "p"
         raw = path.read_bytes()
         start = re.search(rb"List<scalar>\s*\d+\s*\(", raw)
-        assert start is not None
         path.write_bytes(raw[: start.end()] + np.array([np.nan]).tobytes() + raw[start.end() + 8 :])
         with pytest.raises(FoamError, match="not finite"):
             read_flow(case)
-
-
-# -- what the history says ---------------------------------------------------------------------------------------------
 
 
 def test_crossings_give_the_period_of_a_noisy_uneven_signal() -> None:

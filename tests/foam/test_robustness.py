@@ -11,6 +11,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,18 +19,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-import robustness
-from support import RHOMBUS, WIDTH
-from wakeflow.core.errors import FoamError, SceneError
+from proofs.studies import robustness
+from support import RHOMBUS, WIDTH, working_in
+from wakeflow.core.errors import SceneError
 from wakeflow.core.files import write_json
 from wakeflow.core.resources import case_template
 from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
 from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.airflow_result import AirflowResult
+from wakeflow.foam.airflow_result import AirflowResult, Attempt
 from wakeflow.foam.case import SETTINGS, FlowSpec, write_case
 from wakeflow.foam.case_fields import time_folders
-from wakeflow.foam.failure import AirflowFailure, Attempt, Cause, diagnose, disk_trouble_named
+from wakeflow.foam.failure import AirflowFailure, Cause, diagnose, disk_trouble_named
 from wakeflow.foam.history import read_table
 from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.prepare import prepare_case
@@ -54,8 +55,6 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlowSpec, Path, Ai
     build_mesh(spec.mesh, folder)
     return spec, folder, solve_airflow(spec, folder / "mesh.msh", folder / "case")
 
-
-# -- causes ------------------------------------------------------------------------------------------------------------
 
 STACK = "#0  Foam::error::printStack(Foam::Ostream&)\n#1  Foam::sigFpe::sigHandler(int) at ??:?\n"
 FATAL = "\n\n--> FOAM FATAL ERROR: \n{}\n\n    From function void f()\n"
@@ -86,14 +85,6 @@ def test_how_a_program_ended_tells_the_cause(code: int, text: str, cause: Cause,
     assert found is cause
     assert word in said
     assert "\n" not in said
-
-
-def test_only_what_the_numbers_did_is_tried_again_and_what_is_not_is_told_what_to_do() -> None:
-    assert {cause for cause in Cause if cause.numerical} == {
-        Cause.FLOATING_POINT, Cause.DIVERGED, Cause.COLLAPSED, Cause.STALLED, Cause.NOT_FINITE, Cause.NONSENSE,
-    }  # fmt: skip
-    assert all(cause.advice for cause in (Cause.SILENT, Cause.TIMED_OUT, Cause.DISK_FULL, Cause.KILLED))
-    assert len({cause.word for cause in Cause}) == len(Cause)
 
 
 def test_a_time_that_stands_still_and_a_pressure_that_is_never_solved_are_stalls(tmp_path: Path) -> None:
@@ -167,12 +158,9 @@ class TestOutsideFailures:
         spec, folder, whole = solved
 
         def kill(_: Progress) -> None:
-            for process in Path("/proc").glob("[0-9]*"):
-                try:
-                    if Path(os.readlink(process / "cwd")) == tmp_path / "case":
-                        os.kill(int(process.name), signal.SIGKILL)
-                except OSError:
-                    continue
+            for process in working_in(tmp_path / "case"):
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
 
         with pytest.raises(AirflowFailure, match=r"simpleFoam was killed \(signal 9\)") as killed:
             solve_airflow(spec, folder / "mesh.msh", tmp_path / "case", listener=kill)
@@ -181,9 +169,6 @@ class TestOutsideFailures:
         again = solve_airflow(spec, folder / "mesh.msh", tmp_path / "case")
         assert again.attempts == ()
         assert again.cd.value == pytest.approx(whole.cd.value, rel=1e-3)
-
-
-# -- the ladder --------------------------------------------------------------------------------------------------------
 
 
 def numerical(*_: Any) -> AirflowFailure:
@@ -340,9 +325,6 @@ class TestLadder:
             assert result.cd.value == pytest.approx(usual.cd.value, rel=accuracy)
 
 
-# -- limits ------------------------------------------------------------------------------------------------------------
-
-
 def test_blockage_counts_bodies_side_by_side_and_not_one_behind_the_other() -> None:
     square = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
 
@@ -412,9 +394,6 @@ class TestSanity:
         assert not sanity.is_sane(spec, case, path.parent)
 
 
-# -- MPI ---------------------------------------------------------------------------------------------------------------
-
-
 def test_only_large_cases_are_shared() -> None:
     assert ranks_for(40_000)[0] == 1
     ranks, why = ranks_for(200_000)
@@ -458,9 +437,6 @@ class TestRanks:
         assert result.mass_error == pytest.approx(0.0, abs=1e-6)
 
 
-# -- the matrix --------------------------------------------------------------------------------------------------------
-
-
 def test_every_two_properties_meet_in_the_matrix() -> None:
     assert len(robustness.CASES) >= 24
     for (a, xs), (b, ys) in itertools.combinations(robustness.FACTORS.items(), 2):
@@ -495,13 +471,6 @@ def test_some_of_the_matrix(case: dict[str, Any]) -> None:
 )
 def test_the_rest_of_the_matrix(case: dict[str, Any]) -> None:
     check_case(case)
-
-
-def test_failures_of_the_airflow_are_foam_errors_with_exit_code_3() -> None:
-    failure = AirflowFailure(Cause.DIVERGED, "said")
-    assert isinstance(failure, FoamError)
-    assert failure.exit_code == 3
-    assert asdict(Attempt("normal", failure.cause.word, str(failure)))["cause"] == "diverged"
 
 
 def test_the_parameters_of_a_case_name_settings_and_ranks(tmp_path: Path) -> None:

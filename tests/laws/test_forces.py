@@ -1,6 +1,6 @@
 """The forces as objects: their records fit the kernel, and a new force needs nothing but its record.
 
-That the compiled terms are the formulas of the records is shown by the exact problems (verify/problems/terms.py).
+That the compiled terms are the formulas of the records is shown by the exact problems (tests/proofs/problems).
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from proofs.problems.exact import Setting, box, field_on
+from proofs.problems.reference_all_terms import reference_end_states
 from support import CASES
 from wakeflow.core.errors import SceneError
-from wakeflow.laws.forces import Bound, FlightScales, Force, Granule, Instant, forces
+from wakeflow.laws.forces import Bound, FlightScales, Force, Instant, forces
 from wakeflow.laws.forces.record import AirProperties, Array, Grains, Vector
 from wakeflow.planning.bounds import bounds, other_terms
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking.kernel import layout
 from wakeflow.tracking.pack import pack_granules
-from wakeflow.verify.problems.exact import Setting, box, field_on
-from wakeflow.verify.problems.reference_all_terms import reference_end_states
 
 COMPUTED = [name for name in forces if forces[name].computed]
 STILL = field_on(box(4), np.zeros_like, pressure=np.zeros(len(box(4)[0])))
@@ -32,9 +32,6 @@ def grains_of(count: int) -> wf.Granules:
     rng = np.random.default_rng(7)
     start, speed = rng.uniform(-0.2, 0.2, (count, 2)), rng.uniform(-0.3, 0.3, (count, 2))
     return wf.Granules(start, speed, rng.uniform(1e-4, 3e-3, count), rng.uniform(20.0, 2000.0, count), inertia=0.4)
-
-
-# -- every force -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", COMPUTED)
@@ -87,8 +84,6 @@ def test_added_mass_divides_every_acceleration() -> None:
         column = getattr(layout, slot)
         np.testing.assert_allclose(heavy[:, column] * inertia, alone[:, column], rtol=1e-14)
 
-
-# -- a new force -------------------------------------------------------------------------------------------------------
 
 PUSH = np.array([3.0, 0.5])  # m/s2: charge times field over mass
 
@@ -167,17 +162,3 @@ def test_a_force_that_is_only_bounded_is_not_flown_and_refuses_a_scene_that_need
     rows = [row for row in make_plan(scene, force={electric: False}).left_out if row.name == electric]
     assert {row.fraction for row in rows} == set(scene.fraction)
     assert all("switched off by --force" in row.why for row in rows)
-
-
-def test_a_force_that_was_taken_out_again_is_unknown() -> None:
-    assert "electric" not in bounds
-    with pytest.raises(SceneError, match="unknown force 'electric'"):
-        wf.track(None, grains_of(1), until=0.1, forces=("electric",))
-
-
-def test_an_instant_gives_the_numbers_that_laws_ask_for() -> None:
-    granule = Granule(1e-3, 1000.0, 1.0, 0.4, lambda _: 1.0, 1.2, 1.8e-5, (0.0, -9.81))
-    now = Instant(granule, (3.0, 4.0), 50.0, 10.0, (0.0, 0.0), None)
-    assert now.reynolds == pytest.approx(5.0 * 1e-3 * 1.2 / 1.8e-5)
-    assert now.rotation_reynolds(-15.0) == pytest.approx(15.0 * 1e-6 * 1.2 / 1.8e-5)
-    assert granule.ratio == pytest.approx(1.2e-3)

@@ -86,9 +86,6 @@ def test_a_harmonic_stream_has_the_closed_means() -> None:
     assert got.power.mean() == pytest.approx(power)
 
 
-# -- several layers ---------------------------------------------
-
-
 def test_layers_add_up_and_their_centre_of_mass_falls_freely() -> None:
     law = wf.Restitution("power", value=0.1, at=1.0)
     up = np.array([-2.0, 0.0, 0.3])  # the first: nothing arrives
@@ -107,13 +104,6 @@ def test_layers_add_up_and_their_centre_of_mass_falls_freely() -> None:
     np.testing.assert_allclose(places[0] - places[1], 0.2 * (stream.parts.velocity[0] - stream.parts.velocity[1]))
 
 
-def test_equal_layers_are_one() -> None:
-    many = wf.layers(B, 1.4, 0.3, [2.0] * 3, [1.0, 5.0, 2.0], 0.03, [0.5] * 3, [0.3] * 3)
-    one = wf.layer(B, 1.4, 0.3, 2.0, 0.03, 0.5, 0.3)
-    assert (many.normal, many.tangential, many.power) == pytest.approx((one.normal, one.tangential, one.power))
-    np.testing.assert_allclose(many.velocity, one.velocity)
-
-
 def test_wrong_layers_are_refused() -> None:
     with pytest.raises(SceneError, match="of 2, 1, 2, 2, 2 layers"):
         wf.layers(B, 1.4, 0.3, [1.0, 2.0], [1.0], 1.0, [0.5, 0.5], [0.3, 0.3])
@@ -121,9 +111,6 @@ def test_wrong_layers_are_refused() -> None:
         wf.layers(B, 1.4, 0.3, [1.0, 2.0], [0.0, 0.0], 1.0, [0.5, 0.5], [0.3, 0.3])
     with pytest.raises(SceneError, match="density"):
         wf.layer(B, 1.4, 0.3, -1.0, 1.0, 0.5, 0.3)
-
-
-# -- the impact table of a scene ---------------------------------------------
 
 
 @pytest.fixture
@@ -138,19 +125,18 @@ def fast(cases: Path) -> Scene:
 
 def test_the_table_has_the_closed_means(fast: Scene) -> None:
     table = impact_loads(fast, make_plan(fast))
-    assert table is not None
     b, peak, v0 = math.pi / 4, 5.0, 10.0
     for name, (e, f, share) in {"soft": (0.1, 0.6, 0.5), "hard": (0.5, 0.3, 0.5)}.items():
-        row, flow = table["fractions"][name]["slopes"]["left"], 2.0 * share / 2
-        assert row["mass_flow"] == pytest.approx(flow)
-        assert row["fall_speed"] == pytest.approx(v0, rel=3e-3)
-        assert row["normal"] == pytest.approx((1 + e) * flow * math.cos(b) * (v0 + peak**2 / (2 * v0)), rel=0.02)
-        assert row["tangential"] == pytest.approx(f * row["normal"], rel=0.05)  # less where a corner is met
+        row, flow = table.fractions[name].slopes["left"], 2.0 * share / 2
+        assert row.mass_flow == pytest.approx(flow)
+        assert row.fall_speed == pytest.approx(v0, rel=3e-3)
+        assert row.normal == pytest.approx((1 + e) * flow * math.cos(b) * (v0 + peak**2 / (2 * v0)), rel=0.02)
+        assert row.tangential == pytest.approx(f * row.normal, rel=0.05)  # less where a corner is met
         power = (1 + e) * flow * peak**2 * math.cos(b) * (math.cos(b) + f * math.sin(b))
-        assert row["power"] == pytest.approx(power, rel=0.05)
-    assert table["slopes"]["left"]["power"] == pytest.approx(table["slopes"]["right"]["power"])
-    assert table["total"]["force"][0] == pytest.approx(0.0, abs=1e-9)
-    assert table["total"]["mass_flow"] == pytest.approx(2.0)
+        assert row.power == pytest.approx(power, rel=0.05)
+    assert table.slopes["left"].power == pytest.approx(table.slopes["right"].power)
+    assert table.total.force[0] == pytest.approx(0.0, abs=1e-9)
+    assert table.total.mass_flow == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(("strength", "accuracy"), [(1.0, 1e-3), (6.0, 2e-3)])
@@ -165,14 +151,13 @@ def test_the_table_is_what_injected_granules_take_from_the_body(fast: Scene, str
     )
     plan = make_plan(scene)
     table = impact_loads(scene, plan)
-    assert table is not None
     for name in scene.fraction:
-        grains, total = feedstock(scene, plan, name, None).granules, table["fractions"][name]["total"]
+        grains, total = feedstock(scene, plan, name, None).granules, table.fractions[name].total
         right = grains.velocity[grains.position[:, 0] > 0].mean(axis=0)
-        seen = table["fractions"][name]["slopes"]["right"]["velocity"]
+        seen = table.fractions[name].slopes["right"].velocity
         np.testing.assert_allclose(seen, right, atol=accuracy * np.linalg.norm(right))
-        change = total["velocity"][1] + total["fall_speed"]
-        assert total["force"][1] == pytest.approx(-total["mass_flow"] * change, rel=1e-3)
+        change = total.velocity[1] + total.fall_speed
+        assert total.force[1] == pytest.approx(-total.mass_flow * change, rel=1e-3)
 
 
 def test_fall_speeds_are_those_of_the_tracker(cases: Path) -> None:
@@ -188,13 +173,13 @@ def test_what_the_air_carries_up_presses_on_nothing_and_many_slopes_add_up(cases
     prism = Scene.load(cases / "prism.toml")
     table = impact_loads(prism, make_plan(prism))
     assert table is not None
-    assert table["fractions"]["dust"]["slopes"] == {}
-    assert table["fractions"]["dust"]["total"]["mass_flow"] == 0.0
-    assert set(table["fractions"]["wheat"]["slopes"]) == {"left", "right"}
+    assert table.fractions["dust"].slopes == {}
+    assert table.fractions["dust"].total.mass_flow == 0.0
+    assert set(table.fractions["wheat"].slopes) == {"left", "right"}
     tables = Scene.load(cases / "vacuum.toml").tables()
     tables["body"] = {"ball": {"shape": "circle", "width": 0.05, "corners": 24}}
     ball = Scene.parse(tables)
     round_ = impact_loads(ball, make_plan(ball))
     assert round_ is not None
-    assert len(round_["slopes"]) > 3
-    assert sum(row["mass_flow"] for row in round_["slopes"].values()) == pytest.approx(1.0)
+    assert len(round_.slopes) > 3
+    assert sum(row.mass_flow for row in round_.slopes.values()) == pytest.approx(1.0)

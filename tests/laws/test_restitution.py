@@ -108,9 +108,6 @@ def test_a_wrong_law_says_what_is_wrong(law: str, given: dict[str, Any], message
         wf.Restitution(law, **given)
 
 
-# -- in the tracker ---------------------------------------------
-
-
 @every_law
 def test_walls_throw_back_by_the_law_of_the_speed_into_them(law: wf.Restitution) -> None:
     speeds = np.array([1e-3, 0.05, 0.3, 1.0, 3.0, 20.0])
@@ -155,16 +152,3 @@ def test_a_wall_that_takes_no_energy_ends_at_the_hard_stop_not_never() -> None:
     tracks = track(None, grains, until=1e9, bodies=[FLOOR])
     assert tracks.fate[0] == Fate.STOPPED
     assert 0.5 * tracks.velocity[0] @ tracks.velocity[0] + G * (tracks.position[0, 1] - 1e-3) <= 0.5 * 0.0626**2
-
-
-@pytest.mark.parametrize("gamma", [0.9, 3.0, 50.0])
-def test_on_a_shaken_floor_nothing_loops_or_sinks_in(gamma: float) -> None:
-    omega = 2 * np.pi * 30.0
-    x = np.linspace(-0.5, 0.5, 40)
-    law = wf.Restitution("viscoelastic", value=0.7, at=1.0)
-    grains = Granules(np.column_stack([x, np.full(40, 0.05)]), np.zeros((40, 2)), 2e-3, 1000.0, restitution=law)
-    floor = Body(FLOOR, motion=Motion((0.0, gamma * G / omega**2), 30.0))
-    tracks = track(None, grains.replace(time=np.linspace(0, 1 / 30, 40)), until=3.0, bodies=[floor], length=0.05)
-    assert np.all((tracks.fate == Fate.RESTING) | (tracks.fate == Fate.AIRBORNE))
-    height = tracks.position[:, 1] - 1e-3 - gamma * G / omega**2 * np.sin(omega * tracks.time)
-    assert np.all(height > -1e-9)

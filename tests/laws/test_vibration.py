@@ -28,9 +28,6 @@ def of_a_sine(count: int, gamma: float = 2.0, frequency: float = 20.0) -> tuple[
     return t, -gamma * G * np.sin(2 * np.pi * frequency * t)
 
 
-# -- the record ---------------------------------------------
-
-
 def test_samples_at_any_spacing_are_integrated_exactly() -> None:
     """Finite differences of the displacement give back the acceleration as it was given, less its mean."""
     record = integrated(RAGGED + 7.0, SHAKEN)
@@ -82,9 +79,6 @@ def test_samples_of_a_harmonic_give_its_motion_at_second_order() -> None:
 def test_bad_samples_are_named(time: list[float], acceleration: list[float], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         Motion.sampled(time, acceleration)
-
-
-# -- in the tracker ---------------------------------------------
 
 
 def test_a_granule_rides_and_leaves_a_sampled_table_where_the_acceleration_says() -> None:
@@ -161,9 +155,6 @@ def test_a_field_that_swings_refuses_samples() -> None:
         relative(Motion.sampled(*of_a_sine(9)), Swing(0.0, 1e-3, 100.0, 0.0))
 
 
-# -- the phases that a uniform stream meets ---------------------------------------------
-
-
 def contacts_by_tracking(
     passing: np.ndarray, normal: np.ndarray, fall: float, pull: float, motion: Motion, until: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -215,20 +206,6 @@ def test_injected_phases_are_those_of_resolved_tracks(name: str, ratio: float) -
         assert np.sum(met == 0) >= 3
 
 
-def test_below_the_fall_speed_the_phase_density_is_one_plus_the_speed_ratio_for_samples_too() -> None:
-    """Density 1 + V(t) / V0 over the period: the mean wall speed at impact is the mean of V^2 over V0."""
-    motion, n = Motion.sampled(RAGGED, 0.2 * SHAKEN), 4000
-    t = np.linspace(0, 0.05, 200_001)[:-1]
-    speed = motion.at(t)[1][:, 1]
-    assert speed.max() < 0.5
-    passing = (np.arange(n) + 0.5) / n * 0.05
-    _, wall = first_contact(np.full(n, 0.5), np.tile([0.0, 1.0], (n, 1)), passing, motion)
-    assert wall[:, 1].mean() == pytest.approx(np.mean(speed**2) / 0.5, rel=1e-4)
-
-
-# -- in a scene ---------------------------------------------
-
-
 @pytest.fixture
 def sampled(cases: Path, tmp_path: Path) -> Scene:
     """The vacuum scene with a vibration by a file beside it."""
@@ -241,7 +218,6 @@ def sampled(cases: Path, tmp_path: Path) -> Scene:
 
 
 def test_a_scene_takes_samples_from_a_file_and_tells_what_they_are(sampled: Scene, tmp_path: Path) -> None:
-    assert sampled.vibration is not None
     assert sampled.vibration.period == pytest.approx(0.04, rel=1e-6)
     assert sampled.vibration.strength == pytest.approx(2.0, rel=1e-3)
     assert sampled.shaking[1] == pytest.approx(2.0 * G / (50 * np.pi), rel=5e-3)
@@ -250,7 +226,6 @@ def test_a_scene_takes_samples_from_a_file_and_tells_what_they_are(sampled: Scen
     line = next(line for line in make_plan(sampled).used if line.startswith("vibration"))
     assert "25 Hz, Gamma = 2," in line
     motion = motion_of(sampled)
-    assert motion is not None
     np.testing.assert_allclose(motion.amplitude, sampled.motion[0])
 
 
@@ -276,8 +251,6 @@ def test_what_does_not_go_with_samples_is_refused_in_one_line(sampled: Scene, ca
         make_plan(strong, rung="standard")
     assert not make_plan(strong, rung="standard", force={"vibration-of-the-air": False}).airflow.moving
 
-
-# -- sliding, sticking and rolling on walls that move ---------------------------------------------
 
 F = 15.0
 OMEGA = 2 * np.pi * F

@@ -16,6 +16,7 @@ import pytest
 from support import RHOMBUS
 from wakeflow.core.errors import MeshError, SceneError
 from wakeflow.core.geometry import area, distance_to
+from wakeflow.core.record import load
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
@@ -72,7 +73,7 @@ def meshed(spec: MeshSpec) -> tuple[Path, MeshReport]:
     """Folder and report of a mesh, kept between sessions until the code that makes it, or Gmsh, is another."""
     key = content_key(repr(spec), code_key("wakeflow.meshing"), version("gmsh"))
     folder, _ = Store(cache_root()).make("tested-mesh", key, lambda part: build_mesh(spec, part))
-    return folder, MeshReport(**json.loads((folder / "mesh.json").read_text()))
+    return folder, load(MeshReport, folder / "mesh.json")
 
 
 def cell_areas(points: np.ndarray, cells: dict[str, np.ndarray]) -> np.ndarray:

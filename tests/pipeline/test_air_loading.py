@@ -27,9 +27,6 @@ from wakeflow.scene import Scene
 CALM = {"basset-history": False, "collisions": False}  # history of chaff would refuse the accuracy
 
 
-# -- the decision ------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth"])
 def test_the_shipped_machines_at_their_feed_load_their_air(name: str) -> None:
     plan = make_plan(shipped(name))
@@ -93,9 +90,6 @@ def test_air_that_cannot_be_solved_on_keeps_its_bound_and_a_warning() -> None:
     assert any(line.startswith(f"{LOADING}, left out, could move wheat") for line in plan.warnings)
 
 
-# -- end to end --------------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def loaded(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
     return wf.run(loaded_scene(), tmp_path_factory.mktemp("loaded"), force=CALM)
@@ -103,21 +97,14 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
 
 @pytest.mark.openfoam
 def test_the_result_says_what_it_does(loaded: wf.Result) -> None:
-    assert loaded.airflow is not None
-    assert loaded.landings is not None
     found, effects = loaded.airflow.loading, loaded.landings.air_loading
-    assert found is not None
-    assert effects is not None
     assert found.passes in (1, 2, 3)
     assert found.imbalance is not None
     assert found.imbalance < 1e-9  # what all boxes feel is what the granules lost
-    assert found.force is not None
     assert found.given is not None
     assert found.force[1] > 0.0  # against the air, which flows down
     assert found.force[0] == pytest.approx(0.0, abs=1e-12 * found.force[1])
     assert 0.7 * found.force[1] < found.given < 1.3 * found.force[1]
-    assert found.cd is not None
-    assert found.cd_without is not None
     assert (found.cd.value or 0.0) < 0.97 * (found.cd_without.value or 0.0)
     for name, places in effects.items():
         for which in ("without", "loaded"):
@@ -133,11 +120,6 @@ def test_the_result_says_what_it_does(loaded: wf.Result) -> None:
 def test_left_out_the_shares_are_those_without(loaded: wf.Result, tmp_path: Path) -> None:
     """The companion's air is the one of a run in which the term is off; the granules of a comparison are among all."""
     off = wf.run(loaded_scene(), tmp_path, force={**CALM, LOADING: False, "pressure-gradient": True}, until="airflow")
-    assert loaded.airflow is not None
-    assert off.airflow is not None
-    assert loaded.airflow.loading is not None
-    assert off.airflow.cd is not None
-    assert loaded.airflow.loading.cd_without is not None
     assert loaded.airflow.loading.cd_without.value == off.airflow.cd.value
     assert off.airflow.loading is None
 
@@ -146,9 +128,7 @@ def test_left_out_the_shares_are_those_without(loaded: wf.Result, tmp_path: Path
 def test_the_loaded_air_is_slower_above_the_body_and_its_own_mirror_image(loaded: wf.Result) -> None:
     asked = loaded_scene()
     pipeline = Pipeline(asked, make_plan(asked, force=CALM))
-    assert pipeline.loading is not None
     bare, field = pipeline.kind.field, pipeline.field[1]
-    assert bare is not None
     axis = np.array([[1e-4, 0.06], [1e-4, 0.1]])
     assert np.all(field.sample(axis)[0][:, 1] > bare[1].sample(axis)[0][:, 1] + 0.1)  # downward: less negative
     places = np.array([[0.013, 0.05], [0.04, 0.02], [0.07, -0.06]])
@@ -166,7 +146,6 @@ def test_it_comes_from_the_cache_and_its_keys_follow_the_feed(loaded: wf.Result)
     assert again.table["separation"] == loaded.table["separation"]
     asked = loaded_scene()
     pipeline = Pipeline(asked, make_plan(asked, force=CALM))
-    assert pipeline.loading is not None
     keys = {path.name for path in (pipeline.store.root / "loaded-airflow").iterdir() if path.is_dir()}
     assert {one.key for one in pipeline.loading.passes} <= keys
     case = pipeline.loading.passes[-1].folder / "case"
@@ -179,8 +158,6 @@ def test_an_airflow_in_time_gets_the_change_of_the_steady_one(loaded: wf.Result)
     asked = loaded_scene()
     pipeline = Pipeline(asked, make_plan(asked, force=CALM))
     bare = pipeline.kind.field
-    assert bare is not None
-    assert pipeline.loading is not None
     steady, phase = bare[1], np.arange(8) / 8 * 2 * np.pi
     swing = 1.0 + 0.1 * np.cos(phase)
     moving = wf.FlowField.from_arrays(
@@ -199,7 +176,6 @@ def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
     plan = make_plan(asked, force=CALM)
     pipeline = Pipeline(asked, plan)
     bare = pipeline.kind.field
-    assert bare is not None
     calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
     grains = feedstock(asked, calm, "chaff", None).granules
     ends = [
@@ -219,10 +195,7 @@ def test_where_safer_settings_served_the_change_counts_from_such_air(
     asked = loaded_scene()
     pipeline = Pipeline(asked, make_plan(asked, force=CALM))
     bare, loading = pipeline.kind.field, pipeline.loading
-    assert bare is not None
-    assert loading is not None
     last, usual = loading.passes[-1], Pipeline(asked, make_plan(asked, force=CALM)).loading
-    assert usual is not None
     assert usual.key == content_key("loaded", bare[0], last.key, code_of("field"), code_of("change"))
     monkeypatch.setattr(ladder, "schemes_in", lambda case: "careful" if last.folder in case.parents else "normal")
     back = loading.apply(loading.field_in(last.folder)).velocity - bare[1].velocity

@@ -69,34 +69,24 @@ def test_a_trickle_lands_as_granules_alone_do_and_a_dense_feed_does_not() -> Non
     assert meetings[TRICKLE] < 0.1 * meetings[DENSE]
 
 
-def test_it_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_has_found(tmp_path: Path) -> None:
     scene = fed(TRICKLE)
-    plan = make_plan(scene, force={COLLISIONS: True})
-    flight = SlabFlight(scene, plan, Realisations(None), 0.03, 0.2, 0.3, 1e-3)
+    flight = SlabFlight(scene, make_plan(scene, force={COLLISIONS: True}), Realisations(None), 0.03, 0.2, 0.3, 1e-3)
     flight.fly_all(tmp_path, 2)
-    (tmp_path / "other").mkdir()
-    shutil.copy(tmp_path / "replicate-0.npz", tmp_path / "other")
+    stopped, given = tmp_path / "stopped", tmp_path / "given"
+    stopped.mkdir()
+    given.mkdir()
+    shutil.copy(tmp_path / "replicate-0.npz", stopped)
     told: list[str] = []
-    replace(flight, tell=told.append).fly_all(tmp_path / "other", 2)
+    replace(flight, tell=told.append).fly_all(stopped, 2)
     assert told == ["replicate 2", "2 of 2 replicates"]
-    one, two = (load_crowd(folder, scene, 2) for folder in (tmp_path, tmp_path / "other"))
-    assert one.step == two.step
-    for name in scene.fraction:
-        np.testing.assert_array_equal(one.landings[name].position, two.landings[name].position)
-
-
-def test_all_fly_with_the_step_that_the_first_has_found(tmp_path: Path) -> None:
-    scene = fed(TRICKLE)
-    plan = make_plan(scene, force={COLLISIONS: True})
-    flight = SlabFlight(scene, plan, Realisations(None), 0.03, 0.2, 0.3, 1e-3)
-    flight.fly_all(tmp_path, 2)
-    (tmp_path / "given").mkdir()
-    replace(flight, step=step_of(tmp_path)).fly_all(tmp_path / "given", 2)
-    one, two = (load_crowd(folder, scene, 2) for folder in (tmp_path, tmp_path / "given"))
-    assert one.step == two.step
+    replace(flight, step=step_of(tmp_path)).fly_all(given, 2)
+    one = load_crowd(tmp_path, scene, 2)
     assert one.step_error < 1e-3
-    for name in scene.fraction:
-        np.testing.assert_array_equal(one.landings[name].position, two.landings[name].position)
+    for other in (load_crowd(folder, scene, 2) for folder in (stopped, given)):
+        assert one.step == other.step
+        for name in scene.fraction:
+            np.testing.assert_array_equal(one.landings[name].position, other.landings[name].position)
 
 
 def test_a_first_replicate_that_fails_before_its_step_is_known_says_why(tmp_path: Path) -> None:
@@ -124,7 +114,6 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
 
     scene = pipeline(DENSE).scene
     result = wf.run(scene, tmp_path)
-    assert result.landings is not None
     assert result.landings.slab is not None
     assert result.landings.without_collisions is not None
     met = separate(scene, crowd(DENSE).landings)
@@ -145,7 +134,6 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     assert "granules colliding" in out
     assert "without collisions" in out
     off = wf.run(scene, tmp_path / "off", force={COLLISIONS: False})
-    assert off.landings is not None
     assert off.landings.slab is None
     assert "slab" not in off.table
     (value, low, high), (share, least, most) = off.share("hard", "far"), alone.share("hard", "far")

@@ -96,8 +96,6 @@ def test_crossing_edges_are_found() -> None:
     assert is_simple(comb)  # two of its edges lie on one line, apart
 
 
-# -- whole scenes, coarse and laminar ---------------------------------------------------------------------------------
-
 SMALL: dict[str, Any] = {  # a rhombus of 5 cm at Re 24 in a channel of 30 cm
     "body": {"rhombus": {"shape": "rhombus", "width": 0.05, "slope_angle": math.pi / 4}},
     "channel": {"width": 0.3, "top": 0.2, "bottom": -0.2},
@@ -148,8 +146,8 @@ class TestStreams:
         left = pipeline_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
         airflow = left.airflow
         assert not left.mesh_spec.half
-        assert airflow["flow_rate"] == pytest.approx(0.2 * 0.3 + 0.1 * 0.04, rel=1e-6)
-        assert abs(airflow["mass_error"]) < 1e-5
+        assert airflow.flow_rate == pytest.approx(0.2 * 0.3 + 0.1 * 0.04, rel=1e-6)
+        assert abs(airflow.mass_error) < 1e-5
         velocity = profile_at(left, 0.1)[1]
         assert velocity[0, 0] > 0.05  # it blows into the channel at its side
         assert abs(velocity[-1, 0]) < 0.03
@@ -157,7 +155,7 @@ class TestStreams:
     def test_a_stream_from_the_other_side_is_the_mirror_image(self) -> None:
         left = pipeline_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
         right = pipeline_of(small(channel__inlet={"low": {"side": "right", **STREAM}}))
-        assert right.airflow["cd"]["value"] == pytest.approx(left.airflow["cd"]["value"], rel=MESH)
+        assert right.airflow.cd.value == pytest.approx(left.airflow.cd.value, rel=MESH)
         for y in (0.06, 0.0, -0.1):  # past the opening, where coarse cells do not blur the stream
             x, one = profile_at(left, y)
             inside = np.abs(x) > 0.03
@@ -167,7 +165,7 @@ class TestStreams:
     def test_streams_that_mirror_each_other_are_solved_in_half_of_the_channel(self) -> None:
         both = pipeline_of(small(channel__inlet={side: {"side": side, **STREAM} for side in ("left", "right")}))
         assert both.mesh_spec.half
-        assert both.airflow["flow_rate"] == pytest.approx(0.2 * 0.3 + 2 * 0.1 * 0.04, rel=1e-6)
+        assert both.airflow.flow_rate == pytest.approx(0.2 * 0.3 + 2 * 0.1 * 0.04, rel=1e-6)
 
     def test_granules_leave_through_the_opening(self) -> None:
         scene = small(channel__inlet={"low": {"side": "left", **STREAM}})
@@ -187,7 +185,7 @@ class TestWallsAndDirections:
 
     def test_upward_air_is_the_mirror_image_of_downward_air(self, walls: str) -> None:
         down, up = (pipeline_of(small(channel__walls=walls, air__direction=way)) for way in ("down", "up"))
-        assert up.airflow["cd"]["value"] == pytest.approx(down.airflow["cd"]["value"], rel=MESH)
+        assert up.airflow.cd.value == pytest.approx(down.airflow.cd.value, rel=MESH)
         for y in (0.05, -0.05, -0.15):
             x, one = profile_at(down, y)
             away = np.abs(x) > 0.03
@@ -202,7 +200,7 @@ class TestWallsAndDirections:
         else:
             assert abs(at_wall[1]) < 1e-6
             slip = pipeline_of(small())
-            assert pipeline.airflow["pressure_drop"] > 2 * slip.airflow["pressure_drop"]
+            assert pipeline.airflow.pressure_drop > 2 * slip.airflow.pressure_drop
 
 
 class TestProfile:
@@ -217,7 +215,7 @@ class TestProfile:
         )  # fmt: skip
         pipeline = pipeline_of(scene)
         assert (pipeline.mesh_spec.top, pipeline.mesh_spec.bottom) == (0.5, -0.2)
-        assert pipeline.airflow["flow_rate"] == pytest.approx(0.2 * 0.1, rel=1e-9)
+        assert pipeline.airflow.flow_rate == pytest.approx(0.2 * 0.1, rel=1e-9)
         for y in (0.4, 0.2):
             x, velocity = profile_at(pipeline, y)
             np.testing.assert_allclose(velocity[:, 1], -0.3 * (1 - (x / 0.05) ** 2), atol=0.015 * 0.3)
@@ -237,8 +235,8 @@ class TestSeveralBodies:
     def test_each_has_its_drag(self) -> None:
         """At Re 6: at 24 the wakes side by side lean to one side or the other, as real ones do."""
         airflow = pipeline_of(self.scene().replace({"air.speed": 0.05})).airflow
-        drag = airflow["cd_of"]
-        assert sum(drag.values()) == pytest.approx(airflow["cd"]["value"], rel=1e-6)
+        drag = airflow.cd_of
+        assert sum(drag.values()) == pytest.approx(airflow.cd.value, rel=1e-6)
         assert drag["left"] == pytest.approx(drag["right"], rel=MESH)
         assert min(drag.values()) > 0.1
 
@@ -274,7 +272,6 @@ class TestGivenCase:
     def test_its_results_are_those_of_the_direct_run(self, tmp_path: Path) -> None:
         own = pipeline_of(small())
         scene = as_given(own, tmp_path)
-        assert scene.air is not None
         assert (scene.air.speed, scene.air.direction) == (0.2, "down")
         assert scene.air.viscosity == pytest.approx(5e-4)
         given = Pipeline(scene, make_plan(scene))
@@ -350,7 +347,7 @@ class TestGivenCase:
         np.testing.assert_array_equal(moving.field[1].times, [0.0, 3.0])
         np.testing.assert_allclose(moving.field[1].velocity[1], one.field[1].velocity)
         np.testing.assert_allclose(still.field[1].velocity, one.field[1].velocity)
-        assert moving.airflow["cd"]["value"] == pytest.approx(one.airflow["cd"]["value"])
+        assert moving.airflow.cd.value == pytest.approx(one.airflow.cd.value)
         assert moving.tracks().fates["wheat"]["binned"] == 64
 
     def test_other_rungs_do_not_go_with_it(self, tmp_path: Path) -> None:
@@ -415,9 +412,9 @@ class TestRange:
         )
         pipeline = pipeline_of(scene)
         airflow = pipeline.airflow
-        assert airflow["cells"] < 6000
-        assert abs(airflow["mass_error"]) < 1e-4
-        assert 0.05 < airflow["cd"]["value"] * (1 - blockage) ** 2 < 3.0
+        assert airflow.cells < 6000
+        assert abs(airflow.mass_error) < 1e-4
+        assert 0.05 < airflow.cd.value * (1 - blockage) ** 2 < 3.0
         tracked = pipeline.tracks()
         for name, fates in tracked.fates.items():
             assert fates["stopped"] == fates["airborne"] == 0

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from support import shipped
+from support import CASES, shipped
 from wakeflow.planning.cost import wall_seconds
 from wakeflow.planning.machine_rates import COMPILE, STARTS, kind_of_work, learn, on_this_machine
 from wakeflow.planning.make import make_plan
@@ -101,3 +102,16 @@ def test_the_compilation_is_expected_until_it_is_done(plan: Plan, tmp_path: Path
     assert [stage.when for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE] == ["beside"]
     (tmp_path / "numba" / "586f" / "kernel").mkdir(parents=True)
     assert not [stage for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE]
+
+
+SCENES = [path.stem for path in sorted(CASES.glob("*.toml")) if "[channel]" in path.read_text()]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_plan_that_was_sent_is_the_same_and_stays_read_only(name: str) -> None:
+    plan = make_plan(CASES / f"{name}.toml")
+    sent = pickle.loads(pickle.dumps(plan))
+    assert sent == plan
+    assert [row.tracked for row in sent.fractions.values()] == [row.tracked for row in plan.fractions.values()]
+    with pytest.raises(TypeError):
+        sent.fractions["more"] = None

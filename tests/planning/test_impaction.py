@@ -31,9 +31,6 @@ def points(front: Front, tau: list[float], speed: float, above: float = 2.0) -> 
     )
 
 
-# -- exact values ------------------------------------------------------------------------------------------------------
-
-
 def test_efficiencies_of_a_cylinder_are_those_of_accurate_trajectories() -> None:
     found = points(Cylinder(1.0, 1.0), list(EXACT), 1.0, above=50.0)
     np.testing.assert_allclose(found.efficiency, list(EXACT.values()), atol=1.5e-3)
@@ -55,9 +52,6 @@ def test_of_fast_heavy_granules_those_carried_round_go_as_air_speed_over_speed_a
     assert missed(2.0, 0.5, 2.0) == pytest.approx(base / 2, rel=0.1)
     assert missed(4.0, 0.125, 4.0) == pytest.approx(base, rel=0.01)  # the same K, all speeds doubled
     assert missed(4.0, 0.25, 2.0) == pytest.approx(base / 4, rel=0.2)  # twice as fast through the same air
-
-
-# -- the flow ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("depth", [0.0, 0.01, 0.025, 0.1])
@@ -87,9 +81,6 @@ def test_the_front_knows_where_its_face_is() -> None:
     z = np.array([0.01 + 0.02j, 0.02 + 0.005j, -0.01 + 0j, 0.05 + 0.01j])
     assert front.inside(z).tolist() == [False, True, False, True]
     np.testing.assert_allclose(np.abs(front.away(z)), [0.01, 0.008, 0.01, 0.022], rtol=1e-9)
-
-
-# -- in a scene --------------------------------------------------------------------------------------------------------
 
 
 UNIFORM = {"air-loading": False}  # air before the body that no granules slow: injection needs it
@@ -154,13 +145,9 @@ def test_a_scene_of_any_shape_has_a_front() -> None:
     for body in (polygon, {"shape": "prism", "width": 0.05, "slope_angle": 1.0, "apex": "down"}):
         tables = {**rhombus().tables(), "body": {"it": body}}
         turned = deflection(Scene.parse(tables), "wheat", "brown-lawler", 2.0)
-        assert turned is not None
         assert 0.5 < turned.efficiency < 1.0
     with pytest.raises(SceneError, match="unknown front"):
         fronts["sphere"]
-
-
-# -- against the tracker in a solved airflow ---------------------------------------------------------------------------
 
 
 @pytest.mark.openfoam
@@ -181,7 +168,6 @@ def test_efficiencies_are_near_those_in_the_solved_airflow(name: str, within: fl
     )  # fmt: skip
     met = np.mean((tracks.fate == Fate.CAPTURED) & (tracks.position[:, 1] > -0.5 * size))
     alone = deflection(scene.replace({f"fraction.{name}.size": size}), name, how.drag, how.drag_scale)
-    assert alone is not None
     assert alone.efficiency == pytest.approx(met, abs=within)
     assert alone.efficiency > met - 0.01  # the real wake is wider than the body: the ideal flow turns them less
 

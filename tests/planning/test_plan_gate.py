@@ -33,7 +33,7 @@ from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.bounds import bounds
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan, whole_terms
-from wakeflow.planning.terms import TYPICAL, LeftOutTerm
+from wakeflow.planning.terms import TYPICAL
 from wakeflow.planning.unusual import unusual_lines
 from wakeflow.results.bin_ends import free_ends
 from wakeflow.results.budget import together
@@ -49,9 +49,6 @@ IDLE = 30.0  # how many times what it bounds a bound may be
 BASE = ("drag", "gravity", "buoyancy", "pressure-gradient")
 COUNT = 512
 FINE, FINER = 1e-6, 1e-7  # tolerances: their difference is the tracker's own error
-
-
-# -- what it decides ---------------------------------------------------------------------------------------------------
 
 
 def test_at_one_percent_wheat_leaves_out_history_and_brownian_motion(draft: Scene) -> None:
@@ -176,12 +173,6 @@ def test_a_switch_may_name_one_fraction_and_goes_before_one_for_all(draft: Scene
     assert keys[0] != keys[1]
 
 
-def test_off_in_python_is_off_as_on_the_command_line(draft: Scene) -> None:
-    said = make_plan(draft, force={"lift": "off", "chaff": {"lift": "on"}})
-    assert said.force == {"lift": False, "chaff.lift": True}
-    assert said.fractions == make_plan(draft, force={"lift": False, "chaff.lift": True}).fractions
-
-
 @pytest.mark.parametrize("table", [{"lift": "on", "chaff": {"lift": "off"}}, {"lift": True, "chaff.lift": False}])
 def test_a_scene_may_switch_terms_itself_and_the_command_goes_before_it(draft: Scene, table: dict[str, Any]) -> None:
     asked = Scene.parse({**draft.tables(), "force": table})
@@ -254,11 +245,6 @@ def test_the_plan_prints_and_writes_a_bound_for_every_fraction(
     assert "above 0" in capsys.readouterr().err
 
 
-def test_an_accuracy_in_percent_is_a_share(draft: Scene) -> None:
-    assert make_plan(draft, target_error="0.5%").target_error == 0.005
-    assert make_plan(draft, target_error="0.5 %").summary() == make_plan(draft, target_error=0.005).summary()
-
-
 @pytest.mark.parametrize("error", ["one", True, None.__class__, [0.01]])
 def test_an_accuracy_that_is_no_number_is_refused(error: Any, draft: Scene) -> None:
     with pytest.raises(SceneError, match=r"target_error = .*(a number such as 0.01|needs a share)"):
@@ -301,9 +287,6 @@ def test_fine_dust_slips_between_the_airs_molecules(draft: Scene) -> None:
     assert feedstock(measured, make_plan(measured), "dust", None).granules.drag_scale[0] == pytest.approx(
         how.drag_scale / float(slip_correction(40e-6)), rel=1e-9
     )
-
-
-# -- the bounds themselves ---------------------------------------------------------------------------------------------
 
 
 def scales(**changes: Any) -> FlightScales:
@@ -383,9 +366,6 @@ def test_memories_add_up_to_the_kernels_integral() -> None:
     assert np.all(weights > -1e-3 * weights.sum(axis=1, keepdims=True))
 
 
-# -- against the tracker -----------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Trial:
     """A scene, its plan and field; flights of its fractions with forces as told."""
@@ -459,9 +439,6 @@ def test_the_mean_shift_is_at_most_what_the_gate_takes_it_for(name: str) -> None
     assert moved(before, after, tried.scene.width).mean() <= TYPICAL * allowed
 
 
-# -- against direct estimates, where the term is not computed ----------------------------------------------------------
-
-
 def history_shift(tried: Trial, name: str, grains: Granules, tracks: Tracks, i: int) -> float:
     """Landing shift (body widths) by the history force along the recorded track of granule ``i``: Mei & Adrian's
     kernel on the slip that it had; drag and the air's gradients linearised on the way.
@@ -526,9 +503,6 @@ def test_the_bound_on_the_vibration_of_the_air_holds_for_a_quasi_steady_wake(nam
     still, moving = (replace(tried, field=shaken(s)).fly(name, BASE, 1e-5) for s in (np.ones(24), relative))
     measured = float(np.percentile(moved(still, moving, tried.scene.width), 95))
     assert measured <= tried.plan.fractions[name].bounds["vibration-of-the-air"] <= IDLE * measured
-
-
-# -- shifts as shares --------------------------------------------------------------------------------------------------
 
 
 def landings_at(x: np.ndarray, scene: Scene) -> Landings:
@@ -603,9 +577,6 @@ def test_ends_at_the_channels_walls_let_nothing_out(draft: Scene) -> None:
     assert window["elsewhere"] == [(-0.2, 0.0)]
 
 
-# -- many granules -----------------------------------------------------------------------------------------------------
-
-
 def test_random_streams_of_fractions_and_parts_are_apart() -> None:
     seeds = [flying.seed_of(seed, name, stream) for seed in (0, 1) for name in FRACTIONS for stream in range(48)]
     assert len(set(seeds)) == len(seeds)
@@ -637,9 +608,6 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
     assert set(at_once.fates[name]) == {fate.name.lower() for fate in Fate}
 
 
-# -- the plan as a record ----------------------------------------------------------------------------------------------
-
-
 def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(draft: Scene) -> None:
     plan = make_plan(draft)
     for name in ("fractions", "force", "estimate"):
@@ -662,11 +630,3 @@ def test_a_planner_makes_each_rungs_plan_once(draft: Scene) -> None:
     faster = planner.at(draft.replace({"feed.rate": "900 kg/hour"}))
     assert faster.force == {"lift": True}
     assert faster.plan("draft").validity != planner.plan("draft").validity
-
-
-def test_what_is_left_out_and_is_no_term_of_the_equation_of_motion_says_so() -> None:
-    scene = Scene.load(CASES / "rhombus.toml", {"feed.mode": "injected", "numerics.rung": "draft"})
-    for row in make_plan(scene).left_out:
-        assert isinstance(row, LeftOutTerm) == (row.name in bounds)
-    alone = make_plan(scene, rung="none").left_out
-    assert {row.name for row in alone if isinstance(row, LeftOutTerm)} == {"collisions"}  # which need no air

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from support import field_of
+from wakeflow.core.record import from_json
 from wakeflow.report.air import _levels_of_bodies, suction_nodes
 from wakeflow.report.canvas import new_figure, pdf_too, save
 from wakeflow.report.figures import budget, solver
@@ -102,7 +103,7 @@ def test_the_mesh_shows_the_cells_in_its_windows(rhombus: Scene, drawn: list[Any
     places = [(0.026, 0.0), (0.1, 0.05), (0.19, -0.9)]  # m: at the body, in the window, below the channel
     points = np.concatenate([np.array(place) + 0.004 * square for place in places])
     cells = PlaneCells(points, [np.arange(4 * i, 4 * i + 4) for i in range(3)])
-    draw_mesh(Path("unused"), cells, rhombus, Airflow.read({"rung": "draft"}))
+    draw_mesh(Path("unused"), cells, rhombus, from_json(Airflow, {"rung": "draft"}))
     figure, data = drawn[0]
     assert [len(axes.collections[0].get_paths()) for axes in figure.axes] == [2, 1]
     assert "3 cells" in figure.axes[0].get_title(loc="left")

@@ -19,8 +19,11 @@ from matplotlib.figure import Figure as Canvas
 
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains
+from wakeflow.core.number import Number
+from wakeflow.core.record import from_json, to_json
 from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.planning.make import make_plan
 from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, tables, write_report
 from wakeflow.report.air import window_round_body
@@ -32,9 +35,7 @@ from wakeflow.report.figures.flights import draw_residence, draw_tracks
 from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
-from wakeflow.results.airflow_summary import Airflow
 from wakeflow.results.landing_results import PartitionCurve, Separation
-from wakeflow.results.measured import Measured, Share
 from wakeflow.results.result import Result
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
@@ -49,11 +50,17 @@ AIRFLOW = {
     "cd": {"value": 1.2345, "low": 1.21, "high": 1.26}, "strouhal": None,
     "cl_rms": {"value": 0.0, "low": 0.0, "high": 0.001}, "cp_base": {"value": -0.62, "low": -0.63, "high": -0.61},
     "pressure_drop": 3.14, "flow_rate": 1.5, "p_inlet": INLET,
-    "suction": {"cp_min": -1.93, "length": 0.083, "width": 0.061, "area": 0.0041, "reversal_length": 0.131},
+    "suction": {
+        "threshold": -0.5, "cp_min": -1.93, "length": 0.083, "width": 0.061, "area": 0.0041, "reversal_length": 0.131,
+    },
 }  # fmt: skip
 
 
-FOUND = Airflow.read(AIRFLOW)
+FOUND = from_json(Airflow, AIRFLOW)
+PLAN: dict[str, Any] = {
+    "airflow": {"rung": "draft", "why": "", "stepping": "steady", "turbulence": None, "symmetric": True, "half": True},
+    "target_error": 0.01, "force": {}, "fractions": {}, "estimate": {"seconds": 1.0, "memory": 1.0, "disk": 1.0},
+}  # fmt: skip
 
 
 def _field(scene: Scene, step: float = 0.01) -> FlowField:
@@ -115,7 +122,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         shares = raw / raw.sum() if i < count - 1 else np.eye(len(bins))[-1]
         half = 0.004 + 0.001 * i
         fractions[name] = {
-            b: {"share": float(s), "low": max(0.0, float(s) - half), "high": min(1.0, float(s) + half)}
+            b: {"value": float(s), "low": max(0.0, float(s) - half), "high": min(1.0, float(s) + half)}
             for b, s in zip(bins, shares, strict=True)
         }
     purity: dict[str, Any] = {
@@ -135,29 +142,46 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         {"source": "airflow-model", "error": None, "seconds": 0.0, "how": "unknown"},
     ]
     return {
-        "schema": 1,
+        "schema": 2,
         "scene": scene.tables(),
         "options": {"until": None, "rung": None, "force": {}, "target_error": None},
         "funnel": None,
-        "plan": {"used": ["steady airflow"], "left_out": [
-            {"name": "basset-history", "bound": 3.1e-4, "why": "small", "fraction": None},
-            {"name": "brownian", "bound": None, "why": "all < large", "fraction": None},
-        ]},
+        "plan": {
+            **PLAN,
+            "used": ["steady airflow"],
+            "left_out": [
+                {"name": "basset-history", "bound": 3.1e-4, "why": "small", "fraction": None},
+                {"name": "brownian", "bound": None, "why": "all < large", "fraction": None},
+            ],
+        },
         "airflow": airflow,
         "separation": {
-            "bins": bins, "fractions": fractions, "purity": purity, "recovery": recovery,
-            "throughput": {b: 11.5 + i for i, b in enumerate(bins)}, "cut": [],
+            "bins": bins,
+            "fractions": fractions,
+            "purity": purity,
+            "recovery": recovery,
+            "throughput": {b: 11.5 + i for i, b in enumerate(bins)},
+            "cut": [],
         },
-        "met_by_law": {}, "impact": None, "bracket": None, "key": "k",
+        "met_by_law": {},
+        "impact": None,
+        "bracket": None,
+        "key": "k",
         "fates": {name: {"binned": 480 + i, "escaped": 20 - i} for i, name in enumerate(scene.fraction)},
         "budget": [
-            {"quantity": f"share.{name}.{bins[0]}", "parts": parts, "total": {"error": None, "seconds": 1.5}}
+            {
+                "quantity": f"share.{name}.{bins[0]}",
+                "unit": None,
+                "parts": parts,
+                "total": {"error": None, "seconds": 1.5},
+            }
             for name in scene.fraction
         ],
         "seconds": {"mesh": {"seconds": 1.25, "cached": True}, "tracks": {"seconds": 200.0, "cached": False}},
-        "warnings": ["the curtain is dense"], "grades": ["less sure"],
+        "warnings": ["the curtain is dense"],
+        "grades": ["less sure"],
         "versions": {"wakeflow": "0.1.0"},
-    }  # fmt: skip
+    }
 
 
 def _read(table: dict[str, Any]) -> Result:
@@ -446,7 +470,7 @@ def test_the_few_tracks_of_a_small_fraction_lie_as_all_of_them_do(rhombus: Scene
 def test_the_cut_of_a_partition_curve_has_its_unit(rhombus: Scene) -> None:
     curves = [
         PartitionCurve(("middle",), by, unit, (at, 3 * at), (0.5, 0.5), (1.0, 0.0), (0.9, 0.0), (1.0, 0.1),
-                       Measured(2 * at, at, 3 * at), 0.5 * at, 0.25)
+                       Number(2 * at, at, 3 * at), 0.5 * at, 0.25)
         for by, unit, at in (("size", "m", 1e-3), ("terminal velocity", "m/s", 1.0))
     ]  # fmt: skip
     panels = draw_partition(Canvas(), rhombus, curves)
@@ -477,7 +501,7 @@ def test_shares_in_the_landing_picture_are_the_results(rhombus: Scene, drawn: li
     for axes, shares in zip(panels, result["separation"]["fractions"].values(), strict=True):
         told = {t.get_text() for t in axes.texts}
         for place, row in shares.items():
-            text = percent(Share(row["share"], row["low"], row["high"])).replace(" ", "\n", 1) + " %"
+            text = percent(Number(row["share"], row["low"], row["high"])).replace(" ", "\n", 1) + " %"
             assert (f"elsewhere\n{text}" if place == "elsewhere" else text) in told
 
 
@@ -501,19 +525,19 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
 @pytest.mark.parametrize(
     ("number", "text"),
     [
-        (Measured(0.621, 0.613, 0.629), "62.1 ± 0.8"),
-        (Share(0.62144, 0.62104, 0.62184), "62.14 ± 0.04"),
-        (Measured(1.0, 0.99998, 1.0), "100.000 -0.002"),
-        (Share(0.982, 0.951, 0.991), "98.2 -3.1 +0.9"),
-        (Share(0.0, 0.0, 0.004), "0.0 +0.4"),
-        (Measured(0.756, 0.637, 0.875), "76 ± 12"),
-        (Measured(0.25, 0.25, 0.25), "25.0 ± 0.0"),
-        (Measured(0.5, None, None), "50.0"),
-        (Measured(None, None, None), "–"),
+        (Number(0.621, 0.613, 0.629), "62.1 ± 0.8"),
+        (Number(0.62144, 0.62104, 0.62184), "62.14 ± 0.04"),
+        (Number(1.0, 0.99998, 1.0), "100.000 -0.002"),
+        (Number(0.982, 0.951, 0.991), "98.2 -3.1 +0.9"),
+        (Number(0.0, 0.0, 0.004), "0.0 +0.4"),
+        (Number(0.756, 0.637, 0.875), "76 ± 12"),
+        (Number(0.25, 0.25, 0.25), "25.0 ± 0.0"),
+        (Number(0.5, None, None), "50.0"),
+        (Number(None, None, None), "–"),
         (None, "–"),
     ],
 )
-def test_digits_follow_the_interval(number: Measured | Share | None, text: str) -> None:
+def test_digits_follow_the_interval(number: Number | None, text: str) -> None:
     assert percent(number) == text
 
 
@@ -692,7 +716,7 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
 
 def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
     result = _result(rhombus, None)
-    result["impact"] = impact_loads(rhombus, make_plan(rhombus))
+    result["impact"] = to_json(impact_loads(rhombus, make_plan(rhombus)))
     shown = _Page(html.render(_read(result), {})).tables["impact"]
     assert [row[:2] for row in shown[1:]] == [
         [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")

@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from support import field_of, shipped
+from wakeflow.core.record import from_json
 from wakeflow.field import FlowField
 from wakeflow.report.vtk import link_field, write_field, write_landings, write_machine, write_moving, write_tracks
 from wakeflow.results.airflow_summary import Airflow
@@ -22,7 +23,7 @@ from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 
 LEVEL, PERIOD, FIRST = 3.0, 0.5, 0.25  # Pa, s, s
-AIRFLOW = Airflow.read({"rung": "draft", "verdict": "steady", "p_inlet": LEVEL})
+AIRFLOW = from_json(Airflow, {"rung": "draft", "verdict": "steady", "p_inlet": LEVEL})
 TYPES = {"Float32": "f4", "Float64": "f8", "Int32": "i4", "Int64": "i8", "UInt8": "u1", "UInt32": "u4", "UInt64": "u8"}
 TIME = np.array([5.1, 5.2, 5.3])
 FALL = np.column_stack([0.01 * np.ones(3), 0.1 - 2.0 * (TIME - TIME[0])])

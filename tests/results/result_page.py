@@ -1,15 +1,18 @@
-"""The tables that docs/results.md must hold, made from the types of result.json."""
+"""The last part of docs/results.md, made from the types of result.json: ``python tests/results/result_page.py``."""
 
 from __future__ import annotations
 
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
-from typing import Any, Union, get_args, get_origin
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from wakeflow.core.record import columns
 from wakeflow.results.result import Result
 
+PAGE = Path(__file__).parents[2] / "docs" / "results.md"
 PLAIN = {int: "integer", float: "number", str: "text", bool: "true or false", Any: "anything"}
 
 
@@ -19,9 +22,13 @@ def word(kind: Any) -> str:
     if origin in (Union, types.UnionType):
         (alone,) = [part for part in parts if part is not types.NoneType]
         return f"{word(alone)} or null"
+    if origin is Annotated or (isinstance(kind, type) and issubclass(kind, Enum)):
+        return word(parts[0]) if parts else "text"
+    if origin is Literal:
+        return "text"
     if origin is tuple:
         return f"list of {word(parts[0])}"
-    if origin is dict:
+    if origin in (dict, Mapping):
         return f"table of {word(parts[1])}"
     return PLAIN.get(kind) or f"[{kind.__name__}](#{kind.__name__.lower()})"
 
@@ -61,5 +68,11 @@ def section(kind: type) -> str:
     return f"### {kind.__name__}\n\n{about}\n\n| key | type | unit | meaning |\n|---|---|---|---|\n{table}\n"
 
 
-if __name__ == "__main__":  # prints the sections, for a page that is to be brought up to date
-    print("\n".join(section(kind) for kind in records()))
+def page() -> str:
+    """The page as it should be: what stands above the first type, and the types."""
+    above, _, _ = PAGE.read_text().partition("### Result\n")
+    return above + "\n".join(section(kind) for kind in records())
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())

@@ -16,8 +16,8 @@ import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.core.number import Number
 from wakeflow.results.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
-from wakeflow.results.measured import Measured
 from wakeflow.terminal.result import show_dividers
 
 LINE = np.array([[0.0, 0.0], [1.0, 0.0]])
@@ -112,7 +112,7 @@ def test_the_curve_falls_and_says_where_it_ends(run: wf.Result, capsys: pytest.C
     out = capsys.readouterr().out
     assert re.search(r"\[bin.wheat-1\]\nfrom = \"-?[\d.]+ mm\"\nto = \"-?[\d.]+ mm\"\n", out)
     assert "less pure" not in out
-    poor = replace(dividers(run, "wheat", 0.97), purity=Measured(0.93, 0.91, 0.95))
+    poor = replace(dividers(run, "wheat", 0.97), purity=Number(0.93, 0.91, 0.95))
     show_dividers([poor], "floor")
     assert "less pure than the 97 % asked for" in capsys.readouterr().out
     assert main(["bins", str(run.folder), "--purity", "wheat"]) == 0

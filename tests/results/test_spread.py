@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, t
 
+from wakeflow.core.number import Number
 from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.plan import REPLICATES
-from wakeflow.results.measured import Measured
 from wakeflow.results.separation import separate, share_spreads
 from wakeflow.results.spread import wilson
 from wakeflow.scene import Scene
@@ -62,7 +62,7 @@ def covered(scene: Scene, mean: float, spread: float, clusters: int, fields: int
     return {name: count / DRAWS for name, count in hits.items()}
 
 
-def _holds(found: Measured, truth: float) -> bool:
+def _holds(found: Number, truth: float) -> bool:
     assert found.low is not None
     assert found.high is not None
     return found.low <= truth <= found.high

@@ -33,9 +33,6 @@ def vacuum() -> Scene:
     return shipped("vacuum")
 
 
-# -- profiles ----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", list(profiles))
 def test_places_increase_within_the_curtain(name: str) -> None:
     x = profiles[name](np.linspace(1e-12, 1.0 - 1e-12, 2001), WIDTH, **PARAMETERS.get(name, {}))
@@ -107,9 +104,6 @@ def test_a_scene_with_a_profile_saves_and_loads(vacuum: Scene, tmp_path: Path) -
         assert Scene.load(tmp_path / "scene.toml") == scene
 
 
-# -- arrival -----------------------------------------------------------------------------------------------------------
-
-
 def test_each_fraction_arrives_with_its_own_speed_and_the_plan_says_so(draft: Scene) -> None:
     draft = draft.replace({"fraction.*.impact": "paper"})
     speeds = {name: how.arrival_speed for name, how in make_plan(draft).fractions.items()}
@@ -121,9 +115,6 @@ def test_each_fraction_arrives_with_its_own_speed_and_the_plan_says_so(draft: Sc
     assert calm["wheat"].arrival_speed == pytest.approx(expected, rel=0.02)
     upward = make_plan(shipped("prism")).fractions
     assert upward["chaff"].arrival_speed < 0 < upward["wheat"].arrival_speed
-
-
-# -- limits of the feed rate -------------------------------------------------------------------------------------------
 
 
 def rows(plan: Plan) -> dict[str, Any]:

@@ -10,8 +10,7 @@ import pytest
 from support import CASES
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.core.resources import scene_templates
-from wakeflow.laws.material import CONFIDENCES, materials
+from wakeflow.laws.material import materials
 from wakeflow.scene import Scene
 
 PEAS = """
@@ -126,20 +125,3 @@ def test_a_material_tells_ranges_sources_and_trust(tmp_path: Path, capsys: pytes
     assert "our own lot, 2026" in capsys.readouterr().out
     assert main(["materials", "wheet"]) == 2
     assert "did you mean 'wheat'?" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", list(materials))
-def test_every_number_of_a_material_has_a_source(name: str) -> None:
-    one = materials[name]
-    assert one.source
-    assert one.confidence in CONFIDENCES
-    assert all(known.source and known.confidence in CONFIDENCES for known in one.evidence.values())
-    if one.moisture is not None:
-        assert one.moisture.share[0] < one.moisture.share[1]
-
-
-def test_new_scenes_load_with_every_material(tmp_path: Path) -> None:
-    text = scene_templates()["rhombus"].read_text()
-    for name in materials:
-        (tmp_path / "one.toml").write_text(text.replace('material = "chaff"', f'material = "{name}"'))
-        assert Scene.load(tmp_path / "one.toml").fraction["chaff"].properties.density == materials[name].density

@@ -34,7 +34,9 @@ def hill(level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
         wave = 0.02 * np.sin(9.0 * np.sum(place)) - 0.5 if level == 0 else 0.0
         half, value = (0.05, 0.01)[level], 1.0 - float(off @ off) + wave
         numbers = {"good": value, "cheap": 1.0 - place[0]}
-        quantities = {name: TableQuantity(name, "1", one, one - half, one + half) for name, one in numbers.items()}
+        quantities = {
+            name: TableQuantity(one, one - half, one + half, name=name, unit="1") for name, one in numbers.items()
+        }
         found.append(Evaluation(COST[level], quantities))
     return found
 

@@ -55,12 +55,12 @@ def test_differences_have_intervals_that_hold_both(runs: list[wf.Result]) -> Non
     assert max(one, other) < 0.5 * (clear.high - clear.low) < one + other
     assert one < a.half
     assert not found["share.dust.elsewhere"].clear  # the same dust in both
-    assert found["throughput.middle"].low is None
+    assert not found["throughput.middle"].known
     assert not found["throughput.middle"].clear
 
 
 def test_runs_that_leave_out_different_things_differ_by_all_that_is_not_known() -> None:
-    share = TableQuantity("recovery.dust", "1", 0.0, 0.0, 1.0, 0.5, numerical=0.01)
+    share = TableQuantity(0.0, 0.0, 1.0, 0.01, name="recovery.dust", unit="1", error=0.5)
     solved = replace(share, value=0.94, low=0.55, numerical=0.03)
 
     def against(inputs: dict[str, object], reason: str = "") -> Difference:
@@ -121,7 +121,7 @@ def test_what_cannot_be_compared(runs: list[wf.Result], tmp_path: Path) -> None:
 
 
 def test_what_stands_against_a_table_is_told_below_it(capsys: pytest.CaptureFixture[str]) -> None:
-    same = (TableQuantity("recovery.wheat", "1", 0.9, 0.8, 1.0, 0.1),)
+    same = (TableQuantity(0.9, 0.8, 1.0, name="recovery.wheat", unit="1", error=0.1),)
     entries = [
         Entry(f"{speed}-{mass}", {"air.speed": speed, "feed.rate": mass}, DONE, "void" if mass > 1.0 else "", same)
         for speed in (3.0, 4.0)
@@ -146,7 +146,7 @@ def test_a_wide_table_is_parted_where_it_fits_no_more(
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(width))
     shares = tuple(
-        TableQuantity(f"share.wheat.bin-{i}", "1", 0.1 * i, 0.1 * i - 0.05, 0.1 * i + 0.07) for i in range(8)
+        TableQuantity(0.1 * i, 0.1 * i - 0.05, 0.1 * i + 0.07, name=f"share.wheat.bin-{i}", unit="1") for i in range(8)
     )
     faster = tuple(replace(one, value=0.9 * one.value) for one in shares)
     entries = [Entry(f"{v}", {"air.speed": v}, DONE, "", found) for v, found in ((3.0, shares), (4.5, faster))]
@@ -168,7 +168,7 @@ def test_a_legend_leaves_its_panel_room_whatever_the_names(count: int, tmp_path:
             {"air.speed": speed, **{f"body.row{j}.at-the-left-of-the-channel": 7.0 * i for j in range(8)}},
             DONE,
             "",
-            tuple(TableQuantity(f"share.{one}.outer-left", "1", 0.1, 0.05, 0.2) for one in fractions),
+            tuple(TableQuantity(0.1, 0.05, 0.2, name=f"share.{one}.outer-left", unit="1") for one in fractions),
         )
         for speed in (3.0, 4.0)
         for i in range(count)
@@ -184,7 +184,7 @@ def _grid_of(low: float, high: float) -> ResultTable:
     entries = [
         Entry(
             f"{speed}-{gamma}", {"air.speed": speed, "vibration.gamma": gamma}, DONE, "",
-            tuple(TableQuantity(f"{kind}.dust", "1", 0.001 * (speed > 3.0), low, high) for kind in KINDS),
+            tuple(TableQuantity(0.001 * (speed > 3.0), low, high, name=f"{kind}.dust", unit="1") for kind in KINDS),
         )
         for speed in (3.0, 4.0)
         for gamma in (1.0, 2.0)

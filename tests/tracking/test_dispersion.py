@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from proofs.problems.exact import box
 from wakeflow.field import FlowField
 from wakeflow.tracking import Body, Fate, Granules, driver, track
-from wakeflow.verify.problems.exact import box
 
 HEIGHT = 1.0
 

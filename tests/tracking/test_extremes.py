@@ -58,9 +58,6 @@ def roof(angle: float) -> np.ndarray:
     return np.array([0.1 * down, -0.1 * down, -0.1 * down - 0.05 * out, 0.1 * down - 0.05 * out])
 
 
-# -- slopes from 0 to 89 degrees, restitution 0 and 1, friction 0 to 10 ---------------------------------------------
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.01, 1.0, 30.0, 60.0, 80.0, 89.0])
 def test_any_slope_restitution_and_friction(angle: float) -> None:
     rows = [(e, f, k) for e in (0.0, 0.5, 1.0) for f in (0.0, 0.3, 10.0) for k in INERTIAS]
@@ -101,9 +98,6 @@ def test_a_flat_top_at_any_strength(gamma: float) -> None:
     elif gamma > 1:
         assert not np.any(tracks.fate == Fate.RESTING)
         assert np.all(tracks.fate[e < 1] == Fate.AIRBORNE)
-
-
-# -- corners between two walls ---------------------------------------------
 
 
 def vee(opening: float, lean: float = 0.0) -> list[np.ndarray]:
@@ -179,7 +173,6 @@ def test_a_gently_vibrating_corner_holds_it_for_good(name: str, direction: float
 def test_a_granule_laid_in_a_vibrating_corner_stays(name: str, direction: float) -> None:
     """Without friction too: both walls press all the time."""
     motion = shaken(0.1, 30.0, np.radians(direction))
-    assert motion is not None
     still, _, _ = wedged(CORNERS[name], 0.0, 60.0)
     some = grains(still.position[:1] + 1e-10, motion.at(np.zeros(1))[1], restitution=0.2, friction=0.0, inertia=0.4)
     bodies = [Body(outline, motion=motion) for outline in CORNERS[name]]
@@ -207,7 +200,6 @@ def test_the_moment_a_wedge_lets_go_is_where_the_acceleration_points_out() -> No
     height = R * np.sqrt(2)
     for direction, phase in ((np.pi / 2, np.arcsin(1 / gamma)), (0.0, np.arcsin(1 / gamma))):
         motion = shaken(gamma, f, direction)
-        assert motion is not None
         rubs = 0.9 if direction > 0 else 0.0  # friction at the other wall alone would hold it
         some = grains([[0.0, height + 1e-9]], motion.at(np.zeros(1))[1], restitution=0.0, friction=rubs)
         bodies = [Body(outline, motion=motion) for outline in corner]
@@ -216,9 +208,6 @@ def test_the_moment_a_wedge_lets_go_is_where_the_acceleration_points_out() -> No
             tracks = track(None, some, until=until, bodies=bodies, length=0.05, tolerance=1e-4)
             off = tracks.position[0] - motion.at(until)[0] - [0.0, height]
             assert (np.hypot(*off) < 1e-7) == stays, (direction, stays, off)
-
-
-# -- simultaneous hits, impacts at no speed ---------------------------------------------
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
@@ -260,9 +249,6 @@ def test_a_granule_laid_on_a_body_without_relative_speed(gamma: float, phase: fl
     assert tracks.impacts[0] <= 1
 
 
-# -- a scene ---------------------------------------------
-
-
 @pytest.mark.parametrize("mode", ["injected", "resolved"])
 @pytest.mark.parametrize("gamma", [0.1, 1.0, 10.0, 50.0])
 def test_a_scene_at_any_strength(cases: Path, mode: str, gamma: float) -> None:
@@ -275,9 +261,6 @@ def test_a_scene_at_any_strength(cases: Path, mode: str, gamma: float) -> None:
         tracks = Flight(scene, plan, Realisations(None), 1e-4).fly(name, feed.granules)
         assert np.all(tracks.fate == Fate.BINNED), tracks.counts()
         assert tracks.impacts.max() < 1000
-
-
-# -- anything ---------------------------------------------
 
 
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])

@@ -108,18 +108,6 @@ def test_a_mirrored_scene_exerts_the_mirror_image() -> None:
     np.testing.assert_allclose(forces[0].total, forces[1].total * (-1.0, 1.0), rtol=1e-6)
 
 
-def test_two_independent_samples_agree_within_their_scatter() -> None:
-    rng, field, parts = np.random.default_rng(2), field_of(windy), []
-    for _ in range(16):
-        places = np.stack([rng.uniform(-0.3, 0.3, 64), np.full(64, 0.7)], axis=1)
-        grains = with_tau(0.2, places, np.zeros((64, 2)))
-        tracks = track(field, grains, until=0.6, bodies=[ROOF], record=256)
-        parts.append(force_on_the_air(tracks, grains, FLOW, BOXES).total)
-    halves = np.array(parts).reshape(2, 8, 2)
-    error = halves.std(axis=1, ddof=1) / np.sqrt(8)
-    assert np.all(np.abs(np.diff(halves.mean(axis=1), axis=0)) < 4.0 * np.hypot(*error))
-
-
 def test_tracks_without_paths_are_refused() -> None:
     with pytest.raises(SceneError, match="no paths were kept"):
         force_on_the_air(Tracks.empty(1), falling(0.1, 1), FLOW, BOXES)

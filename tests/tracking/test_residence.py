@@ -155,14 +155,6 @@ def test_one_seed_one_answer_whatever_else() -> None:
     assert first.value != other.value
 
 
-def test_turbulence_opens_a_closed_eddy() -> None:
-    def eddy(x: np.ndarray) -> np.ndarray:
-        return np.stack([-(x[:, 1] + 0.25), x[:, 0]], axis=1) * 8.0
-
-    field = field_of(eddy, n=4, low=-2, high=2, k=np.full(25, 1.0), dissipation=np.full(25, 10.0))
-    assert not found(field, count=256).closed
-
-
 def test_the_near_wake_begins_at_the_widest_place() -> None:
     """A rhombus: tracers beside its lower half count; a stream at rest there keeps them, and moves below its rear."""
     rhombus = np.array([[-0.25, 0.25], [0.0, 0.0], [0.25, 0.25], [0.0, 0.5]])

@@ -7,13 +7,13 @@ from itertools import product
 import numpy as np
 import pytest
 
+from proofs.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
+from proofs.problems.flights import taylor_green, two_modes
+from proofs.problems.reference_all_terms import reference_end_states
 from support import G
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import drag_laws
 from wakeflow.tracking import Fate, Granules, track
-from wakeflow.verify.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fly
-from wakeflow.verify.problems.flights import taylor_green, two_modes
-from wakeflow.verify.problems.reference_all_terms import reference_end_states
 
 DECADES = 10.0 ** np.arange(-9.0, 4.0)
 DIAMETER = 1e-3  # Re 67 at a slip of 1 m/s
@@ -23,9 +23,6 @@ STARTS = 8  # granules that a cost is averaged over
 def of_size(tau: float | np.ndarray, position: object, velocity: object) -> Granules:
     """Granules of 1 mm, which stay in the nonlinear range of drag; their density gives the relaxation time."""
     return Granules(position, velocity, DIAMETER, 18 * VISCOSITY * np.asarray(tau) / DIAMETER**2)  # type: ignore[arg-type]
-
-
-# -- affine fields: every relaxation time against every time scale of the flow, exactly known --------------------------
 
 
 def affine_case(kind: str, span: float, tau: np.ndarray) -> tuple[Setting, np.ndarray]:
@@ -72,8 +69,6 @@ def costs(tracks: object) -> list[np.ndarray]:
     return [np.asarray(getattr(tracks, name)) for name in ("steps", "evaluations") if hasattr(tracks, name)]
 
 
-# -- nonlinear drag, affine and curved, judged by scipy on the same interpolant ----------------------------------------
-
 SOME = [1e-9, 1e-6, 1e-4, 1e-2, 1.0, 1e3]
 
 
@@ -116,9 +111,6 @@ def test_nonlinear_drag_at_every_relaxation_time(kind: str, tau: float, terminal
     check_nonlinear(kind, tau, terminal)
 
 
-# -- cost --------------------------------------------------------------------------------------------------------------
-
-
 def stream(kind: str, cells: int = 20) -> FlowField:
     """Down through a box of 2 m at 3 m/s: what enters leaves, whatever its inertia."""
     if kind == "curved":
@@ -159,9 +151,6 @@ def test_cost_is_at_most_three_times_that_of_a_transit(tolerance: float, slip: f
     for tau in DECADES:
         for found, allowed in zip(cost(tau), alike, strict=True):
             assert found <= 3 * allowed, (tau, found, allowed)
-
-
-# -- the two limits ----------------------------------------------------------------------------------------------------
 
 
 def test_the_limit_of_dust_in_strain_is_reached_to_the_second_order() -> None:
@@ -228,9 +217,6 @@ def test_the_ballistic_limit_is_exact() -> None:
         tracks = track(field, of_size(1e20, x, v), until=t, drag=law, tolerance=1e-3)
         np.testing.assert_allclose(tracks.position, x + v * t - 0.5 * t * t * np.array([0.0, G]), atol=1e-14)
         np.testing.assert_allclose(tracks.velocity, v - t * np.array([0.0, G]), atol=1e-13)
-
-
-# -- no NaN ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("air", [(1.2, 1.8e-5), (1000.0, 1e-3), (1e-6, 1e-12), (1e-3, 1e3)])

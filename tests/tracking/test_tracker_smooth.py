@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from proofs.problems.exact import Setting
+from proofs.problems.reference_all_terms import reference_end_states
 from support import DENSITY, VISCOSITY, field_of, shaken_mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
-from wakeflow.verify.problems.exact import Setting
-from wakeflow.verify.problems.reference import TrackingProblem, fly_reference
-from wakeflow.verify.problems.reference_all_terms import reference_end_states
+from wakeflow.verify.reference import TrackingProblem, fly_reference
 
 PERIOD = 0.5
 ALL = ("drag", "gravity", "buoyancy", "pressure-gradient", "added-mass", "lift", "magnus")
@@ -111,7 +111,6 @@ def test_results_depend_on_nothing_but_the_granule() -> None:
 
 
 # -- moving meshes
-# ------------------------------------------------------------------------------------------------------
 
 AMPLITUDE, OMEGA, PHASE = np.array([0.003, 0.02]), 60.0, 0.7
 

@@ -3,8 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar
 
-__all__ = ["FoamError", "MeshError", "ProgramError", "SceneError", "WakeflowError"]
+__all__ = ["FoamError", "MeshError", "ProgramError", "SceneError", "WakeflowError", "known"]
+
+
+Kind = TypeVar("Kind")
+
+
+def known(value: Kind | None, what: str = "a number") -> Kind:
+    """A value that is there wherever this is asked; a LookupError that names it else, which is an error of ours."""
+    if value is None:
+        raise LookupError(f"{what} is not known here")
+    return value
 
 
 class WakeflowError(Exception):

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 
+from .record import column
+
 __all__ = ["GRADES", "Grade", "Notice", "gravest_first", "information", "less_sure", "void"]
 
 
@@ -22,10 +24,10 @@ class Grade(Enum):
 
 @dataclass(frozen=True)
 class Notice:
-    """One line ``text``, which ends with what to change where something can be changed, and its ``grade``."""
+    """One line that a user must know."""
 
-    grade: Grade
-    text: str
+    grade: Grade = column("", GRADES)
+    text: str = column("", "the line, which ends with what to change where something can be changed")
 
 
 def void(text: str) -> Notice:

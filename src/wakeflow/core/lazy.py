@@ -1,11 +1,13 @@
-"""Properties that are computed once, on first use, by threads that do not wait for each other."""
+"""What is made on first use: a property, by threads that do not wait for each other; the public names of a package."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
-
-__all__ = ["cached_property"]
 
 Value = TypeVar("Value")
 
@@ -32,3 +34,26 @@ class cached_property(Generic[Value]):
             return self
         value = instance.__dict__[self.name] = self.make(instance)
         return value
+
+
+def loaded(package: str, name: str) -> Any:
+    """A public name of a ``package`` whose ``__init__`` imports it for type checking alone.
+
+    Raises AttributeError where it imports no such name.
+    """
+    home = _homes(package).get(name)
+    if home is None:
+        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+    return getattr(import_module(home[0], package), home[1])
+
+
+@cache
+def _homes(package: str) -> dict[str, tuple[str, str]]:
+    """The module and the name there of each name that the ``__init__`` of a ``package`` imports for type checking."""
+    import ast
+
+    file = sys.modules[package].__file__
+    assert file is not None
+    blocks = (node.body for node in ast.parse(Path(file).read_bytes()).body if isinstance(node, ast.If))
+    imports = [node for body in blocks for node in body if isinstance(node, ast.ImportFrom)]
+    return {alias.asname or alias.name: (f".{node.module}", alias.name) for node in imports for alias in node.names}

@@ -1,23 +1,29 @@
-"""Records: frozen dataclasses whose fields carry a unit and a meaning, and the one way between them and JSON.
+"""Records: frozen dataclasses whose fields carry a unit and a meaning, and pydantic's way between them and JSON.
 
-A field is declared with :func:`column`. A reader of the type then sees what docs/results.md prints, and a test holds
-the page against the types.
+A field is declared with :func:`column`. A reader of the type then sees what docs/results.md prints, which is made of
+the types. JSON has neither infinite numbers nor NaN: they become null.
 """
 
 from __future__ import annotations
 
-import types
-from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
-from enum import Enum
+import json
+from collections.abc import Hashable, Iterator
+from dataclasses import MISSING, field, fields, is_dataclass
 from functools import cache
-from typing import Any, Self, TypeVar, Union, get_args, get_origin, get_type_hints
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from .errors import SceneError
-
-__all__ = ["Column", "Partial", "column", "columns", "from_json", "to_json"]
+from .files import write_json
 
 Kind = TypeVar("Kind")
+WRONG = {  # what pydantic calls it, and what the user reads
+    "missing": "is missing",
+    "unexpected_keyword_argument": "is not known to this version of wakeflow",
+    "dataclass_type": "must be a table",
+}
 
 
 def column(
@@ -26,29 +32,22 @@ def column(
     """A field of a record: its ``unit`` ("1" for a plain number, "" for text) and what it means.
 
     ``key``: its name in JSON, where it differs from the field's. ``absent``: None leaves the key out of the JSON.
-    ``flat``: the keys of this record stand among those of the one that holds it; None leaves all of them out.
+    ``flat``: whoever writes the record puts the keys of this part among the record's own. ``default``: a value, or
+    ``dict`` for an empty one.
     """
-    metadata = {"unit": unit, "meaning": meaning, "key": key, "absent": absent, "flat": flat}
+    metadata: dict[str, Any] = {"description": meaning, "json_schema_extra": {"unit": unit, "flat": flat}}
+    metadata |= {"exclude_if": _is_none} if absent else {}
+    metadata |= {"alias": key} if key else {}
+    if default is dict:
+        return field(default_factory=dict, metadata=metadata)
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
-@dataclass(frozen=True)
-class Partial:
-    """A record whose JSON table need not hold every key: ``told`` are the keys that it holds, in their order.
-
-    A key that is not told reads as None. A record that is made without ``told`` tells all of its keys.
-    """
-
-    told: tuple[str, ...] | None = field(default=None, kw_only=True, repr=False, compare=False)
-
-    def extended(self, **parts: Any) -> Self:
-        """The same record with ``parts`` told after the others."""
-        told = None if self.told is None else (*self.told, *parts)
-        return replace(self, told=told, **parts)
+def _is_none(value: object) -> bool:
+    return value is None
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """One key of a record's JSON table: the ``name`` of its field, the ``kind`` of value, ``unit`` and ``meaning``."""
 
     name: str
@@ -60,112 +59,60 @@ class Column:
     flat: bool
 
 
-@cache
-def _columns(kind: Any) -> tuple[Column, ...]:
-    hints = get_type_hints(kind)
-    return tuple(
-        Column(
-            part.name, part.metadata["key"] or part.name, hints[part.name], part.metadata["unit"],
-            part.metadata["meaning"], part.metadata["absent"], part.metadata["flat"],
-        )
-        for part in fields(kind)
-        if "unit" in part.metadata
-    )  # fmt: skip
-
-
-def columns(kind: type) -> tuple[Column, ...]:
+def columns(kind: type) -> Iterator[Column]:
     """The columns of a record type, in the order of its JSON table."""
-    return _columns(_any(kind))
+    hints = get_type_hints(kind)
+    for one in fields(kind):
+        if (extra := one.metadata.get("json_schema_extra")) is not None:
+            about, key = one.metadata["description"], one.metadata.get("alias", one.name)
+            absent = "exclude_if" in one.metadata
+            yield Column(one.name, key, hints[one.name], extra["unit"], about, absent, extra["flat"])
 
 
-def _any(kind: type) -> Any:
+def _any(kind: Any) -> Hashable:
     """A type as a key of a cache: mypy does not take every type for hashable."""
-    return kind
+    return kind  # type: ignore[no-any-return]
 
 
-def to_json(value: Any) -> Any:
-    """``value`` as JSON knows it: records and mappings become dicts, sequences lists; numbers and text stay."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return _table(value)
-    if isinstance(value, Mapping):
-        return {str(key): to_json(member) for key, member in value.items()}
-    if isinstance(value, list | tuple):
-        return [to_json(member) for member in value]
-    return value.value if isinstance(value, Enum) else value
+@cache
+def _adapter(kind: Hashable) -> TypeAdapter[Any]:
+    """Of a table with one record in it: its key names where the record comes from, in errors."""
+    config = ConfigDict(extra="forbid", validate_by_name=True, serialize_by_alias=True)
+    return TypeAdapter(dict[str, kind], config=config)  # type: ignore[valid-type]
 
 
-def _table(record: Any) -> dict[str, Any]:
-    table: dict[str, Any] = {}
-    for one in columns(type(record)):
-        value = getattr(record, one.name)
-        if one.flat:
-            table |= {} if value is None else _table(value)
-        elif value is not None or not one.absent:
-            table[one.key] = to_json(value)
-    told = record.told if isinstance(record, Partial) else None
-    return table if told is None else {key: table[key] for key in told}
+def _plain(value: Any) -> Any:
+    """What pydantic does not know by itself: read-only mappings."""
+    return dict(value)
 
 
-def from_json(kind: type[Kind], table: Any, where: str = "result.json") -> Kind:
+def to_json(value: object) -> Any:
+    """A record, or what holds some, as JSON knows it: records become dicts, sequences lists; numbers and text stay."""
+    kind = type(value) if is_dataclass(value) else Any
+    return json.loads(_adapter(_any(kind)).dump_json({"": value}, warnings=False, fallback=_plain))[""]
+
+
+def from_json(kind: type[Kind], table: object, where: str = "result.json") -> Kind:
     """The record of type ``kind`` that :func:`to_json` made ``table`` of.
 
-    Raises SceneError, naming ``where`` and the key, where a key is missing or unknown or is null and must not be.
+    Raises SceneError, naming ``where`` and the key, where a key is missing or unknown or holds what it cannot.
     """
-    if not isinstance(table, Mapping):
-        raise SceneError(f"{where}: is {table!r}, must be a table")
-    known, values = columns(kind), {}
-    for one in known:
-        if one.flat:
-            values[one.name] = _flat(one, table, where)
-        elif one.key in table:
-            values[one.name] = _read(one.kind, table[one.key], f"{where}: {one.key}")
-        elif one.absent:
-            values[one.name] = None
-        elif not issubclass(kind, Partial):
-            raise SceneError(f"{where}: {one.key} is missing")
-    keys = _keys(_any(kind))
-    if unknown := [key for key in table if key not in keys]:
-        raise SceneError(f"{where}: {unknown[0]} is not known to this version of wakeflow")
-    if issubclass(kind, Partial):
-        values["told"] = tuple(table)
-    return kind(**values)
+    try:
+        found: Kind = _adapter(_any(kind)).validate_python({where: table})[where]
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        _, *keys = map(str, first["loc"])
+        given = "null, must have a value" if first["input"] is None else f"{first['input']!r:.40}, {first['msg']}"
+        place = ": ".join([where, *([".".join(keys)] if keys else [])])
+        raise SceneError(f"{place}: {WRONG.get(first['type'], f'is {given}')}") from None
+    return found
 
 
-@cache
-def _keys(kind: Any) -> frozenset[str]:
-    """Every key that a table of this type may hold, those of its flat parts too."""
-    found: set[str] = set()
-    for one in columns(kind):
-        found |= _keys(_alone(one.kind)) if one.flat else {one.key}
-    return frozenset(found)
+def save(path: Path, record: object) -> None:
+    """Write a record as JSON."""
+    write_json(path, to_json(record))
 
 
-def _flat(group: Column, table: Mapping[str, Any], where: str) -> Any:
-    kind = _alone(group.kind)
-    part = {key: value for key, value in table.items() if key in _keys(kind)}
-    return from_json(kind, part, where) if part or kind is group.kind else None
-
-
-def _alone(kind: Any) -> Any:
-    """``X`` of ``X | None``."""
-    if get_origin(kind) in (Union, types.UnionType):
-        (kind,) = [part for part in get_args(kind) if part is not types.NoneType]
-    return kind
-
-
-def _read(kind: Any, value: Any, where: str) -> Any:
-    if kind is Any:
-        return value
-    alone = _alone(kind)
-    if value is None:
-        if alone is kind:
-            raise SceneError(f"{where}: is null, must have a value")
-        return None
-    if is_dataclass(alone):
-        return from_json(alone, value, where)  # type: ignore[arg-type]
-    origin, parts = get_origin(alone), get_args(alone)
-    if origin is tuple:
-        return tuple(_read(parts[0], member, where) for member in value)
-    if origin is dict:
-        return {key: _read(parts[1], member, f"{where}.{key}") for key, member in value.items()}
-    return value
+def load(kind: type[Kind], path: Path) -> Kind:
+    """The record that :func:`save` wrote."""
+    return from_json(kind, json.loads(path.read_text()), path.name)

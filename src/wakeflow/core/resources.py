@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-__all__ = ["case_template", "scene_templates", "verification_scenes"]
+__all__ = ["case_template", "scene_templates"]
 
 
 def _cases() -> Path:
@@ -18,11 +18,6 @@ def scene_templates() -> dict[str, Path]:
     """The shipped scenes by name; files that ask for many scenes of one are none."""
     files = sorted(_cases().glob("*.toml"))
     return {path.stem: path for path in files if not {"sweep", "search"} & tomllib.loads(path.read_text()).keys()}
-
-
-def verification_scenes() -> dict[str, Path]:
-    """The scenes whose airflow is compared with published values, by name."""
-    return {path.stem: path for path in sorted((_cases() / "verify").glob("*.toml"))}
 
 
 def case_template() -> Path:

@@ -20,7 +20,7 @@ from .store import content_key, digest_files
 __all__ = ["closure", "code_key"]
 
 NAME = __name__.partition(".")[0]
-ROOT = Path(__file__).parents[1]
+PACKAGE = Path(__file__).parent.parent
 CALL = re.compile(rf"({NAME}(?:\.\w+)*):\w[\w.]*")  # "wakeflow.module:function" in a string: what a child process runs
 Import = tuple[str, str | None, str, bool]  # module, name wanted of it (None: itself), bound as, whether it runs
 
@@ -31,7 +31,7 @@ def code_key(*modules: str) -> str:
     files that lie beside these. Read once a process.
     """
     paths = {path for module in closure(*modules) for path in (_path(module), *_data(_path(module).parent))}
-    return content_key({path.relative_to(ROOT).as_posix(): digest_files([path]) for path in paths})
+    return content_key({path.relative_to(PACKAGE).as_posix(): digest_files([path]) for path in paths})
 
 
 def closure(*modules: str) -> frozenset[str]:
@@ -109,7 +109,7 @@ def _path(module: str) -> Path:
 
 
 def _places(module: str) -> tuple[Path, Path]:
-    base = ROOT.joinpath(*module.split(".")[1:])
+    base = PACKAGE.joinpath(*module.split(".")[1:])
     return base / "__init__.py", base.with_suffix(".py")
 
 

@@ -9,7 +9,7 @@ splines).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -197,7 +197,7 @@ class FlowField(Triangles):
         )
         assert self.period is not None
         start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
-        changes: dict[str, Any] = {**parts, "truncation": lost._replace(knots=len(coefficients))}
+        changes: dict[str, Any] = {**parts, "truncation": replace(lost, knots=len(coefficients))}
         return replace(self, **changes, times=start, coefficients=coefficients)
 
     def snapshots(self) -> FlowField:
@@ -265,7 +265,10 @@ class FlowField(Triangles):
         """Write all arrays to one .npz file, whole or not at all; nodal arrays of modes in single precision."""
         names = (name for name in self.__dataclass_fields__ if getattr(self, name) is not None)
         short = NODAL if self.coefficients is not None else ()
-        write_arrays(path, {name: getattr(self, name) for name in names}, short)
+        arrays = {name: getattr(self, name) for name in names}
+        if self.truncation is not None:
+            arrays["truncation"] = astuple(self.truncation)
+        write_arrays(path, arrays, short)
 
     @classmethod
     def load(cls, path: Path | str) -> FlowField:

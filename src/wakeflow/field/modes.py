@@ -9,12 +9,13 @@ on the snapshots.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
+from ..core.record import column
 from .splines import design, fit
 from .time_axis import time_shares
 
@@ -25,20 +26,18 @@ TINY = 1e-13  # of the mean square: a fluctuation below it is round-off
 FEWEST_KNOTS = 8  # of a period, for splines and snapshots alike; chosen: below, a mode's function of time is a guess
 
 
-class Truncation(NamedTuple):
-    """What a compressed field lost, measured on its ``snapshots``: rms error of velocity and pressure over the rms of
-    their fluctuation, largest velocity error over the field's rms speed, rms errors of k and dissipation over their
-    rms. Zero for what the field has not.
-    """
+@dataclass(frozen=True)
+class Truncation:
+    """What a time-resolved field lost when it was stored as a mean and modes; zero for what the field has not."""
 
-    modes: int
-    knots: int
-    snapshots: int
-    velocity: float
-    velocity_max: float
-    pressure: float
-    k: float
-    dissipation: float
+    modes: int = column("1", "modes kept")
+    knots: int = column("1", "knots of the splines in time")
+    snapshots: int = column("1", "of the loop that was stored")
+    velocity: float = column("1", "velocity cut off: rms over the rms of its fluctuation")
+    velocity_max: float = column("1", "largest velocity cut off, over the rms speed of the field")
+    pressure: float = column("1", "pressure cut off: rms over the rms of its fluctuation")
+    k: float = column("1", "turbulent kinetic energy cut off: rms over its rms")
+    dissipation: float = column("1", "its dissipation cut off: rms over its rms")
 
     @classmethod
     def from_array(cls, values: Array) -> Truncation:

@@ -5,8 +5,9 @@ Imports happen on first use, so that reading a user's case does not load what so
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from ..core.lazy import loaded
 
 if TYPE_CHECKING:
     from .airflow import solve_airflow
@@ -15,18 +16,8 @@ if TYPE_CHECKING:
     from .read import read_flow
     from .watch import Progress
 
-_HOMES = {
-    "AirflowResult": "airflow_result",
-    "FlowSpec": "case",
-    "Progress": "watch",
-    "Stream": "case",
-    "read_flow": "read",
-    "solve_airflow": "airflow",
-}
 __all__ = ["AirflowResult", "FlowSpec", "Progress", "Stream", "read_flow", "solve_airflow"]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    return loaded(__name__, name)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
-from ..core.files import write_json
-from .airflow_result import AirflowResult
+from ..core.record import save
+from .airflow_result import AirflowResult, CheckMesh
 from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start
 from .measure import measure
-from .prepare import MeshCheck, prepare_case
+from .prepare import prepare_case
 from .sanity import check_airflow, check_finite
 from .steady import run_steady
 from .time_resolved import run_time_resolved
@@ -54,14 +54,14 @@ def solve_airflow(
 
         solved, settings, tried = climb(spec, folder, solve, log.name)
         result = replace(solved, settings=settings, attempts=tuple(tried), seconds=time.monotonic() - begun)
-        write_json(folder / "airflow.json", asdict(result))
+        save(folder / "airflow.json", result)
     return result
 
 
 def _solve(
     spec: FlowSpec,
     folder: Path,
-    mesh: MeshCheck,
+    mesh: CheckMesh,
     log: Path,
     start: Path | None,
     listener: ProgressListener,
@@ -79,7 +79,7 @@ def _solve(
         verdict,
         seconds=0.0,
         residuals=_last_residuals(log),
-        mesh=mesh.quality,
+        mesh=mesh,
     )
     checks = check_airflow(spec, folder, result)
     return replace(result, checks={check.name: check.used for check in checks})

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.number import Number
+from .airflow_result import RunStatistics
 from .case import FlowSpec
-from .history import CD, Interval, read_table, spread
+from .history import CD, read_table, spread
 from .statistics import Statistics, evaluate, is_still
 from .steady import WINDOW
 
@@ -25,11 +27,11 @@ class Coefficients:
     probe's.
     """
 
-    cd: Interval
-    cl_rms: Interval
-    cp_base: Interval
-    strouhal: Interval | None
-    statistics: dict[str, float] = field(default_factory=dict)
+    cd: Number
+    cl_rms: Number
+    cp_base: Number
+    strouhal: Number | None
+    statistics: RunStatistics | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -57,7 +59,7 @@ def coefficients_of(
         recent = _window(rows) if since is None else rows[rows[:, 0] > since]
         ended = _range if spec.stepping == "steady" else _last
         rms = float(recent[:, 2].std())
-        lift = Interval(rms, 0.0, float(np.ptp(recent[:, 2])))
+        lift = Number(rms, 0.0, float(np.ptp(recent[:, 2])))
         said = [] if since is None else [_unsettled(recent[:, 1])]
         return Coefficients(ended(recent[:, 1]), lift, ended(recent[:, 3]), None, notes=said)
     swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
@@ -65,7 +67,7 @@ def coefficients_of(
     if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
         late = rows[rows[:, 0] >= loop["begin"]]
         rms = float(late[:, 2].std())
-        wide = Interval(rms, 0.0, float(np.ptp(late[:, 2])))
+        wide = Number(rms, 0.0, float(np.ptp(late[:, 2])))
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
         said = [] if swings else [note]
         return Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, notes=said)
@@ -81,9 +83,9 @@ def coefficients_of(
 
 def averaged(spec: FlowSpec, found: Statistics) -> Coefficients:
     """The coefficients of a run in time that ``found`` was made of."""
-    number = None if found.frequency is None else _times(found.frequency, spec.convective_time)
-    table = {"periods": found.periods, "start_up": found.begin, "accuracy": spec.accuracy, "excess": found.excess}
-    return Coefficients(found.cd, found.cl_rms, found.cp_base, number, table)
+    number = None if found.frequency is None else found.frequency.times(spec.convective_time)
+    told = RunStatistics(found.periods, found.begin, spec.accuracy, found.excess)
+    return Coefficients(found.cd, found.cl_rms, found.cp_base, number, told)
 
 
 def _unsettled(drag: Array) -> str:
@@ -99,13 +101,9 @@ def _window(rows: Array) -> Array:
     return rows[-max(min(WINDOW, len(rows) // 4), 1) :]
 
 
-def _last(values: Array) -> Interval:
-    return Interval(float(values[-1]), float(values.min()), float(values.max()))
+def _last(values: Array) -> Number:
+    return Number(float(values[-1]), float(values.min()), float(values.max()))
 
 
-def _range(values: Array) -> Interval:
-    return Interval(float(values.mean()), float(values.min()), float(values.max()))
-
-
-def _times(part: Interval, factor: float) -> Interval:
-    return Interval(part.value * factor, part.low * factor, part.high * factor)
+def _range(values: Array) -> Number:
+    return Number(float(values.mean()), float(values.min()), float(values.max()))

@@ -11,13 +11,12 @@ import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
 from ..core.errors import FoamError
 
-__all__ = ["AirflowFailure", "Attempt", "Cause", "diagnose", "disk_is_full", "disk_trouble_named"]
+__all__ = ["AirflowFailure", "Cause", "diagnose", "disk_is_full", "disk_trouble_named"]
 
 FULL = 2**20  # bytes free: less than any time folder needs
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -54,15 +53,6 @@ class AirflowFailure(FoamError):
     def __init__(self, cause: Cause, message: str, *, command: str = "", log: Path | None = None, tail: str = ""):
         super().__init__(message, command=command, log=log, tail=tail)
         self.cause = cause
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One failed attempt: ``settings`` (of the ladder), ``cause`` (a Cause's word), the one-line message."""
-
-    settings: str
-    cause: str
-    message: str
 
 
 def diagnose(code: int, text: str, folder: Path) -> tuple[Cause, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ __all__ = [
     "CD",
     "CL",
     "HistoryTable",
-    "Interval",
     "Tail",
     "kind_of",
     "oscillation",
@@ -29,15 +27,6 @@ CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...
 ABSENT = 1e100  # what OpenFOAM writes for a probe outside the mesh is larger
 WIGGLE = 0.5  # of the signal's rms: a rise through the mean counts once the signal was so far below. Chosen
 AGAIN = 0.5  # autocorrelation that a periodic signal reaches again after it was negative. Chosen
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A measured number with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 def read_table(case: Path, what: str, columns: tuple[int, ...]) -> Array:

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
 from ..core.errors import SceneError
 from ..core.files import write_json
+from ..core.record import load
+from .airflow_result import AirflowResult, Attempt
 from .case import FlowSpec, write_parameters
-from .failure import AirflowFailure, Attempt
+from .failure import AirflowFailure
 from .prepare import CHECKED
 from .read import LOOP
 from .sanity import is_sane
@@ -71,7 +73,7 @@ def climb(
 
 def schemes_in(case: Path) -> str:
     """The settings of LADDER with whose schemes the airflow in the folder ``case`` was solved in the end."""
-    return _schemes(json.loads((case / "airflow.json").read_text())["settings"])
+    return _schemes(load(AirflowResult, case / "airflow.json").settings or "normal")
 
 
 def _schemes(settings: str) -> str:
@@ -108,7 +110,7 @@ def _all_failed(failure: AirflowFailure, folder: Path, tried: list[Attempt]) -> 
     )
 
 
-def warning(settings: str, attempts: list[Attempt]) -> str | None:
+def warning(settings: str, attempts: Sequence[Attempt]) -> str | None:
     """A line that says which settings served and why not the usual ones; None when those did."""
     if settings == "normal":
         return None

@@ -10,17 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.number import Number
+from ..core.record import from_json
 from ..laws.turbulence_models import NUT
-from .airflow_result import AirflowResult
+from .airflow_result import AirflowResult, CheckMesh, MeshMotionSummary
 from .case import FlowSpec, axis_points
 from .case_fields import CaseFields, Snapshot
 from .coefficients import coefficients_of, drag_of_each
-from .history import Interval, Tail
-from .read import STATES, late_states, loop_of, read_flow
+from .history import Tail
+from .read import LOOP, STATES, late_states, loop_of, read_flow
 from .reconstruction import PlaneMesh
 from .suction import suction_zone
 
-__all__ = ["mean_pressure", "measure", "on_edges", "y_plus"]
+__all__ = ["mean_pressure", "measure", "motion_in", "on_edges", "y_plus"]
 
 Array = NDArray[np.float64]
 
@@ -32,7 +34,7 @@ def measure(
     *,
     seconds: float,
     residuals: dict[str, float] | None = None,
-    mesh: dict[str, float] | None = None,
+    mesh: CheckMesh | None = None,
 ) -> AirflowResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
@@ -55,19 +57,19 @@ def measure(
         seconds=seconds,
         field_time="all" if loop else "states" if states else "latest",
         period=loop["period"] if loop else None,
-        motion=loop.get("motion") if loop else None,
+        motion=motion_in(loop),
         loop_mismatch=loop["mismatch"] if loop else None,
         residuals=residuals or {},
-        mesh=mesh or {},
+        mesh=mesh or CheckMesh(),
         statistics=history.statistics,
-        notes=history.notes,
+        notes=tuple(history.notes),
         cd_of=drag_of_each(spec, folder, loop["begin"] if loop else since),
         **_from_fields(spec, folder, loop, rows, history.cp_base),
     )
 
 
 def _from_fields(
-    spec: FlowSpec, folder: Path, loop: dict[str, Any] | None, rows: Array, probed: Interval
+    spec: FlowSpec, folder: Path, loop: dict[str, Any] | None, rows: Array, probed: Number
 ) -> dict[str, Any]:
     """What the stored fields say, by the names of :class:`AirflowResult`; ``probed``: the history's base pressure."""
     fields = CaseFields(folder)
@@ -96,6 +98,11 @@ def _from_fields(
     }
 
 
+def motion_in(loop: dict[str, Any] | None) -> MeshMotionSummary | None:
+    """How the mesh moves that a ``loop`` was recorded on; None where it rests."""
+    return None if loop is None or "motion" not in loop else from_json(MeshMotionSummary, loop["motion"], LOOP)
+
+
 def mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:
     """Mean kinematic static pressure (m2/s2) over boundary edges (b,), by length and over the snapshots."""
     weight = plane.lengths[chosen]
@@ -114,17 +121,17 @@ def on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array
     return float(a + share[nearest] * (b - a))
 
 
-def _base(probed: Interval, rows: Array, names: Sequence[str], field: float) -> Interval:
+def _base(probed: Number, rows: Array, names: Sequence[str], field: float) -> Number:
     """The probe's base pressure coefficient, shifted to what the fields give: second order on the wall, and less the
     static pressure on the inlet, where the probe's is less p.
 
     The shift is the mean of the fields at the times ``names`` (none: the last one) less the probe's at the same times.
     """
     if not rows[:, 3].any():
-        return Interval(field, field, field)
+        return Number(field, field, field)
     times = np.array([float(name) for name in names]) if names else rows[-1:, 0]
     shift = field - float(np.interp(times, rows[:, 0], rows[:, 3]).mean())
-    return Interval(probed.value + shift, probed.low + shift, probed.high + shift)
+    return probed.shifted(shift)
 
 
 def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot]) -> tuple[float, float]:

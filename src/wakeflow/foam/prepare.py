@@ -2,38 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import re
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ..core.errors import FoamError, MeshError
-from ..core.files import write_json
 from ..core.process import tail
+from ..core.record import load, save
+from .airflow_result import CheckMesh
 from .case import FlowSpec, set_patch_types, write_case, write_inlets
 from .programs import call
 
-__all__ = ["CHECKED", "MeshCheck", "prepare_case"]
+__all__ = ["CHECKED", "prepare_case"]
 
 CHECKED = "mesh_check.json"  # in the case: what checkMesh found
 
 
-@dataclass(frozen=True)
-class MeshCheck:
-    """What OpenFOAM's checkMesh found: angles in degrees."""
-
-    cells: int
-    non_orthogonality: float
-    mean_non_orthogonality: float
-    skewness: float
-
-    @property
-    def quality(self) -> dict[str, float]:
-        """How good the cells are, as :class:`~wakeflow.foam.airflow_result.AirflowResult` holds it."""
-        return {name: value for name, value in asdict(self).items() if name != "cells"}
-
-
-def prepare_case(spec: FlowSpec, msh: Path, folder: Path) -> MeshCheck:
+def prepare_case(spec: FlowSpec, msh: Path, folder: Path) -> CheckMesh:
     """Write the case, convert ``msh`` and check it. Does nothing but read the result when it was done before.
 
     Raises MeshError naming the checks that failed, FoamError when OpenFOAM is not installed or cannot read the mesh.
@@ -46,7 +30,7 @@ def prepare_case(spec: FlowSpec, msh: Path, folder: Path) -> MeshCheck:
     write_case(spec, folder)
     done = folder / CHECKED
     if done.exists():
-        return MeshCheck(**json.loads(done.read_text()))
+        return load(CheckMesh, done)
     call(folder, ["gmshToFoam", str(msh.resolve())])
     set_patch_types(folder, walls=spec.mesh.walls)
     write_inlets(spec, folder)
@@ -58,13 +42,12 @@ def prepare_case(spec: FlowSpec, msh: Path, folder: Path) -> MeshCheck:
     if failed or "Mesh OK" not in text:
         named = "; ".join(" ".join(line.split()) for line in failed) or "it did not say Mesh OK"
         raise MeshError(f"OpenFOAM refuses the mesh: {named}; log: {log}", command="checkMesh", log=log, tail=tail(log))
-    check = MeshCheck(
-        cells=int(_number(r"cells:\s+(\d+)", text)),
+    check = CheckMesh(
         non_orthogonality=_number(r"non-orthogonality Max: (\S+)", text),
         mean_non_orthogonality=_number(r"non-orthogonality Max: \S+ average: (\S+)", text),
         skewness=_number(r"Max skewness = (\S+)", text),
     )
-    write_json(done, asdict(check))
+    save(done, check)
     return check
 
 

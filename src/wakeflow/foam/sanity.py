@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FoamError
+from ..core.errors import FoamError, known
 from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .case_fields import CaseFields, time_folders
@@ -175,10 +175,10 @@ def check_airflow(spec: FlowSpec, folder: Path, result: AirflowResult) -> list[C
     widths = sum(float(np.ptp([x for x, _ in body])) for body in spec.mesh.bodies) / spec.mesh.projected_width
     pressure = next(check for check in checks if check.name == "least Cp")
     checks += [
-        Check("the mass lost between inlets and outlet, of the inflow,", result.mass_error, -LEAK, LEAK),
-        Check("the drag coefficient", result.cd.value, 0.0, widths * (DRAG_FACTOR * scale) ** 2 + rubbing),
-        Check("Cp on the front", result.cp_front, pressure.low, pressure.high),
-        Check("Cp on the rear", result.cp_base.value, pressure.low, pressure.high),
+        Check("the mass lost between inlets and outlet, of the inflow,", known(result.mass_error), -LEAK, LEAK),
+        Check("the drag coefficient", known(result.cd).value, 0.0, widths * (DRAG_FACTOR * scale) ** 2 + rubbing),
+        Check("Cp on the front", known(result.cp_front), pressure.low, pressure.high),
+        Check("Cp on the rear", known(result.cp_base).value, pressure.low, pressure.high),
     ]
     broken = [str(check) for check in checks if not check.holds]
     if broken:

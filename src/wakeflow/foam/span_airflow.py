@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
-from ..core.files import write_json
+from ..core.record import save
 from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .case_fields import CaseFields
@@ -41,6 +41,6 @@ def solve_span(
         record = SpanRecord(folder, CaseFields(folder))
         result = measure_span(spec, record, folder / SPAN, seconds=time.monotonic() - begun)
         checks = {check.name: check.used for check in check_airflow(spec, folder, result)}
-        result = replace(result, mesh=mesh.quality, checks=checks)
-        write_json(folder / "airflow.json", asdict(result))
+        result = replace(result, mesh=mesh, checks=checks)
+        save(folder / "airflow.json", result)
     return result

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from .airflow_result import AxisProfiles
 from .body_axis import AxisCrossings
 from .case import FlowSpec, axis_points
 from .read import nodes_of
 from .reconstruction import Reconstruction, triangulate
 from .span_record import K_AT, OMEGA_AT, SpanRecord, des_dissipation
 
-__all__ = ["AxisProfile", "SpanMeans", "axis_profile", "span_means"]
+__all__ = ["SpanMeans", "axis_profile", "span_means"]
 
 Array = NDArray[np.float64]
 NEAR = (0.5, 4.0)  # widths behind the body, and
@@ -123,25 +124,7 @@ def _near(spec: FlowSpec, record: SpanRecord) -> NDArray[np.intp]:
     return np.flatnonzero((behind > NEAR[0]) & (behind < NEAR[1]) & (beside < BESIDE))
 
 
-@dataclass(frozen=True, eq=False)
-class AxisProfile:
-    """The mean wake on the body's axis at ``behind`` (p,) widths from its rear; speeds over the inlet's.
-
-    ``speed``: mean along the air; ``along``, ``across``, ``spanwise``: rms of the resolved fluctuation; ``coherent``:
-    of ``across`` what moves alike along the whole span, the rms over time of its mean over the span; ``modelled``:
-    sqrt(2k/3), the rms of each component that the model adds.
-    """
-
-    behind: Array
-    speed: Array
-    along: Array
-    across: Array
-    coherent: Array
-    spanwise: Array
-    modelled: Array
-
-
-def axis_profile(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> AxisProfile:
+def axis_profile(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> AxisProfiles:
     """The profiles on the body's axis at PLACES."""
     plane, behind = record.plane.mesh.plane, np.array(PLACES)
     axis = AxisCrossings.of(spec, plane.points, triangulate(plane.points, plane.cells))
@@ -153,12 +136,6 @@ def axis_profile(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> AxisPr
     )  # fmt: skip
     places, speed = behind * spec.mesh.projected_width, spec.speed
     across, along, spanwise, coherent, k = (axis.at(places, row) for row in spread)
-    return AxisProfile(
-        behind=behind,
-        speed=spec.along * axis.at(places, nodes.velocity[:, 1]) / speed,
-        along=np.sqrt(along) / speed,
-        across=np.sqrt(across) / speed,
-        coherent=np.sqrt(coherent) / speed,
-        spanwise=np.sqrt(spanwise) / speed,
-        modelled=np.sqrt(2 / 3 * k) / speed,
-    )
+    mean = spec.along * axis.at(places, nodes.velocity[:, 1])
+    rms = (np.sqrt(square) for square in (along, across, coherent, spanwise, 2 / 3 * k))
+    return AxisProfiles(tuple(PLACES), *(tuple((row / speed).tolist()) for row in (mean, *rms)))

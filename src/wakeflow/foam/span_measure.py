@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .airflow_result import AirflowResult
+from ..core.number import Number
+from .airflow_result import AirflowResult, SpanwiseMotion
 from .case import FlowSpec, axis_points
 from .case_fields import Snapshot, time_folders
 from .coefficients import Coefficients, averaged
-from .history import CD, CL, Interval, read_table
+from .history import CD, CL, read_table
 from .measure import mean_pressure, on_edges, y_plus
 from .read import nodes_of
 from .reconstruction import PlaneMesh, triangulate
-from .span_means import AxisProfile, SpanMeans, axis_profile, span_means
+from .span_means import SpanMeans, axis_profile, span_means
 from .span_read import apart, lead_of
 from .span_record import SpanRecord
 from .statistics import evaluate
@@ -100,8 +101,8 @@ def measure_span(
         field_time="all",
         period=(len(means.times) - lead) * step,
         statistics=history.statistics,
-        notes=[*history.notes, *_proof_notes(spec, means)],
-        span=_table(spec, record, means),
+        notes=(*history.notes, *_proof_notes(spec, means)),
+        span=_spanwise(spec, record, means),
         **_pressures(spec, plane, wake, edges),
     )
 
@@ -132,16 +133,16 @@ def _coefficients(spec: FlowSpec, late: Array) -> Coefficients:
     drag, lift, base = (_range(late, column) for column in (1, 2, 3))
     rms = float(np.sqrt(_mean(late[:, 0], (late[:, 2] - lift.value) ** 2)))
     note = f"the airflow shed too few vortices in {np.ptp(late[:, 0]):.3g} s for intervals: they are ranges"
-    return Coefficients(drag, Interval(rms, 0.0, float(np.ptp(late[:, 2]))), base, None, notes=[note])
+    return Coefficients(drag, Number(rms, 0.0, float(np.ptp(late[:, 2]))), base, None, notes=[note])
 
 
 def _mean(time: Array, values: Array) -> float:
     return float(np.trapezoid(values, time) / np.ptp(time))
 
 
-def _range(late: Array, column: int) -> Interval:
+def _range(late: Array, column: int) -> Number:
     values = late[:, column]
-    return Interval(_mean(late[:, 0], values), float(values.min()), float(values.max()))
+    return Number(_mean(late[:, 0], values), float(values.min()), float(values.max()))
 
 
 def _balance(record: SpanRecord, deep: Path) -> tuple[float, float]:
@@ -172,23 +173,19 @@ def _proof_notes(spec: FlowSpec, means: SpanMeans) -> list[str]:
     return []
 
 
-def _table(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> dict[str, Any]:
-    """The ``span`` table: how long and deep it was looked at, what moves along it, and the profiles on the axis."""
+def _spanwise(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> SpanwiseMotion:
+    """How long and deep it was looked at, what moves along it, and the profiles on the axis."""
     width, speed = spec.mesh.projected_width, spec.speed
     spanwise, other = means.three_dimensional
-    return {
-        "depth": record.depth,
-        "layers": len(record.order),
-        "recorded": float(np.ptp(means.times)),
-        "snapshots": len(means.times),
-        "w_rms": spanwise / speed,
-        "uv_rms": other / speed,
-        "quarters": [part / speed for part, _ in means.parts(QUARTERS)],
-        "integral_lengths": list(means.integral_lengths),
-        "flown": apart(record, width, means.integral_lengths[1]),
-        "axis": _lists(axis_profile(spec, record, means)),
-    }
-
-
-def _lists(profile: AxisProfile) -> dict[str, list[float]]:
-    return {name: [float(x) for x in values] for name, values in asdict(profile).items()}
+    return SpanwiseMotion(
+        depth=record.depth,
+        layers=len(record.order),
+        recorded=float(np.ptp(means.times)),
+        snapshots=len(means.times),
+        w_rms=spanwise / speed,
+        uv_rms=other / speed,
+        quarters=tuple(part / speed for part, _ in means.parts(QUARTERS)),
+        integral_lengths=tuple(means.integral_lengths),
+        flown=tuple(apart(record, width, means.integral_lengths[1])),
+        axis=axis_profile(spec, record, means),
+    )

@@ -16,11 +16,12 @@ from pathlib import Path
 from ..core.files import write_json
 from ..laws.turbulence_models import USUAL
 from ..planning.span import CADENCE, Span
+from .airflow_result import CheckMesh
 from .case import FlowSpec
 from .case_fields import time_folders
 from .extrude import extrude
 from .failure import AirflowFailure
-from .prepare import MeshCheck, prepare_case
+from .prepare import prepare_case
 from .segments import drop_after, last_state, purge, run_segment, segment_ends
 from .solver import PHASE
 from .span_record import PACKED, pack
@@ -42,7 +43,7 @@ SAME = 1e-6  # cadences
 
 def run_span(
     spec: FlowSpec, msh: Path, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
-) -> MeshCheck:
+) -> CheckMesh:
     """Run the airflow of ``spec`` with its span to the end of its record; goes on from what is there.
 
     ``start``: any solved plane case that the plane wake starts from. ``timeout`` (s) bounds each program. Raises

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .history import Interval, upward_crossings
+from ..core.number import Number
+from .history import upward_crossings
 
 __all__ = ["LOOSER", "Statistics", "Stopping", "cycles", "evaluate", "is_still", "start_up_of", "student", "wanted"]
 
@@ -57,10 +58,10 @@ class Statistics:
     begin: float
     period: float | None
     periods: int
-    cd: Interval
-    cl_rms: Interval
-    frequency: Interval | None
-    cp_base: Interval
+    cd: Number
+    cl_rms: Number
+    frequency: Number | None
+    cp_base: Number
     excess: float
     verdict: str
 
@@ -172,7 +173,7 @@ def student(degrees: int) -> float:
     return float(stdtrit(degrees, 0.975))
 
 
-def _interval(values: Array) -> Interval:
+def _interval(values: Array) -> Number:
     """Mean of a sequence, one value a period, and its 95 % interval."""
     size = max(len(values) // BATCHES, 1)
     count = len(values) // size
@@ -181,11 +182,11 @@ def _interval(values: Array) -> Interval:
     off = batches - mean
     spread = float(np.sqrt((off**2).sum() / (count - 1) / count))
     if spread == 0:
-        return Interval(mean, mean, mean)
+        return Number(mean, mean, mean)
     correlation = float(np.clip((off[1:] * off[:-1]).sum() / (off**2).sum() + 1 / count, SHARED, STRONGEST))
     half = OFTEN * student(count - 1) * spread * np.sqrt((1 + correlation) / (1 - correlation))
     half += _drift(values, batches)
-    return Interval(mean, float(mean - half), float(mean + half))
+    return Number(mean, float(mean - half), float(mean + half))
 
 
 def _drift(values: Array, batches: Array) -> float:
@@ -205,18 +206,17 @@ def _drift(values: Array, batches: Array) -> float:
     return abs(c + (c - b) * ratio / (1 - ratio) - float(batches.mean()))
 
 
-def _root(square: Interval) -> Interval:
-    value, low, high = (float(np.sqrt(max(x, 0.0))) for x in (square.value, square.low, square.high))
-    return Interval(value, low, high)
+def _root(square: Number) -> Number:
+    return Number(*(float(np.sqrt(max(x, 0.0))) for x in square))
 
 
-def _inverse(length: Interval) -> Interval:
+def _inverse(length: Number) -> Number:
     """1/length; a lower end at or below zero (a few wild periods) counts as a tenth of the mean."""
-    return Interval(1 / length.value, 1 / length.high, 1 / max(length.low, SHORTEST * length.value))
+    return Number(1 / length.value, 1 / length.high, 1 / max(length.low, SHORTEST * length.value))
 
 
-def _at_least(part: Interval, half: float) -> Interval:
-    return Interval(part.value, min(part.low, part.value - half), max(part.high, part.value + half))
+def _at_least(part: Number, half: float) -> Number:
+    return Number(part.value, min(part.low, part.value - half), max(part.high, part.value + half))
 
 
 def _verdict(kept: Array, square: Array) -> str:

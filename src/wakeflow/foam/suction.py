@@ -2,40 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from .airflow_result import SuctionZone
 from .body_axis import AxisCrossings
 from .case import FlowSpec
 
-__all__ = ["Suction", "suction_zone"]
+__all__ = ["suction_zone"]
 
 Array = NDArray[np.float64]
 THRESHOLD = -0.5  # pressure coefficient below which the air counts as the suction zone
 
 
-@dataclass(frozen=True)
-class Suction:
-    """The suction zone: Cp < threshold, downstream of the body's widest place, connected to the body.
-
-    ``length`` (m) along the air from the body's rear-most point, ``width`` (m) its extent across the air, ``area``
-    (m2), both sides counted. ``cp_min`` is its lowest Cp. ``reversal_length`` (m): from the rear, how far the mean
-    air on the body's axis runs backwards.
-    """
-
-    threshold: float
-    cp_min: float
-    length: float
-    width: float
-    area: float
-    reversal_length: float
-
-
 def suction_zone(
     spec: FlowSpec, points: Array, triangles: NDArray[np.intp], cp: Array, velocity: Array, body: NDArray[np.intp]
-) -> Suction:
+) -> SuctionZone:
     """Extent of the suction zone from node values; triangles are cut along Cp = threshold and at the body's widest
     place.
     """
@@ -52,11 +34,11 @@ def suction_zone(
     pieces = [piece for piece in pieces if len(piece) >= 3]
     reversal = _reversal(spec, points, triangles, spec.along * velocity[:, 1])
     if not pieces:
-        return Suction(THRESHOLD, float(cp[s >= widest].min()), 0.0, 0.0, 0.0, reversal)
+        return SuctionZone(THRESHOLD, float(cp[s >= widest].min()), 0.0, 0.0, 0.0, reversal)
     corners = np.vstack(pieces)
     twice = 2.0 if spec.mesh.half else 1.0
     across = 2 * corners[:, 0].max() if spec.mesh.half else np.ptp(corners[:, 0])
-    return Suction(
+    return SuctionZone(
         threshold=THRESHOLD,
         cp_min=float(cp[inside].min()),
         length=max(float(corners[:, 1].max()) - rear, 0.0),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.geometry import distance_to
+from ..core.number import Number
 from ..laws.turbulence_models import NUT
+from .airflow_result import AirflowResult
 from .case import FlowSpec, axis_points
 from .case_fields import CaseFields, Snapshot, time_folders
-from .measure import mean_pressure, on_edges, y_plus
+from .measure import mean_pressure, motion_in, on_edges, y_plus
 from .read import loop_of, read_flow
 from .reconstruction import PlaneMesh
 from .suction import suction_zone
@@ -36,13 +38,12 @@ def case_files(case: Path, time: str) -> list[Path]:
     return [case / "constant", *(path for path in extra if path.exists()), *chosen]
 
 
-def measure_given(spec: FlowSpec, case: Path, time: str) -> dict[str, Any]:
-    """The ``airflow`` table of a given case, with None for what it does not tell; verdict "given".
+def measure_given(spec: FlowSpec, case: Path, time: str) -> AirflowResult:
+    """What a given case says of its airflow; verdict "given".
 
-    ``spec`` holds the scene's bodies, channel and air; ``time``: "latest", "mean" or "all", as for ``read_flow``.
-    Coefficients as in :class:`wakeflow.foam.airflow_result.AirflowResult`; Cd from pressure and friction on the bodies'
-    walls. ``half``: the case is the right half of a symmetric channel. Raises SceneError where the case is not of the
-    scene: bodies, channel, speed, direction or viscosity differ.
+    ``spec`` holds the scene's bodies, channel and air; ``time``: "latest", "mean" or "all", as for ``read_flow``. Cd is
+    from pressure and friction on the bodies' walls. Raises SceneError where the case is not of the scene: bodies,
+    channel, speed, direction or viscosity differ.
     """
     fields = CaseFields(case)
     plane = fields.mesh.plane
@@ -52,16 +53,16 @@ def measure_given(spec: FlowSpec, case: Path, time: str) -> dict[str, Any]:
     _check_channel(spec, plane)
     _check_bodies(spec, plane, wall)
     loop = loop_of(case)
-    return {
-        "stepping": "given",
-        "verdict": "given",
+    return AirflowResult(
+        stepping="given",
+        verdict="given",
         **_from_fields(spec, fields, _chosen_times(fields, time, loop), time, wall),
-        "field_time": time,
-        "period": loop["period"] if loop and time == "all" else None,
-        "motion": loop.get("motion") if loop else None,
-        "loop_mismatch": loop["mismatch"] if loop and time == "all" else None,
-        "half": half,
-    }
+        field_time=time,
+        period=loop["period"] if loop and time == "all" else None,
+        motion=motion_in(loop),
+        loop_mismatch=loop["mismatch"] if loop and time == "all" else None,
+        half=half,
+    )
 
 
 def _chosen_times(fields: CaseFields, time: str, loop: dict[str, Any] | None) -> list[Path]:
@@ -87,9 +88,7 @@ def _from_fields(
         "turbulence": "laminar" if shots[0].k is None else "given",
         "cells": len(plane.cells),
         "reynolds": spec.reynolds,
-        "cd": _unsure(float(np.mean(drag))),
-        "cl_rms": None,
-        "strouhal": None,
+        "cd": Number(float(np.mean(drag))),
         **_on_body(spec, plane, fields.case, time, at_inlet, wall),
         "p_inlet": spec.density * at_inlet,
         "pressure_drop": spec.density * (at_inlet - at_outlet),
@@ -97,11 +96,6 @@ def _from_fields(
         "mass_error": float(-outward.sum()) / inflow,
         "y_plus": y_plus(spec, fields, folders[-1], shots[-1], wall),
     }
-
-
-def _unsure(value: float) -> dict[str, float | None]:
-    """A number whose interval is not known."""
-    return {"value": value, "low": None, "high": None}
 
 
 def _inner(plane: PlaneMesh) -> NDArray[np.bool_]:
@@ -202,9 +196,9 @@ def _on_body(
     base = on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
     zone = suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges))
     return {
-        "cp_base": _unsure(base),
+        "cp_base": Number(base),
         "cp_front": on_edges(points, edges, cp, np.array([middle, front * spec.along])),
-        "suction": asdict(zone),
+        "suction": zone,
     }
 
 

@@ -5,14 +5,14 @@ It is optional: without a [funnel] table in the scene nothing here runs, and LIG
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from ..core.record import load
 from ..core.sources import code_key
 from ..core.store import content_key
 from ..scene import Funnel
+from .delivered import FunnelSummary
 
 __all__ = ["compute", "estimated_seconds", "notices", "summary"]
 
@@ -22,8 +22,8 @@ DEEP = 0.05  # diameters: softened beads should overlap less
 Make = Callable[[str, str, Callable[[Path], None]], Path]
 
 
-def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str, Any]:
-    """Pour and discharge: the ``funnel`` table of result.json.
+def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSummary:
+    """Pour and discharge.
 
     ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by ``work(folder)``. The bed is a
     stage of its own, since every vibration starts from the same bed. Raises ProgramError when LIGGGHTS is missing or
@@ -43,8 +43,7 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> dict[str
     bed_key = content_key("bed", still, code)
     bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))
     done = make("funnel", content_key("funnel", bed_key, asked, code), lambda part: discharge(funnel, bed, part, tell))
-    table: dict[str, Any] = json.loads((done / "funnel.json").read_text())
-    return table
+    return load(FunnelSummary, done / "funnel.json")
 
 
 def estimated_seconds(funnel: Funnel) -> float:
@@ -64,15 +63,15 @@ def summary(funnel: Funnel) -> str:
     )
 
 
-def notices(table: dict[str, Any]) -> list[str]:
-    """What a user must know of a finished discharge, the ``funnel`` table of result.json."""
+def notices(found: FunnelSummary) -> list[str]:
+    """What a user must know of a finished discharge."""
     lines = []
-    if table["verdict"] != "emptied":
-        lines.append(f"funnel: the flow stopped with {table['left']} of {table['beads']} beads still inside")
-    if table["rate"] is not None and table["rate"]["low"] is None:
+    if found.verdict != "emptied":
+        lines.append(f"funnel: the flow stopped with {found.left} of {found.beads} beads still inside")
+    if found.rate is not None and not found.rate.known:
         lines.append("funnel: emptied within a few periods of its vibration: the rate has no interval; use more mass")
-    if table["overlap"] > DEEP:
+    if found.overlap > DEEP:
         lines.append(
-            f"funnel: beads overlap by up to {table['overlap']:.1%} of their diameter; raise funnel.youngs_modulus"
+            f"funnel: beads overlap by up to {found.overlap:.1%} of their diameter; raise funnel.youngs_modulus"
         )
     return lines

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.files import write_json
+from ..core.record import save
 from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo, cone_factor
 from ..scene import Funnel
 from .cone import Cone, cone_of, write_stl
+from .delivered import DischargeCurve, FunnelSummary
 from .engine import SCRIPTS, liggghts_version, read_dump, run_script, write_beads, write_settings
 from .pour import Bed, Steps, box_of, contact_settings, packing_fraction, read_bed, steps_of
 from .rate import Curve, rate_of, read_curve, time_to_empty
@@ -54,7 +54,7 @@ def discharge(funnel: Funnel, poured: Path, folder: Path, tell: Callable[[str], 
     run_script(folder, SCRIPTS / "discharge.liggghts", hear)
     curve = read_curve((folder / "curve.txt").read_text(), closed * steps.dt)
     shots = read_dump(folder / "beads.dump")
-    write_json(folder / "funnel.json", _table(funnel, cone, steps, bed, curve, total, shots))
+    save(folder / "funnel.json", _table(funnel, cone, steps, bed, curve, total, shots))
 
 
 def _whole(funnel: Funnel, time: float) -> float:
@@ -83,7 +83,7 @@ def _timing(funnel: Funnel, steps: Steps, closed: int, level: float) -> dict[str
 
 def _table(
     funnel: Funnel, cone: Cone, steps: Steps, bed: Bed, curve: Curve, total: float, shots: list[tuple[int, Array]]
-) -> dict[str, Any]:
+) -> FunnelSummary:
     rate = rate_of(curve, total, 1 / funnel.frequency if funnel.amplitude and funnel.frequency else None)
     filled = packing_fraction(bed, cone)
     law = (
@@ -93,26 +93,26 @@ def _table(
     )
     kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), DRAWN)).astype(int))
     left = int(curve.beads[-1])
-    return {
-        "verdict": "emptied" if left <= 0.01 * len(bed.diameters) else "stopped",
-        "rate": None if rate is None else {"value": rate.value, "low": rate.low, "high": rate.high},
-        "time_to_empty": time_to_empty(curve, total),
-        "left": left,
-        "beads": len(bed.diameters),
-        "mass": total,
-        "packing": None if math.isnan(filled) else filled,
-        "beverloo": law,
-        "beverloo_cone": None if law is None else law * cone_factor(funnel.half_angle),
-        "frequency": funnel.frequency,
-        "gamma": funnel.gamma,
-        "time_step": steps.dt,
-        "contact_time": steps.contact,
-        "youngs_modulus": funnel.youngs_modulus,
-        "overlap": max((_overlap(rows) for _, rows in shots if len(rows) > 1), default=0.0),
-        "engine": "LIGGGHTS",
-        "version": liggghts_version(),
-        "curve": {"time": curve.time[kept].tolist(), "mass": curve.mass[kept].tolist()},
-    }
+    return FunnelSummary(
+        verdict="emptied" if left <= 0.01 * len(bed.diameters) else "stopped",
+        rate=rate,
+        time_to_empty=time_to_empty(curve, total),
+        left=left,
+        beads=len(bed.diameters),
+        mass=total,
+        packing=None if math.isnan(filled) else filled,
+        beverloo=law,
+        beverloo_cone=None if law is None else law * cone_factor(funnel.half_angle),
+        frequency=funnel.frequency,
+        gamma=funnel.gamma,
+        time_step=steps.dt,
+        contact_time=steps.contact,
+        youngs_modulus=funnel.youngs_modulus,
+        overlap=max((_overlap(rows) for _, rows in shots if len(rows) > 1), default=0.0),
+        engine="LIGGGHTS",
+        version=liggghts_version(),
+        curve=DischargeCurve(tuple(curve.time[kept].tolist()), tuple(curve.mass[kept].tolist())),
+    )
 
 
 def _overlap(rows: Array) -> float:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EMPTY", "Curve", "Rate", "rate_of", "read_curve", "time_to_empty"]
+from ..core.number import Number
+
+__all__ = ["EMPTY", "Curve", "rate_of", "read_curve", "time_to_empty"]
 
 Array = NDArray[np.float64]
 STEADY = (0.10, 0.75)  # shares of the mass discharged: between them the funnel neither starts nor runs empty
@@ -26,15 +28,6 @@ class Curve:
     beads: Array
 
 
-@dataclass(frozen=True)
-class Rate:
-    """Mass flow (kg/s) with its 95 % interval, None where the steady stretch is too short for one."""
-
-    value: float
-    low: float | None
-    high: float | None
-
-
 def read_curve(path: str, opened: float) -> Curve:
     """The curve that discharge.liggghts printed; ``opened`` (s) is when the lid went."""
     rows = np.loadtxt((line for line in path.splitlines() if line.startswith("curve ")), usecols=(1, 2, 3), ndmin=2)
@@ -47,7 +40,7 @@ def time_to_empty(curve: Curve, total: float) -> float | None:
     return float(curve.time[np.argmax(out)]) if out.any() else None
 
 
-def rate_of(curve: Curve, total: float, period: float | None) -> Rate | None:
+def rate_of(curve: Curve, total: float, period: float | None) -> Number | None:
     """The rate between :data:`STEADY` shares of the ``total`` mass (kg); None where the flow stopped before.
 
     The stretch is cut to whole periods (s) of the vibration and into up to :data:`BATCHES` parts of whole periods; the
@@ -73,14 +66,14 @@ def rate_of(curve: Curve, total: float, period: float | None) -> Rate | None:
     return _student(-np.diff(mass), np.diff(edges))
 
 
-def _student(mass: Array, time: Array) -> Rate:
+def _student(mass: Array, time: Array) -> Number:
     """Total over total time, with Student's interval of the parts' rates weighted by their time."""
     value = float(mass.sum() / time.sum())
     count = len(mass)
     if count < FEWEST:
-        return Rate(value, None, None)
+        return Number(value)
     from scipy.stats import t
 
     spread = math.sqrt(float((time / time.mean() * (mass / time - value) ** 2).sum()) / (count - 1))
     half = float(t.ppf(0.975, count - 1)) * spread / math.sqrt(count)
-    return Rate(value, value - half, value + half)
+    return Number(value, value - half, value + half)

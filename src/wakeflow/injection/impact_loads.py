@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import edges, normals
+from ..core.record import column
 from ..laws.granule_layer import Load, load_on_wall
 from ..planning.impaction import axis
 from ..planning.plan import FractionPlan, Plan
@@ -23,7 +24,7 @@ from ..scene import Scene
 from .feed import contact_points, granules_of
 from .first_contact import first_contact, motion_of
 
-__all__ = ["impact_loads"]
+__all__ = ["FractionImpact", "ImpactForces", "ImpactSummary", "SlopeImpact", "StreamImpact", "impact_loads"]
 
 Array = NDArray[np.float64]
 # How finely the stream is sampled; chosen
@@ -34,19 +35,60 @@ HALVINGS = 30  # of a piece of it: 4e-10 rad, far below what the samples know of
 UPWARD = 1e-12  # part of a unit normal above which a face looks up: round-off
 
 
-def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
-    """The ``impact`` table of result.json, of the first body; None where none stands, or another may be met before it.
+@dataclass(frozen=True, kw_only=True)
+class ImpactForces:
+    """Mass flow, forces and power of first impacts, per metre of depth of the feed as given."""
 
-    Per slope that is met, from left to right, per fraction, and in total, in SI units: ``mass_flow``; ``fall_speed`` of
-    arrival; ``normal`` force into the slope and ``tangential`` force down it; ``force`` on the body (x, y); ``power``
-    that the vibration gives to the stream; ``velocity`` of the centre of mass after the impact.
-    """
+    mass_flow: float = column("kg/s", "mass that meets the slope")
+    normal: float = column("N", "force into the slope")
+    tangential: float = column("N", "force down the slope")
+    force: tuple[float, ...] = column("N", "on the body, x and y")
+    power: float = column("W", "what the vibration gives to the stream")
+    velocity: tuple[float, ...] | None = column("m/s", "of the centre of mass after the impact, x and y; null of none")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlopeImpact(ImpactForces):
+    """All fractions on one slope."""
+
+    start: tuple[float, ...] = column("m", "left end of the slope, x and y", key="from")
+    end: tuple[float, ...] = column("m", "right end of the slope, x and y", key="to")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamImpact(ImpactForces):
+    """One fraction's stream on one slope, or on all."""
+
+    fall_speed: float | None = column("m/s", "mean speed of fall on arrival; null of none")
+
+
+@dataclass(frozen=True)
+class FractionImpact:
+    """One fraction's stream on the body."""
+
+    mode: str = column("", "injected or resolved")
+    slopes: dict[str, StreamImpact] = column("", "every slope that it meets")
+    total: StreamImpact = column("", "all slopes together")
+
+
+@dataclass(frozen=True)
+class ImpactSummary:
+    """First impacts on the first body, from left to right."""
+
+    body: str = column("", "name of the body")
+    slopes: dict[str, SlopeImpact] = column("", "every slope that is met, by name")
+    fractions: dict[str, FractionImpact] = column("", "every fraction")
+    total: ImpactForces = column("", "all fractions on all slopes")
+
+
+def impact_loads(scene: Scene, plan: Plan) -> ImpactSummary | None:
+    """What the stream does to the first body; None where none stands, or another may be met before it."""
     if not scene.body or scene.obstacles:
         return None
     name, body = next(iter(scene.body.items()))
     outline = body.outline()
     slopes = _slopes(outline)
-    fractions: dict[str, Any] = {}
+    fractions: dict[str, FractionImpact] = {}
     totals: dict[str, list[Load]] = {slope: [] for slope in slopes}
     for fraction, fraction_plan in plan.fractions.items():
         stream = _sample(scene, fraction, fraction_plan, outline)
@@ -54,19 +96,19 @@ def impact_loads(scene: Scene, plan: Plan) -> dict[str, Any] | None:
         for number, slope in enumerate(slopes):
             on_slope, fall = _on_slope(scene, fraction, stream, number)
             if on_slope.mass_flow > 0.0:
-                by_slope[slope] = {"fall_speed": fall, **_sum([on_slope])}
+                by_slope[slope] = StreamImpact(fall_speed=fall, **_sum([on_slope]))
                 totals[slope].append(on_slope)
                 loads.append(on_slope)
         arrival = float(np.mean(stream.fall, where=stream.fall > 0.0)) if loads else None
-        total = {"fall_speed": arrival, **_sum(loads)}
-        fractions[fraction] = {"mode": fraction_plan.mode, "slopes": by_slope, "total": total}
+        total = StreamImpact(fall_speed=arrival, **_sum(loads))
+        fractions[fraction] = FractionImpact(fraction_plan.mode, by_slope, total)
     places = {
-        slope: {"from": start.tolist(), "to": end.tolist(), **_sum(totals[slope])}
+        slope: SlopeImpact(start=tuple(start.tolist()), end=tuple(end.tolist()), **_sum(totals[slope]))
         for slope, (start, end) in slopes.items()
         if totals[slope]
     }
     everything = _sum([one for part in totals.values() for one in part])
-    return {"body": name, "slopes": places, "fractions": fractions, "total": everything}
+    return ImpactSummary(name, places, fractions, ImpactForces(**everything))
 
 
 def _middles(count: int) -> Array:
@@ -155,7 +197,7 @@ def _on_slope(scene: Scene, name: str, stream: _Stream, number: int) -> tuple[Lo
 
 
 def _sum(parts: list[Load]) -> dict[str, Any]:
-    """Forces and power add up, the centre of mass has the mass-weighted velocity."""
+    """Of ImpactForces, by name: forces and power add up, the centre of mass has the mass-weighted velocity."""
     flow = sum((one.mass_flow for one in parts), 0.0)
     force = sum((one.force for one in parts), np.zeros(2))
     moving = sum((one.mass_flow * one.velocity for one in parts), np.zeros(2))
@@ -163,7 +205,7 @@ def _sum(parts: list[Load]) -> dict[str, Any]:
         "mass_flow": flow,
         "normal": sum((one.normal for one in parts), 0.0),
         "tangential": sum((one.tangential for one in parts), 0.0),
-        "force": force.tolist(),
+        "force": tuple(force.tolist()),
         "power": sum((one.power for one in parts), 0.0),
-        "velocity": (moving / flow).tolist() if flow > 0.0 else None,
+        "velocity": tuple((moving / flow).tolist()) if flow > 0.0 else None,
     }

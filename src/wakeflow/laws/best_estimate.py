@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.errors import SceneError
+from ..core.number import Number
+from ..core.record import column
 
 __all__ = [
     "WAKE_FAMILIES",
-    "Estimate",
     "WakeEntry",
     "WakeEstimate",
     "best_estimate",
@@ -44,21 +45,12 @@ LEAST = 0.03  # own error of an entry: no measurement of a wake, and no mesh of 
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """A number and the range that holds it."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class WakeEstimate:
-    """``theta`` and ``strength`` of a wake with their ranges, and ``why``: what they rest on."""
+    """How much of the time-resolved wake the air is made of that granules are flown in; the rest is the steady one."""
 
-    theta: Estimate
-    strength: Estimate
-    why: str
+    theta: Number = column("1", "share of the time-resolved mean, and the range that holds it")
+    strength: Number = column("1", "rms of the fluctuation over that of the time-resolved wake, and its range")
+    why: str = column("", "what they rest on")
 
 
 @dataclass(frozen=True)
@@ -101,13 +93,13 @@ class WakeEntry:
         return min(first, second), max(first, second)
 
     @property
-    def given(self) -> Estimate:
+    def given(self) -> Number:
         """Theta or strength by this entry: the middle of what was found, and its own error on either side."""
         low, high = (self._place(x) for x in self.here)
         middle = 0.5 * (low + high)
         ends = math.hypot(middle * self.resolved_within, (1.0 - middle) * self.steady_within)
         half = max(LEAST, math.hypot(0.5 * (high - low), ends / (self.resolved - self.steady)))
-        return Estimate(middle, middle - half, middle + half)
+        return Number(middle, middle - half, middle + half)
 
     def _place(self, x: float) -> float:
         """Between the ends, 0 the steady and 1 the resolved one; straight through what the blend itself gave."""
@@ -191,7 +183,7 @@ def best_estimate(
     return WakeEstimate(theta.value, strength.value, f"theta: {theta.why}; strength: {strength.why}")
 
 
-def left_one_out() -> list[tuple[WakeEntry, Estimate, Estimate]]:
+def left_one_out() -> list[tuple[WakeEntry, Number, Number]]:
     """Each entry, what it gives, and what the others give for its body."""
     known = wakes()
     found = []
@@ -209,7 +201,7 @@ def _alike(one: float | None, other: float | None) -> bool:
 class _Number(NamedTuple):
     """One of the two numbers, what it rests on, and whether its range is that of every shape."""
 
-    value: Estimate
+    value: Number
     why: str
     widest: bool = False
 
@@ -243,7 +235,7 @@ def _number(
     return _Number(_mean(chosen, blockage), f"{len(chosen)} measurements of the shape ({family}) {where}")
 
 
-def _by_theta(theta: Estimate, every: Sequence[WakeEntry]) -> _Number:
+def _by_theta(theta: Number, every: Sequence[WakeEntry]) -> _Number:
     """The strength of a shape of which ``theta`` alone is known; its range is that of the others' ratios of the two and
     of theta.
     """
@@ -257,7 +249,7 @@ def _by_theta(theta: Estimate, every: Sequence[WakeEntry]) -> _Number:
     return _Number(value, f"theta times {middle:.2f}, its mean ratio to theta in {len(ratios)} measurements of others")
 
 
-def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Estimate:
+def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Number:
     """The weighted mean. Own errors are not averaged away: handbooks copy one another, and ends are of one program."""
     given = [entry.given for entry in chosen]
     middle = np.array([one.value for one in given])
@@ -269,7 +261,7 @@ def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Estimate:
     return _within(value, min(value - common, float(middle.min())), max(value + common, float(middle.max())))
 
 
-def _within(value: float, low: float, high: float) -> Estimate:
+def _within(value: float, low: float, high: float) -> Number:
     """Numbers between the ends: the blend is defined there only."""
     low, value, high = (min(max(x, 0.0), 1.0) for x in (low, value, high))
-    return Estimate(value, low, high)
+    return Number(value, low, high)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from ..core.errors import MeshError
-from ..core.files import write_json
+from ..core.errors import MeshError, known
 from ..core.process import call_in_child
+from ..core.record import save
 from .quality import MeshReport, read_mesh, report_on, write_vtu
 from .spec import MeshSpec
 
@@ -33,13 +33,13 @@ def build_mesh(spec: MeshSpec, folder: Path, *, timeout: float = 300.0) -> MeshR
     missing = sorted(set(spec.patches) - {"front", "back"} - set(boundary))
     if missing:
         raise MeshError(f"the mesh has no edges on: {', '.join(missing)}; log: {log}", log=log)
-    if report.min_angle < MIN_ANGLE:
+    if (sharpest := known(report.min_angle)) < MIN_ANGLE:
         raise MeshError(
-            f"the mesh has a cell with an angle of {report.min_angle:.1f} degrees (at least {MIN_ANGLE:g} needed): "
+            f"the mesh has a cell with an angle of {sharpest:.1f} degrees (at least {MIN_ANGLE:g} needed): "
             f"check the outlines for near-coincident corners; log: {log}",
             log=log,
         )
     write_vtu(points, cells, folder / "mesh.vtu")
-    write_json(folder / "mesh.json", asdict(report))
+    save(folder / "mesh.json", report)
     partial.replace(folder / "mesh.msh")
     return report

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.record import column
 from .spec import Array
 
 __all__ = ["MeshReport", "read_mesh", "report_on", "write_vtu"]
@@ -16,17 +17,17 @@ __all__ = ["MeshReport", "read_mesh", "report_on", "write_vtu"]
 
 @dataclass(frozen=True)
 class MeshReport:
-    """What the mesh is: counts, quality of its 2D cells (angles in degrees), edges on each patch, where it lies."""
+    """Counts and quality of the mesh; of a given case only its cells."""
 
-    cells: int
-    points: int
-    quads: int
-    triangles: int
-    min_angle: float
-    max_angle: float
-    max_aspect: float
-    smallest_edge: float
-    boundary: dict[str, int] = field(default_factory=dict)
+    cells: int = column("1", "cells")
+    points: int | None = column("1", "points", default=None)
+    quads: int | None = column("1", "quadrangles", default=None)
+    triangles: int | None = column("1", "triangles", default=None)
+    min_angle: float | None = column("deg", "smallest angle of a cell", default=None)
+    max_angle: float | None = column("deg", "largest angle of a cell", default=None)
+    max_aspect: float | None = column("1", "largest ratio of edges of a cell", default=None)
+    smallest_edge: float | None = column("m", "smallest edge of a cell", default=None)
+    boundary: dict[str, int] | None = column("1", "edges of each patch", default=None)
 
 
 def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str, int]]:

@@ -14,15 +14,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.boxes import ForceDensity
+from ..core.errors import known
 from ..core.lazy import cached_property
+from ..core.record import load
 from ..core.store import content_key
 from ..planning.plan import Plan
 from ..scene import Scene
+from .airflow import Airflow, AirLoadingSummary
 from .airflow_kinds import CaseAir
 from .cache import StageCache, code_of, version_of
 from .case_field import case_field
@@ -117,27 +120,27 @@ class AirLoading:
         return LEAST * self.scene.air.density * self.scene.air.speed**2 / self.scene.width
 
     @property
-    def table(self) -> dict[str, Any]:
-        """What the passes found: the ``loading`` of the airflow's table in result.json."""
+    def summary(self) -> AirLoadingSummary:
+        """What the passes found."""
         from ..foam.momentum_source import SOURCE
 
         last, case = self.passes[-1], self.passes[-1].folder / "case"
         laid = json.loads((case / SOURCE).read_text())
         whole = (2.0 if self.steady.half else 1.0) * laid["force"][1]
-        before, after = self.steady.measured, json.loads((case / "airflow.json").read_text())
-        return {
-            "passes": len(self.passes),
-            "change": last.change,
-            "force": last.gathered.force.total.tolist(),
-            "given": whole,
-            "imbalance": last.gathered.imbalance,
-            "unanswered": float(abs(last.gathered.force.above(self.least).total[1] - whole) / max(abs(whole), 1e-300)),
-            "cd_without": before["cd"],
-            "cd": after["cd"],
-            "verdict": after["verdict"],
-            "cells": laid["cells"],
-            "sources": laid["sources"],
-        }
+        before, after = self.steady.measured, load(Airflow, case / "airflow.json")
+        return AirLoadingSummary(
+            passes=len(self.passes),
+            change=last.change,
+            force=tuple(last.gathered.force.total.tolist()),
+            given=whole,
+            imbalance=last.gathered.imbalance,
+            unanswered=float(abs(last.gathered.force.above(self.least).total[1] - whole) / max(abs(whole), 1e-300)),
+            cd_without=before.cd,
+            cd=after.cd,
+            verdict=after.verdict,
+            cells=laid["cells"],
+            sources=laid["sources"],
+        )
 
     def last_change(self, name: str, place: int) -> float:
         """What the last pass changed of a fraction's share in bin number ``place``, in the steady airflow."""
@@ -206,7 +209,7 @@ class AirLoading:
         """The steady airflow of the pass whose ``folder`` that is."""
         assert self.scene.air is not None
         case = folder / "case"
-        time = json.loads((case / "airflow.json").read_text())["field_time"]
+        time = known(load(Airflow, case / "airflow.json").field_time)
         return case_field(case, time, self.scene.air.density, half=self.steady.half)
 
 

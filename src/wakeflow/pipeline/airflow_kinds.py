@@ -8,25 +8,28 @@ of them have, and those of an OpenFOAM case; the kinds themselves in the modules
 
 from __future__ import annotations
 
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
+from ..core.errors import known
 from ..core.lazy import cached_property
+from ..core.record import load
 from ..core.registry import Registry
 from ..core.store import content_key
+from ..meshing.quality import MeshReport
 from ..planning.plan import Plan
 from ..scene import Scene
+from .airflow import Airflow, ResidenceTimes
 from .cache import StageCache, code_of, version_of
 from .realisations import Realisations
 from .specs import flow_spec, mesh_spec
 
 if TYPE_CHECKING:
-    from ..field import FlowField
+    from ..field import FlowField, Truncation
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
 
@@ -54,8 +57,8 @@ class AirflowKind(ABC):
         """Cache key and field of the whole channel; None where there is no air."""
 
     @abstractmethod
-    def make_table(self) -> dict[str, Any]:
-        """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json, but its rung."""
+    def make_table(self) -> Airflow:
+        """What was measured on the airflow, or is known of it, but its rung."""
 
     @property
     def solver(self) -> str | None:
@@ -85,27 +88,24 @@ class AirflowKind(ABC):
         return 1
 
     @property
-    def residence(self) -> dict[str, Any] | None:
-        """H = tau U / D of fine dust in the near wake with its interval: of the ``answer`` and, where it lies between
-        ends, of ``steady`` and ``time_resolved``; None where nobody asks for it. It needs the compiled tracker.
-        """
+    def residence(self) -> ResidenceTimes | None:
+        """How long the near wake keeps fine dust; None where nobody asks for it. It needs the compiled tracker."""
         return None
 
     @cached_property
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Airflow:
         """The ``airflow`` table of result.json."""
-        return {"rung": self.plan.rung, **self.make_table()}
+        return replace(self.make_table(), rung=self.plan.rung)
 
     @property
-    def mesh_quality(self) -> dict[str, Any]:
-        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees); empty without one."""
-        return {}
+    def mesh_quality(self) -> MeshReport | None:
+        """Counts and quality of the mesh; None without one."""
+        return None
 
     @property
-    def truncation(self) -> dict[str, Any] | None:
+    def truncation(self) -> Truncation | None:
         """What the field lost when it was stored as a mean and modes; None for a field that is stored whole."""
-        lost = None if self.field is None else self.field[1].truncation
-        return None if lost is None else lost._asdict()
+        return None if self.field is None else self.field[1].truncation
 
     def unknown_parts(self) -> tuple[str, ...]:
         """Sources of error of the airflow that stay unknown unless flying again in another airflow measures them:
@@ -150,12 +150,11 @@ class CaseAir(AirflowKind):
         return self.mesh_spec.half
 
     @property
-    def measured(self) -> dict[str, Any]:
+    def measured(self) -> Airflow:
         """What was measured on the case."""
-        table: dict[str, Any] = json.loads((self.solution[1] / "case" / "airflow.json").read_text())
-        return table
+        return load(Airflow, self.solution[1] / "case" / "airflow.json")
 
-    def make_table(self) -> dict[str, Any]:
+    def make_table(self) -> Airflow:
         return self.measured
 
     @cached_property
@@ -169,7 +168,7 @@ class CaseAir(AirflowKind):
 
         def work(part: Path) -> None:
             self.cache.tell("field", "reading the airflow")
-            field = case_field(self.case, table["field_time"], air.density, half=self.half)
+            field = case_field(self.case, known(table.field_time), air.density, half=self.half)
             field.save(part / "field.npz")
             for number, state in enumerate(state_fields(self.case, air.density, half=self.half)):
                 state.save(part / f"state-{number}.npz")
@@ -197,11 +196,11 @@ class CaseAir(AirflowKind):
         """Whole shedding periods of the loop that the case keeps."""
         from ..foam.read import loop_of
 
-        loop = loop_of(self.case) if self.measured["period"] is not None else None
+        loop = loop_of(self.case) if self.measured.period is not None else None
         return 1 if loop is None else max(1, int(loop["periods"]))
 
     def unknown_parts(self) -> tuple[str, ...]:
-        statistics = () if self.measured["period"] is None else ("airflow-statistics",)
+        statistics = () if self.measured.period is None else ("airflow-statistics",)
         return ("mesh", *(("airflow-model",) if self.model_is_unknown else ()), *statistics)
 
     @property

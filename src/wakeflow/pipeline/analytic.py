@@ -6,14 +6,13 @@ brings decays along the channel as the k-omega model has it.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..field import FlowField
 from ..laws.turbulence_models import OMEGA, entering_energy
 from ..scene import Scene
+from .airflow import Airflow
 
 __all__ = ["decaying", "duct_airflow", "duct_field"]
 
@@ -75,17 +74,15 @@ def _strip(x: Array, y: Array) -> tuple[Array, NDArray[np.int64]]:
     return points, np.concatenate(cut)
 
 
-def duct_airflow(scene: Scene) -> dict[str, Any]:
-    """The ``airflow`` table of result.json: what is known of the air; None for what only a body has."""
+def duct_airflow(scene: Scene) -> Airflow:
+    """What is known of the air; null for what only a body has."""
     air, channel = scene.air, scene.channel
     assert air is not None
     parabolic = air.profile == "parabolic"
     slope = 12.0 * air.viscosity * air.speed / channel.width**2 if parabolic else 0.0
-    nothing = dict.fromkeys(("cells", "cd", "cl_rms", "strouhal", "cp_front", "cp_base", "suction", "period"))
-    return {
-        **nothing,
-        "verdict": air.profile,
-        "reynolds": scene.reynolds,
-        "pressure_drop": slope * (channel.top - channel.bottom),
-        "flow_rate": air.speed * channel.width,
-    }
+    return Airflow(
+        verdict=air.profile,
+        reynolds=scene.reynolds,
+        pressure_drop=slope * (channel.top - channel.bottom),
+        flow_rate=air.speed * channel.width,
+    )

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.lazy import cached_property
@@ -19,7 +17,6 @@ from .cache import StageCache, code_of
 from .landings import Landings
 
 if TYPE_CHECKING:
-    from .crowd_flight import SlabFlight
     from .landings import Tracked
     from .realisations import Realisations
 
@@ -113,7 +110,7 @@ class CrowdStage:
             step, self.workers, partial(self.cache.tell, change.name),
         )  # fmt: skip
         key = content_key(self.key, change.step, depth, replicates)
-        folder = self._flown(flight, change.name, key, replicates)
+        folder = self.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))
         found = load_crowd(folder, self.scene, replicates)
         how = found.step, found.step_error, found.jammed
         return SlabFound(found.landings, depth, self.start_up, replicates, *how)
@@ -128,22 +125,5 @@ class CrowdStage:
             self.tolerance, step, self.workers, partial(self.cache.tell, name), variation=variation,
         )  # fmt: skip
         key = content_key(self.key, "draw", number, repr(variation), DRAWN, code_of("draws"))
-        return load_crowd(self._flown(flight, name, key, DRAWN), self.scene, DRAWN).landings
-
-    def _flown(self, flight: SlabFlight, stage: str, key: str, replicates: int) -> Path:
-        """The folder of the stage; of a crew each flies some of the replicates, when the first has found their step."""
-
-        from .crowd_flight import step_of
-
-        if self.cache.crew == 1:
-            return self.cache.make(stage, key, lambda part: flight.fly_all(part, replicates))
-        first = self.cache.make(f"{stage}-first", key, partial(flight.keep, 0))
-        others = replace(flight, step=step_of(first))
-        works = {str(number): partial(others.keep, number) for number in range(1, replicates)}
-
-        def gather(kept: Mapping[str, Path], part: Path) -> None:
-            for folder in (first, *kept.values()):
-                for file in folder.glob("replicate-*.npz"):
-                    shutil.copyfile(file, part / file.name)
-
-        return self.cache.make_together(stage, key, works, gather)
+        folder = self.cache.make(name, key, partial(flight.fly_all, replicates=DRAWN))
+        return load_crowd(folder, self.scene, DRAWN).landings

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 __all__ = ["DrawStage", "Draws"]
 
 Array = NDArray[np.float64]
-TOGETHER = [range(start, start + 8) for start in range(0, DRAWS, 8)]  # draws that one of several processes flies
 PARTS = DRAWS // REPLICATES  # of a replicate: each flies under one draw
 
 
@@ -92,24 +91,20 @@ class DrawStage:
         key = content_key("draws", stage.key, tolerance, known, self.design.tolist(), code_of("draws"))
         tracked = stage.fly()  # whose granules these are
         stage.finish_compiling("draws", key)
-        if stage.cache.crew == 1:
-            folder = stage.cache.make("draws", key, partial(self._fly_some, range(DRAWS), tracked))
-        else:
-            works = {str(some): partial(self._fly_some, some, tracked) for some in TOGETHER}
-            folder = stage.cache.make_together("draws", key, works, _join)
+        folder = stage.cache.make("draws", key, partial(self._fly_all, tracked))
         with np.load(folder / "draws.npz") as data:
             names = list(stage.scene.fraction)
             varied, own = ({name: data[f"{which}.{name}"] for name in names} for which in ("varied", "own"))
         return Draws(tuple(self.unknowns), self.design, varied, own)
 
-    def _fly_some(self, numbers: range, tracked: Tracked, folder: Path) -> None:
-        """Some of the draws, those of one air by one thread: granules of a draw are too few for several."""
+    def _fly_all(self, tracked: Tracked, folder: Path) -> None:
+        """All draws, those of one air by one thread: granules of a draw are too few for several."""
         found: dict[str, list[NDArray[Any]]] = {}
         pool = ThreadPoolExecutor(self.tracks.workers or cores())
         try:
-            jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in numbers[::SAME_AIR]]
-            for first, job in zip(numbers[::SAME_AIR], jobs, strict=True):
-                self.tracks.cache.tell("draws", f"{first} of {DRAWS}")
+            jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, DRAWS, SAME_AIR)]
+            for number, job in enumerate(jobs):
+                self.tracks.cache.tell("draws", f"{number * SAME_AIR} of {DRAWS}")
                 for draw in job.result():
                     for which, bins in draw.items():
                         found.setdefault(which, []).append(bins)
@@ -177,15 +172,3 @@ def _part(size: int, number: int) -> slice:
         return slice(0, size)
     step = size // PARTS
     return slice(number * step, (number + 1) * step)
-
-
-def _join(kept: Mapping[str, Path], folder: Path) -> None:
-    """The draws of several folders in one."""
-    found: dict[str, Any] = {}
-    for some in TOGETHER:
-        with np.load(kept[str(some)] / "draws.npz") as data:
-            for key in data.files:
-                found.setdefault(key, []).append(data[key])
-    with atomic_write(folder / "draws.npz", "wb") as stream:
-        arrays: dict[str, Any] = {key: np.concatenate(rows) for key, rows in found.items()}
-        np.savez(stream, **arrays)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-from ..core.files import write_json
+from ..core.errors import known
+from ..core.record import save
 from ..core.store import content_key, digest_files
+from ..meshing.quality import MeshReport
 from .airflow_kinds import CaseAir, airflow_kinds
 from .cache import code_of
 
@@ -25,7 +26,7 @@ class GivenAir(CaseAir):
 
     @property
     def half(self) -> bool:
-        return bool(self.measured["half"])
+        return bool(self.measured.half)
 
     def make_solution(self) -> tuple[str, Path]:
         """Its files are in the key: a new solution counts."""
@@ -39,13 +40,13 @@ class GivenAir(CaseAir):
         def work(part: Path) -> None:
             self.cache.tell("airflow", f"measuring {self.case}")
             (part / "case").mkdir(exist_ok=True)
-            write_json(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
+            save(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
 
         return key, self.cache.make("airflow", key, work)
 
     @property
-    def mesh_quality(self) -> dict[str, Any]:
-        return {"cells": self.measured["cells"]}
+    def mesh_quality(self) -> MeshReport:
+        return MeshReport(cells=known(self.measured.cells))
 
     @property
     def model_is_unknown(self) -> bool:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from ..core.errors import SceneError
 from ..core.store import content_key
+from .airflow import Airflow
 from .airflow_kinds import AirflowKind, airflow_kinds
 from .cache import code_of
 
@@ -24,7 +26,7 @@ class NoAir(AirflowKind):
     def make_field(self) -> None:
         return None
 
-    def make_table(self) -> dict[str, Any]:
+    def make_table(self) -> Airflow:
         raise SceneError("the granules fly in a vacuum: there is no airflow to tell of")
 
 
@@ -42,10 +44,10 @@ class AnalyticAir(AirflowKind):
         key = content_key("duct", asked, code_of("duct"))
         return key, duct_field(self.scene, turbulent=turbulence == "decaying")
 
-    def make_table(self) -> dict[str, Any]:
+    def make_table(self) -> Airflow:
         from .analytic import duct_airflow
 
-        return {"turbulence": self.plan.airflow.turbulence, **duct_airflow(self.scene)}
+        return replace(duct_airflow(self.scene), turbulence=self.plan.airflow.turbulence)
 
     def unknown_parts(self) -> tuple[str, ...]:
         return ("airflow-model",)  # nothing is solved; how far a real duct's air is from it nobody says

@@ -15,11 +15,13 @@ from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.store import Store, cache_root, content_key
 from ..funnel import compute as compute_funnel
+from ..funnel.delivered import FunnelSummary
 from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..scene import Scene
 from . import blended_air, given_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
 from .air_loading import AirLoading
+from .airflow import Airflow, FieldDivergence, ResidenceTimes
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, silent
 from .compilation import Compilation
@@ -32,8 +34,8 @@ from .track_stage import Companion, TrackStage
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..field import FlowField
-    from ..meshing import MeshSpec
+    from ..field import FlowField, Truncation
+    from ..meshing import MeshReport, MeshSpec
     from ..scene import Picture
     from .landings import Landings, Tracked
 
@@ -46,8 +48,8 @@ class Pipeline:
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
     same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
-    by default it is one with the plan's own options. ``crew``: how many processes compute the scene side by side. From
-    the steady airflow of a ``neighbour`` that of this scene is solved on, on whatever mesh that one stands.
+    by default it is one with the plan's own options. From the steady airflow of a
+    ``neighbour`` that of this scene is solved on, on whatever mesh that one stands.
     """
 
     scene: Scene
@@ -60,7 +62,6 @@ class Pipeline:
     label: str = ""
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
-    crew: int = 1
     neighbour: Pipeline | None = None
     _grids: dict[int, Pipeline] = field(default_factory=dict, init=False, repr=False)
 
@@ -72,7 +73,7 @@ class Pipeline:
     @property
     def cache(self) -> StageCache:
         """Where the stages are kept, under this airflow's label."""
-        return StageCache(self.store, self.listener, self.seconds, self.label, self.crew)
+        return StageCache(self.store, self.listener, self.seconds, self.label)
 
     def spent(self, stage: str) -> float:
         """The run time (s) of a stage that is made, when it was computed."""
@@ -81,8 +82,8 @@ class Pipeline:
     # -- feed ----------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def funnel(self) -> dict[str, Any] | None:
-        """What the scene's feed funnel delivers: the ``funnel`` table of result.json; None without one."""
+    def funnel(self) -> FunnelSummary | None:
+        """What the scene's feed funnel delivers; None without one."""
         if self.scene.funnel is None:
             return None
         return compute_funnel(self.scene.funnel, self.cache.make, partial(self.cache.tell, "funnel"))
@@ -115,8 +116,8 @@ class Pipeline:
         return self._in_case.mesh_spec
 
     @property
-    def mesh_quality(self) -> dict[str, Any]:
-        """Counts and quality of the mesh: the ``mesh`` table of result.json (angles in degrees); empty without one."""
+    def mesh_quality(self) -> MeshReport | None:
+        """Counts and quality of the mesh; None without one."""
         return self.kind.mesh_quality
 
     @property
@@ -125,8 +126,8 @@ class Pipeline:
         return self._in_case.solution
 
     @property
-    def airflow(self) -> dict[str, Any]:
-        """What was measured on the airflow, or is known of it: the ``airflow`` table of result.json."""
+    def airflow(self) -> Airflow:
+        """What was measured on the airflow, or is known of it; it is solved where it is not yet."""
         return self.kind.table
 
     @cached_property
@@ -153,18 +154,18 @@ class Pipeline:
         return content_key(key, self.loading.key), self.loading.apply(field)
 
     @property
-    def truncation(self) -> dict[str, Any] | None:
+    def truncation(self) -> Truncation | None:
         """What the time-resolved field lost when it was stored as a mean and modes; None for a steady one."""
         return self.kind.truncation
 
     @property
-    def divergence(self) -> dict[str, float]:
-        """Rms and largest |div u| h / U over the triangles that the tracker reads: how well they conserve volume."""
+    def divergence(self) -> FieldDivergence:
+        """How well the triangles that the tracker reads conserve volume."""
         found = self.field[1].divergence()
-        return {"rms": found.rms, "max": found.max}
+        return FieldDivergence(found.rms, found.max)
 
     @property
-    def residence(self) -> dict[str, Any] | None:
+    def residence(self) -> ResidenceTimes | None:
         """How long the near wakes of a best estimate and of its ends keep fine dust; None for another airflow."""
         return self.kind.residence
 

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from ..core.files import write_json
+from ..core.number import Number
+from ..core.record import load, save
 from ..core.store import content_key
 from ..scene import Scene
+from .airflow import ResidenceTimes
 from .cache import StageCache, code_of
 from .realisations import Realisations
 
-if TYPE_CHECKING:
-    from ..tracking.residence import ResidenceTime
 
-__all__ = ["residence_table"]
-
-
-def residence_table(scene: Scene, cache: StageCache, airs: Mapping[str, tuple[str, Realisations]]) -> dict[str, Any]:
-    """Value and interval of H = tau U / D behind the first body in each of ``airs``, by its name: the key of its fields
-    and the fields. Null for what is longer than tracers are followed.
-    """
+def residence_times(scene: Scene, cache: StageCache, airs: Mapping[str, tuple[str, Realisations]]) -> ResidenceTimes:
+    """H = tau U / D behind the first body in each of ``airs``, by its name: the key of its fields and the fields."""
     body, air = next(iter(scene.body.values())), scene.air
     assert air is not None
     where = body.outline(), air.direction, air.speed
@@ -37,13 +29,8 @@ def residence_table(scene: Scene, cache: StageCache, airs: Mapping[str, tuple[st
         for which, (_, found) in airs.items():
             cache.tell("residence", f"fine dust in the near wake: {which.replace('_', '-')}")
             fields = [field for number in range(len(found)) if (field := found.make(number)) is not None]
-            rows[which] = _row(residence_time(fields, *where, sheddings=found.cycles))
-        write_json(part / "residence.json", rows)
+            time = residence_time(fields, *where, sheddings=found.cycles)
+            rows[which] = Number(time.value, time.low, time.high)
+        save(part / "residence.json", ResidenceTimes(**rows))
 
-    table: dict[str, Any] = json.loads((cache.make("residence", key, work) / "residence.json").read_text())
-    return table
-
-
-def _row(found: ResidenceTime) -> dict[str, float | None]:
-    ends = {"value": found.value, "low": found.low, "high": found.high}
-    return {name: number if math.isfinite(number) else None for name, number in ends.items()}
+    return load(ResidenceTimes, cache.make("residence", key, work) / "residence.json")

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..core.files import atomic_write
 from ..core.lazy import cached_property
+from ..core.record import load
 from ..core.resources import case_template
 from ..core.store import content_key, digest_files
+from ..meshing.quality import MeshReport
 from ..planning.airflow import SHEDDING_ABOVE
 from ..planning.airflow_cost import ranks_for
 from .airflow_kinds import CaseAir, airflow_kinds
@@ -38,9 +39,8 @@ class SolvedAir(CaseAir):
         return key, folder
 
     @property
-    def mesh_quality(self) -> dict[str, Any]:
-        table: dict[str, Any] = json.loads((self.mesh[1] / "mesh.json").read_text())
-        return table
+    def mesh_quality(self) -> MeshReport:
+        return load(MeshReport, self.mesh[1] / "mesh.json")
 
     @property
     def solve(self) -> Callable[..., AirflowResult]:
@@ -57,7 +57,7 @@ class SolvedAir(CaseAir):
     @property
     def cells(self) -> int:
         """Cells that are solved in."""
-        return int(self.mesh_quality["cells"])
+        return self.mesh_quality.cells
 
     @cached_property
     def solved_spec(self) -> FlowSpec:

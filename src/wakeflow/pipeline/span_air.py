@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.span import CONVECTIVE_PERIOD
+from .airflow import ResidenceTimes
 from .airflow_kinds import airflow_kinds
 from .cache import code_of, version_of
 from .realisations import Realisations
-from .residence import residence_table
+from .residence import residence_times
 from .solved_air import SolvedAir
 
 if TYPE_CHECKING:
@@ -54,7 +56,7 @@ class SpanAir(SolvedAir):
 
         def work(part: Path) -> None:
             self.cache.tell("field", "reading the layers of the airflow")
-            save_layers(self.case, part, self.flow_spec, self.make_table())
+            save_layers(self.case, part, self.flow_spec, known(self.measured.span).flown)
 
         return key, self.cache.make("field", key, work)
 
@@ -69,7 +71,7 @@ class SpanAir(SolvedAir):
         """The layers that are flown in, each read when it is."""
         from .span_field import layer_field
 
-        folder, count = self.layers[1], len(self.make_table()["span"]["flown"])
+        folder, count = self.layers[1], len(known(self.measured.span).flown)
         others = tuple(partial(layer_field, folder, number) for number in range(1, count))
         return Realisations(layer_field(folder, 0), others, self.cycles)
 
@@ -79,14 +81,14 @@ class SpanAir(SolvedAir):
 
         Layers of one run shed together, so that they are no further samples of that.
         """
-        table = self.make_table()
-        number = 1.0 / CONVECTIVE_PERIOD if table["strouhal"] is None else table["strouhal"]["value"]
-        sheddings = table["period"] / self.flow_spec.convective_time * number
-        return max(1, int(sheddings / len(table["span"]["flown"])))
+        found = self.measured
+        number = 1.0 / CONVECTIVE_PERIOD if found.strouhal is None else found.strouhal.value
+        sheddings = known(found.period) / self.flow_spec.convective_time * number
+        return max(1, int(sheddings / len(known(found.span).flown)))
 
     @cached_property
-    def residence(self) -> dict[str, Any]:
-        return residence_table(self.scene, self.cache, {"answer": (self.layers[0], self.realisations)})
+    def residence(self) -> ResidenceTimes:
+        return residence_times(self.scene, self.cache, {"answer": (self.layers[0], self.realisations)})
 
     @property
     def model_is_unknown(self) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ..field import FlowField
 from ..field.cross_fade import cross_faded
@@ -20,12 +20,12 @@ def layer_file(folder: Path, number: int) -> Path:
     return folder / f"layer-{number}.npz"
 
 
-def save_layers(case: Path, folder: Path, spec: FlowSpec, table: dict[str, Any]) -> None:
-    """Write the periodic fields of the layers that the airflow's ``table`` names into ``folder``, one at a time."""
+def save_layers(case: Path, folder: Path, spec: FlowSpec, flown: Sequence[int]) -> None:
+    """Write the periodic fields of the layers that are ``flown`` into ``folder``, one at a time."""
     record = SpanRecord(case, CaseFields(case))
     assert spec.span is not None
     begin = spec.span.start_up * spec.convective_time
-    for number, layer in enumerate(table["span"]["flown"]):
+    for number, layer in enumerate(flown):
         (arrays,) = read_layers(record, [layer], begin, spec.density)
         field = FlowField.from_arrays(**arrays)
         assert field.times is not None

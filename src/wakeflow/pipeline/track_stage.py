@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .realisations import Realisations
     from .tracks import Flight
 
-__all__ = ["Companion", "TrackStage"]
+__all__ = ["Companion", "TrackStage", "unweighed"]
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,15 @@ class Companion:
     loaded: bool = True
 
 
+def unweighed(scene: Scene) -> dict[str, Any]:
+    """The tables of a scene without what moves no granule: mass shares, targets, the feed's rate, pictures."""
+    tables: dict[str, Any] = scene.model_dump(mode="json", by_alias=True)
+    for fraction in tables["fraction"].values():
+        del fraction["mass_share"], fraction["target"]
+    del tables["feed"]["rate"], tables["feed"]["depth"], tables["picture"]
+    return tables
+
+
 @dataclass
 class TrackStage:
     """The tracks of one scene under one plan through one airflow."""
@@ -53,14 +62,10 @@ class TrackStage:
 
     @cached_property
     def key(self) -> str:
-        """Everything the tracks depend on; mass shares, targets and the feed rate do not touch them."""
-        tables = self.scene.model_dump(mode="json", by_alias=True)
-        for fraction in tables["fraction"].values():
-            del fraction["mass_share"], fraction["target"]
-        for name in ("rate", "depth"):
-            del tables["feed"][name]
-        del tables["numerics"], tables["picture"], tables["funnel"], tables["collisions"]
-        del tables["force"], tables["uncertainty"]
+        """Everything the tracks depend on."""
+        tables = unweighed(self.scene)
+        for name in ("numerics", "funnel", "collisions", "force", "uncertainty"):
+            del tables[name]
         upstream = None if self.air.field is None else self.air.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
@@ -85,13 +90,7 @@ class TrackStage:
         airs = self.realised(change)
         flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
         self.finish_compiling(change.name, key)
-        drawn = companion is None
-        if self.cache.crew == 1:
-            folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=drawn))
-        else:
-            pieces = [piece for name in self.scene.fraction for piece in flight.pieces(name)]
-            works = {str(piece): partial(flight.keep_piece, piece, drawn=drawn) for piece in pieces}
-            folder = self.cache.make_together(change.name, key, works, partial(flight.join, drawn=drawn))
+        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=companion is None))
         return load_tracked(folder, self.scene)
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:

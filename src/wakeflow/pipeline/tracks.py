@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,33 +25,16 @@ from ..planning.variation import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Granules, Tracks
-from .drawn import load_drawn_tracks, paths_of, save_drawn_tracks
+from .drawn import paths_of, save_drawn_tracks
 from .realisations import Realisations
 
-__all__ = ["Flight", "FlightPiece", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
+__all__ = ["Flight", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
 HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
-
-
-Flown = tuple[dict[str, Any], list[dict[str, Array]]]  # columns of landings, and tracks for pictures
-
-
-class FlightPiece(NamedTuple):
-    """What is flown at a time of a ``fraction``: ``replicates`` in one ``realisation`` of the airflow, after so many
-    granules that are ``before`` them.
-    """
-
-    fraction: str
-    realisation: int
-    replicates: range
-    before: int
-
-    def __str__(self) -> str:
-        return f"{self.fraction} {self.replicates}"
 
 
 @dataclass(frozen=True)
@@ -70,44 +52,35 @@ class Flight:
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
-        """Fly every fraction and keep its landings in ``folder``; fractions that are there already are left alone."""
+        """Fly every fraction and keep its landings in ``folder``, in the order of the replicates, and the tracks for
+        pictures; fractions that are there already are left alone.
+        """
         for name in self.scene.fraction:
-            if not (folder / f"{name}.npz").exists():
-                self._keep(name, folder, self._fly_pieces(self.pieces(name), drawn=drawn), drawn=drawn)
+            if (folder / f"{name}.npz").exists():
+                continue
+            parts, shown = [], []
+            for part, paths in self._fly_parts(name, drawn=drawn):
+                parts.append(part)
+                shown += paths
+            if drawn:
+                save_drawn_tracks(folder / f"{name}.drawn.npz", shown)
+            columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
+            order = np.argsort(columns["replicate"], kind="stable")
+            with atomic_write(folder / f"{name}.npz", "wb") as stream:
+                np.savez(stream, **{key: values[order] for key, values in columns.items()})
 
-    def keep_piece(self, piece: FlightPiece, folder: Path, *, drawn: bool) -> None:
-        """Fly one piece and keep it in ``folder``, for :meth:`join`."""
-        ((columns, paths),) = self._fly_pieces([piece], drawn=drawn)
-        if paths:
-            save_drawn_tracks(folder / "drawn.npz", paths)
-        with atomic_write(folder / "landings.npz", "wb") as stream:
-            np.savez(stream, **columns)
-
-    def join(self, kept: Mapping[str, Path], folder: Path, *, drawn: bool) -> None:
-        """What :meth:`fly_all` leaves in ``folder``, of the folders of all pieces by their names."""
-        for name in self.scene.fraction:
-            self._keep(name, folder, (_kept_piece(kept[str(piece)]) for piece in self.pieces(name)), drawn=drawn)
-
-    def pieces(self, name: str) -> list[FlightPiece]:
-        """What is flown of a fraction at a time: one realisation of the airflow after the other, and whole replicates,
-        so that memory grows neither with the number of fields nor with that of granules.
+    def _fly_parts(self, name: str, *, drawn: bool) -> Iterator[tuple[dict[str, Any], list[dict[str, Array]]]]:
+        """Columns of landings of a fraction, and tracks for pictures: of one realisation of the airflow after the
+        other, and of whole replicates, so that memory grows neither with the number of fields nor with that of
+        granules.
         """
         airs, size = len(self.airs), replicate_size(self.scene.feed.count)
-        step, found, done = max(1, AT_ONCE // size), [], 0
-        for number in range(min(airs, self.replicates)):
-            own = range(number, self.replicates, airs)
-            for replicates in (own[i : i + step] for i in range(0, len(own), step)):
-                found.append(FlightPiece(name, number, replicates, done))
-                done += size * len(replicates)
-        return found
-
-    def _fly_pieces(self, pieces: Sequence[FlightPiece], *, drawn: bool) -> Iterator[Flown]:
-        count = self.replicates * replicate_size(self.scene.feed.count)
+        step, done, count = max(1, AT_ONCE // size), 0, self.replicates * size
         chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
-        for number, own in groupby(pieces, lambda piece: piece.realisation):
+        for number in range(min(airs, self.replicates)):
             flight = replace(self, airs=Realisations(self.airs.make(number)))
-            images = flight._images()
-            for name, _, replicates, done in own:
+            images, own = flight._images(), range(number, self.replicates, airs)
+            for replicates in (own[i : i + step] for i in range(0, len(own), step)):
                 self.tell(f"{name}: injecting {done} of {count}")
                 feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates)
                 paths = flight._drawn(name, feed, chosen, replicates)
@@ -116,19 +89,7 @@ class Flight:
                 tracks = replace(flight, tell=tell)._fly_ensemble(name, feed, images, replicates)
                 cycle = self.airs.cycle_of(feed.granules.time)
                 yield landing_columns(feed, tracks, len(self.scene.bin), number, cycle), paths
-
-    def _keep(self, name: str, folder: Path, flown: Iterable[Flown], *, drawn: bool) -> None:
-        """Keep the landings of a fraction, in the order of the replicates, and the tracks for pictures."""
-        parts, shown = [], []
-        for part, paths in flown:
-            parts.append(part)
-            shown += paths
-        if drawn:
-            save_drawn_tracks(folder / f"{name}.drawn.npz", shown)
-        columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
-        order = np.argsort(columns["replicate"], kind="stable")
-        with atomic_write(folder / f"{name}.npz", "wb") as stream:
-            np.savez(stream, **{key: values[order] for key, values in columns.items()})
+                done += size * len(replicates)
 
     def _drawn(self, name: str, feed: Feedstock, chosen: NDArray[Any], replicates: range) -> list[dict[str, Array]]:
         """Tracks for pictures of those of the ``chosen`` granules, numbered through all replicates, that are here."""
@@ -338,10 +299,3 @@ def landing_columns(
         "cycle": np.zeros(len(feed.replicate), dtype=np.uint16) if cycle is None else cycle,
         "drag": feed.granules.drag_scale.astype(np.float32),
     }
-
-
-def _kept_piece(folder: Path) -> Flown:
-    """What :meth:`Flight.keep_piece` left."""
-    drawn = folder / "drawn.npz"
-    with np.load(folder / "landings.npz") as data:
-        return {key: data[key] for key in data.files}, load_drawn_tracks(drawn) if drawn.exists() else []

@@ -16,6 +16,7 @@ from typing import Literal
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.graded import Notice, information, less_sure
+from ..core.record import column
 from ..laws.best_estimate import WakeEstimate
 from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
@@ -55,33 +56,34 @@ LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
 
 @dataclass(frozen=True)
 class AirflowPlan:
-    """How the airflow is computed: ``rung``, ``why`` it was chosen, how it steps, its turbulence model.
-
-    ``symmetric``: the geometry is its own mirror image about x = 0; ``half``: only half of the channel is solved, the
-    other half is its mirror image. ``scales``: cell edges over the rung's own, one a grid, the first is the answer's.
-    ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency at which a
-    time-resolved run may end. ``moving``: the mesh vibrates with the bodies; else the air sees them at rest.
-    ``loaded``: the granules' force on the air is given to it, see ``pipeline.air_loading``.
-    ``brackets``: steady and time-resolved solutions are two ends between which the truth lies, and both are flown in.
-    ``wake``: how much of each end the answer is flown in, None where it is the time-resolved one or no end at all.
-    ``span``: the third dimension, where it is resolved.
+    """How the airflow is computed.
 
     This class plans an airflow that is known without a solver; each other kind of airflow has a class of its own.
     """
 
-    rung: str  # one of ``scene.rungs.rungs``, or what stands in its place: analytic (nothing stands in the air), given
-    why: str
-    stepping: Stepping | None
-    turbulence: str | None  # one of laws.turbulence_models, "decaying" (analytic air), "given" (a case of the user's)
-    symmetric: bool
-    half: bool
-    scales: tuple[float, ...] = (1.0,)
-    brackets: bool = False
-    moving: bool = False
-    loaded: bool = False
-    accuracy: float = 0.02
-    wake: WakeEstimate | None = None
-    span: Span | None = None
+    rung: str = column("", "none, analytic, draft, standard, reference, 3d or given")
+    why: str = column("", "why this rung")
+    stepping: Stepping | None = column("", "steady or time-resolved; null without a solver")
+    turbulence: str | None = column("", "turbulence model, decaying in air past no body, given in a case of the user's")
+    symmetric: bool = column("", "whether the geometry is its own mirror image about x = 0")
+    half: bool = column("", "whether only half of the channel is solved, the other being its mirror image")
+    scales: tuple[float, ...] = column(
+        "1", "cell edges over the rung's own, one a grid, the answer's first", default=(1.0,)
+    )
+    brackets: bool = column(
+        "", "whether steady and time-resolved wake bracket the truth, and both are flown in", default=False
+    )
+    moving: bool = column("", "whether the mesh vibrates with the body; else the air sees it at rest", default=False)
+    loaded: bool = column("", "whether the air feels the granules", default=False)
+    accuracy: float = column(
+        "1", "relative half width of the intervals of drag, base pressure and shedding at which a time-resolved run "
+        "may end", default=0.02,
+    )  # fmt: skip
+    wake: WakeEstimate | None = column(
+        "", "how much of the time-resolved wake the answer is flown in; null where it is that wake or no end",
+        default=None,
+    )  # fmt: skip
+    span: Span | None = column("", "the third dimension; null where the airflow is plane", default=None)
 
     @property
     def turbulent(self) -> bool:

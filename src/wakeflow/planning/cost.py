@@ -16,7 +16,7 @@ from .airflow import AirflowPlan
 from .airflow_cost import solver_seconds, span_cost, typical_cells
 from .crowd import CrowdPlan
 from .flights_again import times_again
-from .plan import AT_ONCE, COMPARED, DRAWS, GATHERED, REPLICATES, FractionPlan, StageCost, replicate_size
+from .plan import AT_ONCE, COMPARED, DRAWS, GATHERED, REPLICATES, CostEstimate, FractionPlan, StageCost, replicate_size
 
 __all__ = ["AirflowCost", "airflow_cost", "estimate_cost", "expected_stages", "wall_seconds"]
 
@@ -60,16 +60,16 @@ def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
 
 def estimate_cost(
     scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], stages: Sequence[StageCost]
-) -> dict[str, float]:
-    """``seconds``, ``memory`` and ``disk`` (bytes) of a run of these ``stages``."""
+) -> CostEstimate:
+    """What a run of these ``stages`` costs."""
     count = _fed(scene)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
     air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
-    return {
-        "seconds": wall_seconds(stages),
-        "memory": max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
-        "disk": FILES + air.disk + BYTES_STORED * count * len(fractions),
-    }
+    return CostEstimate(
+        seconds=wall_seconds(stages),
+        memory=max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
+        disk=FILES + air.disk + BYTES_STORED * count * len(fractions),
+    )
 
 
 def wall_seconds(stages: Sequence[StageCost], cores: int = 2) -> float:

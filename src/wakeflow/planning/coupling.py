@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.graded import Notice, less_sure, void
+from ..core.number import Most
+from ..core.record import column
 from ..laws.collision import impact
 from ..laws.constants import GRAVITY
 from ..laws.forces import FlightScales
@@ -39,16 +41,14 @@ ELGHOBASHI = "Elghobashi 1994, Appl. Sci. Res. 52, 309"
 
 @dataclass(frozen=True)
 class Limit:
-    """A number ``value`` that tells whether ``about`` holds; it does up to ``limit`` (None: a scale, no limit), which a
-    feed of ``feed_rate`` (kg/h) reaches; ``why`` says what the number is.
-    """
+    """A number that grows with the feed rate, and up to where what it stands for holds."""
 
-    name: str
-    about: str
-    value: float
-    limit: float | None
-    feed_rate: float | None
-    why: str
+    name: str = column("", "name of the number")
+    about: str = column("", "what it stands for")
+    value: Most = column("1", "the number; null where it has no bound")
+    limit: float | None = column("1", "up to where it holds; null for a scale without limit")
+    feed_rate: Most | None = column("kg/h", "feed that reaches the limit")
+    why: str = column("", "what the number is, with its source")
 
     @property
     def holds(self) -> bool:

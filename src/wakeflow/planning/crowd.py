@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.quantities import metres
+from ..core.record import column
 from ..laws.constants import GRAVITY
 from ..laws.drag import slip_correction
 from ..scene import Fraction, Scene
@@ -45,21 +46,21 @@ NO_RATE = "the scene gives no feed.rate; give one, or --force collisions=on take
 
 @dataclass(frozen=True)
 class CrowdPlan:
-    """The slab: ``depth`` (m); the share of each fraction's mass, its finest granules, that fly as ``tracers``; how
-    many of the others are ``in_flight`` at a time; ``replicates``, each of ``operation`` (s) that is counted after a
-    ``start_up`` (s), and fed for as long again until the last that counts has landed; ``count`` of tracers of a
-    fraction over all replicates; what it costs in ``seconds`` and ``memory`` (bytes).
+    """The slab in which granules meet. Each replicate is fed for as long again as it counts, until the last granule
+    that counts has landed.
     """
 
-    depth: float
-    tracers: Mapping[str, float]
-    in_flight: Mapping[str, float]
-    replicates: int
-    start_up: float
-    operation: float
-    count: int
-    seconds: float
-    memory: float
+    depth: float = column("m", "of the slab across the picture, periodic")
+    tracers: Mapping[str, float] = column(
+        "1", "share of each fraction's mass, its finest granules, that fly as tracers"
+    )
+    in_flight: Mapping[str, float] = column("1", "granules of each fraction that are simulated one by one, at a time")
+    replicates: int = column("1", "independent runs of the slab")
+    start_up: float = column("s", "of each, estimated; dropped")
+    operation: float = column("s", "of each, that counts; at least")
+    count: int = column("1", "tracers of a fraction that count, over all replicates")
+    seconds: float = column("s", "run time expected, on two cores")
+    memory: float = column("bytes", "memory expected")
 
 
 def why_no_crowd(scene: Scene, *, asked: bool = False) -> str | None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.lazy import cached_property
+from ..core.record import column
 from ..laws.collision import approach_speed, collide
 from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxation_time, slip_correction
@@ -40,17 +41,13 @@ WITHIN = 0.95  # share of the mass whose landings the stated shift holds for
 
 @dataclass(frozen=True)
 class Deflection:
-    """A fraction before the body. ``efficiency``: what it meets of what it would meet falling straight, by mass;
-    ``missed``: share of its mass that would fall on the body and is carried round it; ``shift`` (body widths): 95 % of
-    those that meet it land within that of where they would falling straight. ``reach`` (m) off the axis, of each of the
-    ``diameters`` (m): within it granules meet the body.
-    """
+    """What the air does to a fraction before the first body."""
 
-    efficiency: float
-    missed: float
-    shift: float
-    diameters: tuple[float, ...]
-    reach: tuple[float, ...]
+    efficiency: float = column("1", "mass that meets the body over mass that would, falling straight")
+    missed: float = column("1", "share of the mass that would fall on the body and is carried round it")
+    shift: float = column("body widths", "95 % of those that meet it land within that of where they would otherwise")
+    diameters: tuple[float, ...] = column("m", "sizes for which reach is given")
+    reach: tuple[float, ...] = column("m", "how far off the axis granules of each size still meet the body")
 
     @property
     def straight(self) -> bool:

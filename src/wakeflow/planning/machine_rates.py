@@ -14,9 +14,8 @@ from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 
-import wakeflow
-
 from ..core.files import write_json
+from ..core.sources import PACKAGE
 from .plan import Plan, StageCost
 
 __all__ = ["COMPILE", "kind_of_work", "learn", "on_this_machine"]
@@ -87,8 +86,7 @@ def _compiled(root: Path) -> bool:
     numba's own cache knows it for certain, but not at once.
     """
     made = [path.stat().st_mtime for path in (root / "numba").glob("*/*")]
-    source = Path(wakeflow.__file__).parent
-    changed = [path.stat().st_mtime for part in ("tracking", "laws") for path in (source / part).rglob("*.py")]
+    changed = [path.stat().st_mtime for part in ("tracking", "laws") for path in (PACKAGE / part).rglob("*.py")]
     return bool(made) and max(made) > max(changed)
 
 

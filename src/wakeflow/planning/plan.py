@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from html import escape
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 from ..core.graded import Notice
+from ..core.number import Most
+from ..core.record import column, to_json
 from .airflow import AirflowPlan
 from .bounds import COLLISIONS
 from .coupling import Limit
@@ -39,38 +40,44 @@ GATHERED = 2048  # granules of a fraction whose force on the air is gathered. Ch
 SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 
 
-class _Sendable:
-    """A dataclass whose read-only mappings, which pickle refuses, are sent to another process as plain ones."""
+@dataclass(frozen=True)
+class CostEstimate:
+    """What the run was expected to cost; good to a factor of two."""
 
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        values = (getattr(self, one.name) for one in fields(self))  # type: ignore[arg-type]
-        return type(self), tuple(dict(one) if isinstance(one, MappingProxyType) else one for one in values)
+    seconds: float = column("s", "run time")
+    memory: float = column("bytes", "memory")
+    disk: float = column("bytes", "disk")
+
+    def __getitem__(self, name: str) -> float:
+        """As ``plan.estimate["seconds"]``."""
+        found: float = getattr(self, name)
+        return found
 
 
 @dataclass(frozen=True)
-class FractionPlan(_Sendable):
-    """How one fraction is computed, and the scales that decide it (SI units, of the median size)."""
+class FractionPlan:
+    """How one fraction is computed, and the scales that decide it, of the median size."""
 
-    mode: str  # injected | resolved
-    drag: str  # name of the drag law
-    drag_scale: float  # factor on the law that gives the measured terminal velocity; 1 without one. A granule's own
-    # slip correction divides it
-    terminal_velocity: float | None  # m/s in the scene's air, of the median; None in a vacuum
-    relaxation_time: float  # s, at the speed relative to the air on arrival; inf in a vacuum
-    stokes: float  # approach Stokes number: relaxation time x arrival speed / half width; inf without a body or air
-    arrival_speed: float  # m/s at the top of the body, drag included; negative where the air carries it up
-    impaction: Deflection | None = None  # what the air does before the body; None in a vacuum and in upward air
-    forces: tuple[str, ...] = ()  # the terms it is flown with
-    bounds: Mapping[str, float] = field(default_factory=dict)  # body widths each term could move it by
-    limit: float | None = None  # body widths: what a term must be able to move to be used
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "bounds", MappingProxyType(dict(self.bounds)))
+    mode: str = column("", "injected or resolved")
+    drag: str = column("", "name of the drag law")
+    drag_scale: float = column(
+        "1", "factor on the law that gives the measured terminal velocity; a granule's own slip correction divides it"
+    )
+    terminal_velocity: float | None = column("m/s", "in the scene's air; null in a vacuum")
+    relaxation_time: Most = column("s", "at the speed relative to the air on arrival; null in a vacuum")
+    stokes: Most = column(
+        "1", "approach Stokes number, relaxation time x arrival speed / half width; null without a body or air"
+    )
+    arrival_speed: float = column("m/s", "at the top of the body, drag included; negative where carried up")
+    impaction: Deflection | None = column("", "null in a vacuum and in upward air", default=None)
+    forces: tuple[str, ...] = column("", "the terms that it is flown with", default=())
+    bounds: Mapping[str, Most] = column("as plan.unit", "how far each term could move it", default=dict)
+    limit: float | None = column("as plan.unit", "how far a term must be able to move it to be used", default=None)
 
     @property
     def tracked(self) -> dict[str, Any]:
         """What its tracks depend on: everything but the bounds that chose the forces."""
-        table = {key: value for key, value in _table(self).items() if key not in ("bounds", "limit", "impaction")}
+        table = {key: value for key, value in vars(self).items() if key not in ("bounds", "limit", "impaction")}
         if self.mode == "injected" and self.impaction is not None:
             table["reach"] = self.impaction.diameters, self.impaction.reach
         return table
@@ -83,16 +90,14 @@ def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]
 
 @dataclass(frozen=True)
 class StageCost:
-    """What a stage is expected to take: its ``name`` as a run's listener hears it, ``seconds`` each of the ``times``
-    that it is done, and ``when``: first, in the answer's own airflow, beside that on another core, or after it.
-    """
+    """What a stage is expected to take."""
 
     ORDER: ClassVar[tuple[str, ...]] = ("first", "answer", "beside", "after")
 
-    name: str
-    seconds: float
-    when: str
-    times: int = 1
+    name: str = column("", "of the stage, as in the table seconds")
+    seconds: float = column("s", "run time, each time")
+    when: str = column("", "first, in the answer's own airflow (answer), beside that on another core, or after it")
+    times: int = column("1", "how often", default=1)
 
     @property
     def whole(self) -> float:
@@ -101,26 +106,22 @@ class StageCost:
 
 
 @dataclass(frozen=True)
-class Plan(_Sendable):
-    """What will be computed and what will not: complete when it is made, and not changed afterwards."""
+class Plan:
+    """What is computed and what is not: complete when it is made, and not changed afterwards."""
 
-    airflow: AirflowPlan
-    target_error: float  # of a bin's share: what the bounds were compared with
-    force: Mapping[str, bool]  # terms switched by hand
-    fractions: Mapping[str, FractionPlan]
-    used: tuple[str, ...]  # what is computed, in words
-    left_out: tuple[LeftOut, ...]
-    estimate: Mapping[str, float]  # seconds, memory (bytes), disk (bytes)
-    stages: tuple[StageCost, ...] = ()  # what is done, in order, and what it is expected to take
-    notices: tuple[Notice, ...] = ()  # what a user must know before the run, the gravest first
-    flown_by: str = "tracker"  # tracker | chain (rung none of a scene with air: impacts and parabolas in closed form)
-    validity: tuple[Limit, ...] = ()  # what the feed rate strains, and from which rate on
-    unit: str = "body widths"  # of lengths; channel widths where nothing stands
-    crowd: CrowdPlan | None = None  # the slab in which granules meet; None: each flies alone
-
-    def __post_init__(self) -> None:
-        for name in ("force", "fractions", "estimate"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+    airflow: AirflowPlan = column("", "how the airflow is computed")
+    target_error: float = column("1", "error of a share that the bounds were compared with")
+    force: Mapping[str, bool] = column("", "terms switched by hand")
+    fractions: Mapping[str, FractionPlan] = column("", "every fraction")
+    used: tuple[str, ...] = column("", "what is used, in words")
+    left_out: tuple[LeftOut, ...] = column("", "what is left out")
+    estimate: CostEstimate = column("", "expected cost")
+    stages: tuple[StageCost, ...] = column("", "what was to be done, in order", default=())
+    notices: tuple[Notice, ...] = column("", "what a user must know before the run, the gravest first", default=())
+    flown_by: str = column("", "tracker, or chain: impacts and parabolas in closed form", default="tracker")
+    validity: tuple[Limit, ...] = column("", "what the feed rate strains, and from which rate on", default=())
+    unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")
+    crowd: CrowdPlan | None = column("", "the slab in which granules meet; null where each flies alone", default=None)
 
     def __repr__(self) -> str:
         """What is flown how, and how much there is to read."""
@@ -162,24 +163,8 @@ class Plan(_Sendable):
 
     def summary(self) -> dict[str, Any]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
-        table = _table(self)
-        table = {**table.pop("airflow"), **table}
-        del table["notices"]
-        table |= {"warnings": list(self.warnings), "grades": [notice.grade.value for notice in self.notices]}
-        for row in [*table["fractions"].values(), *table["validity"]]:
-            row.update({key: None for key, value in row.items() if isinstance(value, float) and math.isinf(value)})
+        table: dict[str, Any] = to_json(self)
         return table
-
-
-def _table(value: Any) -> Any:
-    """Records and mappings as plain dictionaries, sequences as lists, through all levels."""
-    if is_dataclass(value):
-        return {part.name: _table(getattr(value, part.name)) for part in fields(value)}
-    if isinstance(value, Mapping):
-        return {key: _table(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_table(part) for part in value]
-    return value
 
 
 def replicate_size(count: int) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..core.errors import SceneError
+from ..core.record import column
 from ..laws.turbulence_models import model_at
 from ..scene import Scene
 
@@ -27,13 +28,11 @@ LAYERS_A_WIDTH, LEAST_LAYERS = 8, 4
 
 @dataclass(frozen=True)
 class Span:
-    """The periodic span of an airflow in three dimensions: ``depth`` in body widths, ``layers`` of cells over it, and
-    how many ``sheddings`` are recorded after the start-up.
-    """
+    """The third dimension of an airflow, where it is resolved: its periodic span."""
 
-    depth: float
-    layers: int
-    sheddings: float
+    depth: float = column("body widths", "length of the periodic span")
+    layers: int = column("1", "layers of cells over it")
+    sheddings: float = column("1", "usual sheddings recorded after the start-up")
 
     @property
     def start_up(self) -> float:

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
+from ..core.number import Most
+from ..core.record import column
 from ..core.registry import did_you_mean
 from ..laws.forces import FlightScales, forces
 from ..laws.turbulence_models import has_no_turbulence
@@ -43,15 +45,14 @@ TOP = 1e-9  # body widths below the highest corner: corners within it make up th
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A part of the physics that is not computed, for a ``fraction`` or (None) for all: the ``bound`` on what it would
-    move (body widths; None: it moves nothing by a length) and ``why`` it is left out. What is no term of the equation
-    of motion stands as it is here: the air as a whole, or the turning of granules before they are injected.
+    """A part of the physics that is not computed. What is no term of the equation of motion is one of these itself: the
+    air as a whole, or the turning of granules before they are injected.
     """
 
-    name: str
-    bound: float | None
-    why: str
-    fraction: str | None = None
+    name: str = column("", "name of the term")
+    bound: Most | None = column("as plan.unit", "how far it could move a granule; null where that is no shift")
+    why: str = column("", "why it is left out")
+    fraction: str | None = column("", "for which fraction; null for all", default=None)
 
 
 @dataclass(frozen=True)

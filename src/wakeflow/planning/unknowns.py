@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.number import Number
 from ..core.quantities import split_quantity
 from ..core.registry import Registry
-from ..laws.best_estimate import Estimate
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
 from ..laws.material import materials
@@ -281,7 +281,7 @@ def _wake_number(name: str) -> Callable[..., Iterator[Unknown]]:
         airflow: AirflowPlan = plan.airflow
         if airflow.wake is None or not airflow.brackets:
             return
-        own: Estimate = getattr(airflow.wake, name)
+        own: Number = getattr(airflow.wake, name)
         key = f"wake.{name}"
         low, high, why = own.value - own.low, own.high - own.value, "measured wakes (laws/wakes.toml)"
         if key in scene.uncertainty:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from .outcome import Landed, Outcome
 
 if TYPE_CHECKING:
-    from ..results.funnel_summary import FunnelSummary
+    from ..funnel.delivered import FunnelSummary
     from ..results.result import PictureSummary
 
 __all__ = [

@@ -394,7 +394,7 @@ def spots_of(found: Iterable[TableQuantity | None], scale: float) -> Array:
     """Values of quantities and how far their intervals reach below and above (3, n); nan where there is no quantity,
     zero where no interval is known.
     """
-    rows = [(np.nan,) * 3 if one is None else (one.value, one.low, one.high) for one in found]
+    rows = [(np.nan,) * 3 if one is None else (one.value, *one.ends) for one in found]
     value, *ends = np.array(rows, dtype=float).reshape(-1, 3).T  # unknown ends are nan
     gaps = (value - ends[0], ends[1] - value)
     below, above = (np.where(np.isnan(gap), value - value, np.maximum(gap, 0.0)) for gap in gaps)

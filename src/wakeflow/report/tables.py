@@ -10,14 +10,14 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from ..core.number import Number
 from ..core.tables import Cell, CellTable
-from ..results.measured import Measured, Share
 from ..results.table import DONE
 from .many import main_quantities
 from .words import NO_VALUE, expected, holds, percent
 
 if TYPE_CHECKING:
-    from ..results.impact_summary import ImpactForces, ImpactSummary
+    from ..injection.impact_loads import ImpactForces, ImpactSummary
     from ..results.landing_results import BudgetRow, Separation
     from ..results.result import Result
     from ..results.table import ResultTable
@@ -58,9 +58,9 @@ def separation_cells(result: Result, separation: Separation) -> CellTable:
     return CellTable(SEPARATION_COLUMNS, rows)
 
 
-def _ends(number: Measured | Share | None) -> list[float | None]:
+def _ends(number: Number | None) -> list[float | None]:
     """A number and its interval in percent."""
-    return [None] * 3 if number is None else [_percent(one) for one in (number.value, number.low, number.high)]
+    return [None] * 3 if number is None else [_percent(one) for one in (number.value, *number.ends)]
 
 
 def _percent(number: float | None) -> float | None:
@@ -86,8 +86,8 @@ def impact_cells(impact: ImpactSummary | None) -> CellTable:
         whole = len(impact.slopes) > SLOPES
         for name, fraction in impact.fractions.items():
             streams = {ALL: fraction.total} if whole else fraction.slopes
-            rows += [_impact(name, slope, one.fall_speed, one.forces) for slope, one in streams.items()]
-        slopes = {ALL: impact.total} if whole else {slope: found.forces for slope, found in impact.slopes.items()}
+            rows += [_impact(name, slope, one.fall_speed, one) for slope, one in streams.items()]
+        slopes = {ALL: impact.total} if whole else impact.slopes
         rows += [_impact(ALL, slope, None, forces) for slope, forces in slopes.items()]
     return CellTable(IMPACT_COLUMNS, [row for row in rows if row[IMPACT_COLUMNS.index("mass flow (kg/h)")]])
 

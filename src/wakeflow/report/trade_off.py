@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.number import Number
 from ..core.tables import CellTable
 from ..results.dividers import Dividers
-from ..results.measured import Measured
 from .canvas import new_figure, save
 from .colours import COLOURS
 
@@ -41,11 +41,11 @@ def write_dividers(path: Path, found: Sequence[Dividers]) -> None:
     CellTable(HEADS, rows).write_csv(path, 6)
 
 
-def _both(one: Dividers) -> tuple[Measured, Measured]:
+def _both(one: Dividers) -> tuple[Number, Number]:
     return one.purity, one.recovery
 
 
-def _numbers(found: Measured) -> tuple[float, float, float]:
+def _numbers(found: Number) -> tuple[float, float, float]:
     """Percent, nan where unknown."""
-    value, low, high = (np.nan if one is None else 100.0 * one for one in (found.value, found.low, found.high))
+    value, low, high = (100.0 * one if np.isfinite(one) else np.nan for one in found)
     return value, low, high

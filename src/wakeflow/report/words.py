@@ -8,13 +8,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..core.graded import Grade
+from ..core.number import Number
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
-from ..results.measured import Measured, Share
 from ..results.total import REMEDIES
 
 if TYPE_CHECKING:
     from ..results.difference import Difference
-    from ..results.quantities import TableQuantity
     from ..results.result import Result
 
 NO_VALUE = "–"
@@ -28,16 +27,16 @@ ROUGH = 0.1  # an error of a share from which percentage points are written with
 ROUGH_POINTS = 100.0 * ROUGH
 
 
-def percent(number: Measured | Share | TableQuantity | None) -> str:
+def percent(number: Number | None) -> str:
     """``"62.1 ± 0.8"`` from a measured number in 0..1: percent and half its 95 % interval, or its two arms where they
     differ, ``"98.2 -3.1 +0.9"``; a dash for none.
 
     The number of decimals follows the shorter arm, so that it never shows as zero unless it is: two figures from ten
     points on.
     """
-    if number is None or number.value is None:
+    if number is None or not math.isfinite(number.value):
         return NO_VALUE
-    if number.low is None or number.high is None:
+    if not number.known:
         return f"{100 * number.value:.1f}"
     below, above = 100.0 * (number.value - number.low), 100.0 * (number.high - number.value)
     half, shorter = 0.5 * (below + above), min(below, above)
@@ -69,9 +68,9 @@ def holds(result: Result) -> str:
     )
 
 
-def change_of(before: Measured | Share | None, after: Measured | Share | None) -> str:
+def change_of(before: Number | None, after: Number | None) -> str:
     """``"-17.2"``: what a share in 0..1 changes by, in percentage points; a dash where either is not known."""
-    if before is None or after is None or before.value is None or after.value is None:
+    if before is None or after is None:
         return NO_VALUE
     return f"{100.0 * (after.value - before.value):+.1f}"
 
@@ -82,17 +81,17 @@ def difference_text(one: Difference) -> str:
     """
     share = one.unit == "1" and not one.quantity.startswith("airflow.")
     scale, unit = (100.0, "points") if share else (1.0, "" if one.unit == "1" else one.unit)
-    ends = "" if one.low is None or one.high is None else f" [{scale * one.low:+.3g}, {scale * one.high:+.3g}]"
+    ends = f" [{scale * one.low:+.3g}, {scale * one.high:+.3g}]" if one.known else ""
     return f"{scale * one.value:+.3g} {unit}".rstrip() + ends
 
 
-def expected(result: Result, place: str) -> list[tuple[str, Measured]]:
+def expected(result: Result, place: str) -> list[tuple[str, Number]]:
     """Whose purity matters in a bin: the fractions that have it as target, else the one that makes up most of it."""
     purity = None if result.landings is None else result.landings.separation.purity.get(place)
     if not purity:
         return []
     wanted = [(name, found) for name, found in purity.items() if place in result.targets(name)]
-    return wanted or [max(purity.items(), key=lambda item: item[1].value or 0.0)]
+    return wanted or [max(purity.items(), key=lambda item: item[1].value)]
 
 
 def condensed(budget: Sequence[BudgetRow]) -> list[BudgetRow]:

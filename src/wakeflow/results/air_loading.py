@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..core.record import from_json
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
-from .airflow_summary import AirLoadingSummary
 from .companions import Shares, shares_of
 from .landing_results import LoadingEffect
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
-__all__ = ["Unloaded", "fly_unloaded", "loading_of"]
+__all__ = ["Unloaded", "fly_unloaded"]
 
 UNLOADED = Companion("unloaded", loaded=False)
 
@@ -38,13 +36,6 @@ class Unloaded:
     def effects(self, bins: Sequence[str]) -> dict[str, dict[str, LoadingEffect]]:
         """Of every fraction in every bin, elsewhere included, by their names in order."""
         return {name: {bin_: self.effect(name, i) for i, bin_ in enumerate(bins)} for name in self.loaded}
-
-
-def loading_of(pipeline: Pipeline) -> AirLoadingSummary | None:
-    """What the granules' force made of the steady airflow; None where the air does not feel them."""
-    if pipeline.loading is None:
-        return None
-    return from_json(AirLoadingSummary, pipeline.loading.table, "loading")
 
 
 def fly_unloaded(pipeline: Pipeline, tracked: Tracked) -> Unloaded | None:

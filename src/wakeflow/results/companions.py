@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.record import from_json, to_json
+from ..core.errors import known
+from ..pipeline.airflow import Airflow, GridEstimate, GridStudy
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
@@ -22,9 +23,7 @@ from ..planning.plan import COMPARED
 from ..planning.unknowns import SIGMAS
 from ..planning.wake import Wake
 from ..scene import RESERVED_BIN
-from .airflow_summary import Airflow, GridStudy, airflow_of
-from .grid_convergence import GridEstimate, estimate
-from .measured import Measured
+from .grid_convergence import estimate
 from .spread import Tally, cycles_of
 
 if TYPE_CHECKING:
@@ -179,9 +178,7 @@ def grids(pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
 
 
 def _grid(pipeline: Pipeline) -> Grid:
-    cells = airflow_of(pipeline).cells
-    assert cells is not None
-    return Grid(pipeline.grid, cells)
+    return Grid(pipeline.grid, known(pipeline.airflow.cells))
 
 
 def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> tuple[GridEstimate, Array]:
@@ -205,15 +202,15 @@ def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:
     """
     if len(pipeline.plan.airflow.scales) < 2:
         return None
-    found = [_computed(airflow_of(pipeline.on_grid(i))) for i in range(len(pipeline.plan.airflow.scales))]
-    drag, drag_noise = _column([row.cd for row in found])
-    base, base_noise = _column([row.cp_base for row in found])
-    lengths = [_known(None if row.suction is None else row.suction.reversal_length) for row in found]
-    length_noise = [at * half / mean for at, half, mean in zip(lengths, drag_noise, drag, strict=True)]
+    found = [_computed(pipeline.on_grid(i).airflow) for i in range(len(pipeline.plan.airflow.scales))]
+    cells = tuple(known(row.cells) for row in found)
+    drag, base = [known(row.cd) for row in found], [known(row.cp_base) for row in found]
+    lengths = [known(known(row.suction).reversal_length) for row in found]
+    noise = [at * one.half / one.value for at, one in zip(lengths, drag, strict=True)]
     return (
-        _study("cd", found, drag, drag_noise),
-        _study("cp_base", found, base, base_noise),
-        _study("reversal_length", found, lengths, length_noise),
+        _study("cd", cells, [one.value for one in drag], [one.half for one in drag]),
+        _study("cp_base", cells, [one.value for one in base], [one.half for one in base]),
+        _study("reversal_length", cells, lengths, noise),
     )
 
 
@@ -225,22 +222,9 @@ def _computed(row: Airflow) -> Airflow:
     return replace(row, cd=end.cd, cp_base=end.cp_base, suction=end.suction)
 
 
-def _column(numbers: list[Measured | None]) -> tuple[list[float], list[float]]:
-    """The values of one quantity on every grid, and half their 95 % intervals."""
-    known = [number for number in numbers if number is not None]
-    return [_known(number.value) for number in known], [_known(number.half) for number in known]
-
-
-def _known(value: float | None) -> float:
-    assert value is not None  # every solved airflow has it
-    return value
-
-
-def _study(quantity: str, found: list[Airflow], values: list[float], halves: list[float]) -> GridStudy:
-    cells = [row.cells for row in found if row.cells is not None]
-    told = estimate([count**-0.5 for count in cells], values, halves)
-    table = {"quantity": quantity, "cells": cells, "values": values, **vars(told)}
-    return from_json(GridStudy, to_json(table), "grids")
+def _study(quantity: str, cells: tuple[int, ...], values: list[float], halves: list[float]) -> GridStudy:
+    found = estimate([count**-0.5 for count in cells], values, halves)
+    return GridStudy(**vars(found), quantity=quantity, cells=cells, values=tuple(values))
 
 
 def differences(comparison: Comparison[Key], name: str, place: int) -> Iterator[tuple[Key, float]]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.errors import known
 from ..core.record import column
 from ..pipeline.crowd_stage import SlabFound
 from ..pipeline.landings import Landings
@@ -35,14 +36,13 @@ class CrowdSummary:
 
 def crowd_of(plan: Plan, crowd: SlabFound) -> CrowdSummary:
     """What the slab was, and what granules met in it."""
-    assert plan.crowd is not None
     landings = crowd.landings
     return CrowdSummary(
         depth=crowd.depth,
         replicates=crowd.replicates,
         start_up=crowd.start_up,
         granules={name: len(found.bin) for name, found in landings.items()},
-        tracers=dict(plan.crowd.tracers),
+        tracers=dict(known(plan.crowd).tracers),
         meetings={name: _mean_meetings(found) for name, found in landings.items()},
         fates={
             name: {fate.name.lower(): int(np.sum(found.fate == fate)) for fate in Fate}
@@ -55,5 +55,4 @@ def crowd_of(plan: Plan, crowd: SlabFound) -> CrowdSummary:
 
 
 def _mean_meetings(found: Landings) -> float:
-    assert found.meetings is not None
-    return float(found.meetings @ found.mass_shares)
+    return float(known(found.meetings) @ found.mass_shares)

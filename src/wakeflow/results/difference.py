@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from ..core.number import Number
 from .quantities import TableQuantity, is_part
 from .result import VOID
 from .table import Entry
@@ -15,9 +16,9 @@ __all__ = ["RUNG", "SWITCHED", "Difference", "differences_of"]
 RUNG, SWITCHED = "rung", "force."  # keys of how runs were asked for, beside those of their scenes
 
 
-@dataclass(frozen=True)
-class Difference:
-    """A quantity of one run less that of the first: ``value`` and its 95 % interval, None where one of them has none.
+@dataclass(frozen=True, kw_only=True)
+class Difference(Number):
+    """A quantity of one run less that of the first, with its 95 % interval where both have one.
 
     What is unknown of the scene is the same in two runs on one rung with the same terms and moves both alike: the
     interval of a share then holds what computing adds. Otherwise, and of purities, it holds all that is not known of
@@ -30,15 +31,12 @@ class Difference:
     against: str
     quantity: str
     unit: str
-    value: float
-    low: float | None
-    high: float | None
     void: bool = False
 
     @property
     def clear(self) -> bool:
         """Whether the interval leaves zero out, of answers that are worth something."""
-        return not self.void and self.low is not None and self.high is not None and (self.low > 0.0 or self.high < 0.0)
+        return not self.void and (self.low > 0.0 or self.high < 0.0)
 
 
 def differences_of(entries: Sequence[Entry]) -> Iterator[Difference]:
@@ -50,8 +48,9 @@ def differences_of(entries: Sequence[Entry]) -> Iterator[Difference]:
             base = first.by_name.get(one.name)
             if base is None:
                 continue
-            ends = _ends(base, one, alike)
-            yield Difference(entry.name, first.name, one.name, one.unit, one.value - base.value, *ends, void)
+            low, high = _ends(base, one, alike)
+            yield Difference(one.value - base.value, low, high, scene=entry.name, against=first.name,
+                             quantity=one.name, unit=one.unit, void=void)  # fmt: skip
 
 
 def _computed_alike(first: Entry, entry: Entry) -> bool:
@@ -60,9 +59,9 @@ def _computed_alike(first: Entry, entry: Entry) -> bool:
     return all(first.inputs.get(key) == entry.inputs.get(key) for key in keys)
 
 
-def _ends(base: TableQuantity, one: TableQuantity, alike: bool) -> tuple[float | None, float | None]:
-    if base.low is None or base.high is None or one.low is None or one.high is None:
-        return None, None
+def _ends(base: TableQuantity, one: TableQuantity, alike: bool) -> tuple[float, float]:
+    if not (base.known and one.known):
+        return -math.inf, math.inf
     value = one.value - base.value
     if alike and one.numerical is not None and base.numerical is not None:
         below = above = math.hypot(one.numerical, base.numerical)

@@ -12,6 +12,7 @@ judged on the other, both ways (Stone 1974, J. R. Stat. Soc. B 36, 111); the div
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
+from ..core.number import Number
 from ..core.registry import did_you_mean
 from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from ..scene.overrides import share_in
-from .measured import Measured
 from .result import Result, kept_granules
 
 __all__ = ["Dividers", "Landed1D", "best_stretches", "cut", "dividers", "landed_along", "purities", "trade_off"]
@@ -47,8 +48,8 @@ class Dividers:
     asked: float
     line: Array
     stretches: tuple[tuple[float, float], ...]
-    purity: Measured
-    recovery: Measured
+    purity: Number
+    recovery: Number
 
     @property
     def possible(self) -> bool:
@@ -258,7 +259,7 @@ def _judged(landed: Landed1D, fraction: str, purity: float, count: int) -> Divid
     return Dividers(fraction, purity, landed.line, best_stretches(landed, purity, count), *_measured(landed, inside))
 
 
-def _measured(landed: Landed1D, inside: NDArray[np.bool_]) -> tuple[Measured, Measured]:
+def _measured(landed: Landed1D, inside: NDArray[np.bool_]) -> tuple[Number, Number]:
     """Purity and recovery of the granules ``inside``, with intervals that take granules as independent: linearised
     ratios of sums (Cochran 1977, Sampling Techniques, ch. 6). Balanced samples spread less.
     """
@@ -268,9 +269,9 @@ def _measured(landed: Landed1D, inside: NDArray[np.bool_]) -> tuple[Measured, Me
     recovery = own / fed
     grain = float((mass[wanted] ** 2).sum() / mass[wanted].sum())  # mass of a granule of the fraction
     half = SIGMAS * float(np.sqrt(recovery * (1.0 - recovery) * grain / fed))
-    got = Measured(recovery, max(0.0, recovery - half), min(1.0, recovery + half))
+    got = Number(recovery, max(0.0, recovery - half), min(1.0, recovery + half))
     if product == 0.0:
-        return Measured(None, None, None), got
+        return Number(math.nan), got
     pure = own / product
     spread = SIGMAS * float(np.sqrt(((mass[inside] * (wanted[inside] - pure)) ** 2).sum())) / product
-    return Measured(pure, max(0.0, pure - spread), min(1.0, pure + spread)), got
+    return Number(pure, max(0.0, pure - spread), min(1.0, pure + spread)), got

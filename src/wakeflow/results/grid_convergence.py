@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 from ..core.errors import SceneError
 from ..core.roots import halved
+from ..pipeline.airflow import GridEstimate
 from ..planning.unknowns import SIGMAS
 
 __all__ = ["GridEstimate", "cell_size", "estimate", "extrapolate", "observed_order"]
@@ -29,33 +29,6 @@ OF_RANGE = 3.0  # half bands over the range, where no order is seen (Eca & Hoeks
 OF_RANGE_ABOVE = 1.25  # the same where values settle faster than the schemes can (likewise)
 NOISE = 1 / 3  # largest statistical half width over a difference of three grids that still lets the order count
 TINY = 1e-14  # relative: values that agree so well are one value
-
-
-@dataclass(frozen=True)
-class GridEstimate:
-    """A number with its mesh error.
-
-    ``value``: the finest grid's (shares that add up to 1 still do). ``low`` .. ``high``: the GCI round it, or a
-    multiple of the grids' range round it, the statistical interval added in quadrature; of "range-statistics" the range
-    of all grids with their statistical intervals. ``order``: observed; None where none was. ``kind``: "richardson"
-    (three grids), "two-grid" (order assumed), "range-oscillating" (also monotonic with an implausible order) or
-    "range-statistics"; ``why`` says it in words. ``extrapolated`` to cells of no size; ``gci_fine`` and ``gci_coarse``:
-    half bands between grids 1 and 2, 2 and 3, in the value's unit; ``asymptotic``: gci_coarse / (r21^p gci_fine), near
-    1 in the asymptotic range. In these p is the observed order, at most the formal one. ``noise``: what half of the
-    interval is by statistics alone, expected were the grids alike.
-    """
-
-    value: float
-    low: float
-    high: float
-    order: float | None
-    kind: str
-    why: str
-    extrapolated: float | None = None
-    gci_fine: float | None = None
-    gci_coarse: float | None = None
-    asymptotic: float | None = None
-    noise: float = 0.0
 
 
 def cell_size(area: float, cells: int) -> float:
@@ -120,8 +93,8 @@ def estimate(
     differences = [abs(b - a) for a, b in pairwise(f)]
     scale = max(abs(value) for value in f)
     if max(differences) <= TINY * scale and not any(e):
-        return GridEstimate(f[0], f[0], f[0], None, "two-grid" if len(f) == 2 else "richardson", "all grids agree",
-                            extrapolated=f[0], gci_fine=0.0, gci_coarse=0.0)  # fmt: skip
+        kind = "two-grid" if len(f) == 2 else "richardson"
+        return _round(f[0], 0.0, None, kind, "all grids agree", extrapolated=f[0], gci_fine=0.0, gci_coarse=0.0)
     if len(f) == 2:
         return _two(h, f, e, formal)
     if max(e) >= NOISE * min(differences) and any(e):
@@ -156,8 +129,8 @@ def _three(h: list[float], f: list[float], e: list[float], formal: float) -> Gri
     coarse = SAFETY * abs(far) / ((h[2] / h[1]) ** counted - 1)
     half = math.hypot(fine, e[0])
     why = f"three grids converge at order {order:.2f}" + (f", counted as {formal:g}" if order > formal else "")
-    return GridEstimate(
-        f[0], f[0] - half, f[0] + half, order, "richardson", why, extrapolated=extrapolate(h, f, counted),
+    return _round(
+        f[0], half, order, "richardson", why, extrapolated=extrapolate(h, f, counted),
         gci_fine=fine, gci_coarse=coarse, asymptotic=coarse / (grown * fine), noise=e[0],
     )  # fmt: skip
 
@@ -171,18 +144,23 @@ def _two(h: list[float], f: list[float], e: list[float], formal: float) -> GridE
     why = f"two grids, order {formal:g} assumed, three times the difference to the extrapolated value"
     if noise >= (difference := abs(f[1] - f[0])):  # as likely chance as the mesh: nothing to extrapolate
         why = f"statistical half width {noise:.2g} is not below the grid difference {difference:.2g}: {why}, with it"
-        return GridEstimate(f[0], f[0] - half, f[0] + half, None, "two-grid", why, gci_fine=fine, noise=by_chance)
-    return GridEstimate(f[0], f[0] - half, f[0] + half, None, "two-grid", why,
+        return _round(f[0], half, None, "two-grid", why, gci_fine=fine, noise=by_chance)
+    return _round(f[0], half, None, "two-grid", why,
                         extrapolated=extrapolate(h, f, formal), gci_fine=fine, noise=by_chance)  # fmt: skip
 
 
 def _multiple_of_range(f: list[float], e: list[float], times: float, why: str) -> GridEstimate:
     half = math.hypot(times * (max(f) - min(f)), e[0])
     why = f"{why}: {times:g} times the range of the grids"
-    return GridEstimate(f[0], f[0] - half, f[0] + half, None, "range-oscillating", why, noise=e[0])
+    return _round(f[0], half, None, "range-oscillating", why, noise=e[0])
 
 
 def _range(f: list[float], e: list[float], why: str) -> GridEstimate:
     low = min(value - half for value, half in zip(f, e, strict=True))
     high = max(value + half for value, half in zip(f, e, strict=True))
-    return GridEstimate(f[0], low, high, None, "range-statistics", f"{why}: the range of the grids", noise=max(e))
+    why = f"{why}: the range of the grids"
+    return GridEstimate(f[0], low, high, order=None, kind="range-statistics", why=why, noise=max(e))
+
+
+def _round(value: float, half: float, order: float | None, kind: str, why: str, **more: float) -> GridEstimate:
+    return GridEstimate(value, value - half, value + half, order=order, kind=kind, why=why, **more)

@@ -18,7 +18,7 @@ def inputs_of(inputs: Inputs | None) -> tuple[dict[str, InputSummary] | None, Pa
     """Every unknown with its interval by key, and by fraction and bin its part; None where everything is known."""
     if inputs is None:
         return None, None
-    known = {one.key: InputSummary(one.value, *one.ends, one.unit, one.why) for one in inputs.draws.unknowns}
+    known = {one.key: InputSummary(one.value, *one.ends, unit=one.unit, why=one.why) for one in inputs.draws.unknowns}
     parts: Parts = {}
     for name, shares in inputs.shares.items():
         ranges = ((place, inputs.of_share(name, [place])) for place in shares)

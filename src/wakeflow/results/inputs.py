@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.lazy import cached_property
+from ..core.number import Number
 from ..injection.sobol import normal_points
 from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
-from .measured import Share
 from .separation import purity_slopes
 from .spread import LEVEL
 
@@ -78,7 +78,7 @@ class Inputs:
     """
 
     draws: Draws
-    shares: Mapping[str, Mapping[str, Share]]
+    shares: Mapping[str, Mapping[str, Number]]
     mass: Mapping[str, float]
     among: AmongOthers | None = None
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from ..core.errors import SceneError
-from ..core.record import Partial, column
+from ..core.number import Number
+from ..core.record import column
 from ..core.registry import did_you_mean
 from .crowd_summary import CrowdSummary
-from .measured import Measured, Share
 
 __all__ = [
     "CALIBRATED",
@@ -55,7 +55,7 @@ class PartitionCurve:
     share: tuple[float, ...] = column("1", "of each class, what lands in the product")
     low: tuple[float, ...] = column("1", "lower end of its 95 % interval, of the finite number of granules alone")
     high: tuple[float, ...] = column("1", "upper end of it")
-    cut: Measured | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
+    cut: Number | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
     ep: float | None = column("as unit", "Ep; null where the curve does not pass both quarters")
     imperfection: float | None = column("1", "Ep over the cut; null as Ep")
     why: str | None = column(
@@ -68,21 +68,20 @@ class Separation:
     """Which share of each fraction lands in which bin, by mass; ``elsewhere`` is the last bin."""
 
     bins: tuple[str, ...] = column("", "bins in the scene's order, then elsewhere")
-    fractions: dict[str, dict[str, Share]] = column("1", "share of each fraction in each bin; they sum to 1")
-    purity: dict[str, dict[str, Measured] | None] = column("1", "share of each fraction in a bin's mass; null if empty")
-    recovery: dict[str, Measured | None] = column("1", "share of each fraction in its targets; null without a target")
+    fractions: dict[str, dict[str, Number]] = column("1", "share of each fraction in each bin; they sum to 1")
+    purity: dict[str, dict[str, Number] | None] = column("1", "share of each fraction in a bin's mass; null if empty")
+    recovery: dict[str, Number | None] = column("1", "share of each fraction in its targets; null without a target")
     throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
 
-    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
+    def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
 
         Raises SceneError, naming the nearest, for a fraction or bin that there is not.
         """
-        found = _known("bin", _known("fraction", self.fractions, fraction), place)
-        return found.value, found.low, found.high
+        return _known("bin", _known("fraction", self.fractions, fraction), place)
 
-    def recovered(self, fraction: str) -> tuple[float, float, float]:
+    def recovered(self, fraction: str) -> Number:
         """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
 
         Raises SceneError, naming the nearest, for a fraction that there is not, and for one without a target.
@@ -90,9 +89,9 @@ class Separation:
         found = _known("fraction", self.recovery, fraction)
         if found is None:
             raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
-        return _whole(found, f"recovery of {fraction}")
+        return found
 
-    def part_of(self, place: str, fraction: str) -> tuple[float, float, float]:
+    def part_of(self, place: str, fraction: str) -> Number:
         """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
 
         Raises SceneError, naming the nearest, for a bin or fraction that there is not, and for a bin that stays empty.
@@ -101,13 +100,7 @@ class Separation:
         _known("fraction", self.fractions, fraction)
         if here is None:
             raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
-        return _whole(here[fraction], f"purity of {place}")
-
-
-def _whole(found: Measured, what: str) -> tuple[float, float, float]:
-    if found.value is None or found.low is None or found.high is None:
-        raise SceneError(f"{what}: this run could not measure it")
-    return found.value, found.low, found.high
+        return here[fraction]
 
 
 def _known(kind: str, table: Mapping[str, Entry], name: str) -> Entry:
@@ -117,7 +110,7 @@ def _known(kind: str, table: Mapping[str, Entry], name: str) -> Entry:
 
 
 @dataclass(frozen=True)
-class BudgetPart(Partial):
+class BudgetPart:
     """One source's part of an error."""
 
     source: str = column("", "name of the source", default="")
@@ -161,7 +154,7 @@ class BudgetRow:
     """The error of one quantity by its sources."""
 
     quantity: str = column("", "share.FRACTION.BIN or landing.FRACTION")
-    unit: str | None = column("", "of the errors; left out where it is 1", absent=True)
+    unit: str | None = column("", "of the errors; null where it is 1")
     parts: tuple[BudgetPart, ...] = column("", "what each source contributes")
     total: BudgetTotal = column("", "the sum")
 
@@ -202,14 +195,11 @@ class InputPart:
         return self.uncertainty < self.half
 
 
-@dataclass(frozen=True)
-class InputSummary:
+@dataclass(frozen=True, kw_only=True)
+class InputSummary(Number):
     """A number of the scene that is not known exactly, as it was drawn."""
 
-    value: float = column("as said", "the number itself")
-    low: float = column("as said", "lower end of its 95 % interval")
-    high: float = column("as said", "upper end of its 95 % interval")
-    unit: str = column("", "of the three")
+    unit: str = column("", "of the number and its interval")
     why: str = column("", "what the interval rests on")
 
 

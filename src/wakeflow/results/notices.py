@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..core.graded import Notice, information, less_sure, void
-from ..core.record import to_json
 from ..funnel import notices as funnel_notices
+from ..funnel.delivered import FunnelSummary
 from ..pipeline.pipeline import Pipeline
 from ..scene import OVER_THE_TOP, Scene
 from ..tracking import Fate
 from .airflow_summary import Airflow
 from .crowd_summary import CrowdSummary
-from .funnel_summary import FunnelSummary
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -50,7 +50,7 @@ def notices(
     """
     solved = airflow is not None and not pipeline.kind.at_once
     found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
-    found += [] if funnel is None else [less_sure(line) for line in funnel_notices(to_json(funnel))]
+    found += [] if funnel is None else [less_sure(line) for line in funnel_notices(funnel)]
     if tracked is not None:
         if slab is not None and slab.jammed:
             found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
@@ -118,8 +118,7 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
             f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation; a smaller "
             "numerics.averaging records more of it"
         )
-    suction = airflow.suction
-    assert suction is not None
+    suction = known(airflow.suction)
     if suction.spans(scene.channel.width):
         length = suction.reversal_length or 0.0
         turned = f"the reversed flow behind the body is {1e3 * length:.3g} mm long" if length else "no air turns back"
@@ -134,9 +133,7 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
 
 def _solver_notices(airflow: Airflow) -> Iterator[Notice]:
     """Which settings served."""
-    from ..foam.failure import Attempt
     from ..foam.ladder import warning
 
-    tried = [Attempt(attempt.settings, attempt.cause, attempt.message) for attempt in airflow.attempts or ()]
-    if (safer := warning(airflow.settings or "normal", tried)) is not None:
+    if (safer := warning(airflow.settings or "normal", airflow.attempts or ())) is not None:
         yield less_sure(safer)

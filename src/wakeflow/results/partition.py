@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.number import Number
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_laws
 from ..pipeline.landings import Landings
 from ..planning.plan import Plan
 from ..scene import RESERVED_BIN, Scene
 from .landing_results import PartitionCurve
-from .measured import Measured
 from .spread import student, wilson
 
 __all__ = ["partition_curves", "settling_velocities"]
@@ -152,7 +152,7 @@ def _shares(fed: Array, landed: Array, count: NDArray[np.int64]) -> tuple[Array,
     return share, low, high
 
 
-def _cut(at: Array, share: Array, low: Array, high: Array, by: str) -> tuple[Measured | None, float | None, str | None]:
+def _cut(at: Array, share: Array, low: Array, high: Array, by: str) -> tuple[Number | None, float | None, str | None]:
     """The cut with its interval, Ep, and why there is no cut or how far apart its neighbours are."""
     found = _passes(at, share, 0.5)
     if len(found) != 1:
@@ -161,7 +161,7 @@ def _cut(at: Array, share: Array, low: Array, high: Array, by: str) -> tuple[Mea
         return None, None, told
     ends = sorted(x for band in (low, high) for x in _passes(at, band, 0.5))
     known = len(_passes(at, low, 0.5)) == 1 and len(_passes(at, high, 0.5)) == 1
-    cut = Measured(found[0], *((ends[0], ends[-1]) if known else (None, None)))
+    cut = Number(found[0], ends[0], ends[-1]) if known else Number(found[0])
     quarters = [_passes(at, share, level) for level in (0.25, 0.75)]
     ep = 0.5 * abs(quarters[1][0] - quarters[0][0]) if all(len(one) == 1 for one in quarters) else None
     turn = int(np.flatnonzero((share[1:] >= 0.5) != (share[:-1] >= 0.5))[0])

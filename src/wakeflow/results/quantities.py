@@ -9,12 +9,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, is_dataclass
 from typing import Any, get_args
 
+from ..core.number import Number
 from ..core.record import columns
+from ..funnel.delivered import FunnelSummary
 from ..scene import RESERVED_BIN, Scene
 from .airflow_summary import Airflow
-from .funnel_summary import FunnelSummary
 from .landing_results import Separation
-from .measured import Measured, Share
 from .result import Result
 
 SECONDS = "seconds"
@@ -22,20 +22,15 @@ RENAMED = {"fractions": "share"}  # as the rows of the budget are called
 PARTS = ("share.", "purity.", "recovery.")
 
 
-@dataclass(frozen=True)
-class TableQuantity:
-    """One number of a result: ``value`` in ``unit`` ("1" for plain numbers), ends of its 95 % interval, None where none
-    is known, ``error``, the total of its budget, None where parts are unknown or there is none, and ``numerical``, half
-    of the interval by computing alone, None where no other part is known.
+@dataclass(frozen=True, kw_only=True)
+class TableQuantity(Number):
+    """One number of a result, its ``unit`` ("1" for plain numbers), and ``error``, the total of its budget, None where
+    parts are unknown or there is none.
     """
 
     name: str
     unit: str
-    value: float
-    low: float | None = None
-    high: float | None = None
     error: float | None = None
-    numerical: float | None = None
 
 
 def is_part(name: str) -> bool:
@@ -59,7 +54,7 @@ def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
     if result.funnel is not None:
         found += _measured(result.funnel, "funnel.")
     spent = sum(stage.seconds for stage in result.seconds.values())
-    return (*found, TableQuantity(SECONDS, "s", spent))
+    return (*found, TableQuantity(spent, name=SECONDS, unit="s"))
 
 
 def names_for(scene: Scene) -> list[str]:
@@ -74,7 +69,7 @@ def names_for(scene: Scene) -> list[str]:
     found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
     for prefix, kind, given in (("airflow", Airflow, scene.air), ("funnel", FunnelSummary, scene.funnel)):
         if given is not None:
-            told = [one for one in columns(kind) if {Measured, float} & {one.kind, *get_args(one.kind)}]
+            told = [one for one in columns(kind) if {Number, float} & {one.kind, *get_args(one.kind)}]
             found += [f"{prefix}.{one.key}" for one in told]
     return found
 
@@ -89,7 +84,7 @@ def _measured(record: Any, prefix: str) -> Iterator[TableQuantity]:
     """The numbers of a record, not those of records inside it, which say how it was computed."""
     for one in columns(type(record)):
         value = getattr(record, one.name)
-        if isinstance(value, Measured | float):
+        if isinstance(value, Number | float):
             yield from _numbers(value, prefix + one.key, one.unit, {})
 
 
@@ -97,10 +92,10 @@ def _numbers(value: Any, name: str, unit: str, errors: Mapping[str, float | None
     if isinstance(value, Mapping):
         for key, member in value.items():
             yield from _numbers(member, f"{name}.{key}", unit, errors)
-    elif isinstance(value, Measured | Share):
-        if value.value is not None:
-            yield TableQuantity(name, unit, value.value, value.low, value.high, errors.get(name), value.numerical)
+    elif isinstance(value, Number):
+        yield TableQuantity(value.value, value.low, value.high, value.numerical, name=name, unit=unit,
+                            error=errors.get(name))  # fmt: skip
     elif is_dataclass(value):
         yield from _inside(value, f"{name}.", errors)
     elif isinstance(value, float):
-        yield TableQuantity(name, unit, value, error=errors.get(name))
+        yield TableQuantity(value, name=name, unit=unit, error=errors.get(name))

@@ -15,29 +15,30 @@ from ..core.errors import SceneError
 from ..core.files import path_of, write_json
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
-from ..core.record import Partial, column, from_json, to_json
+from ..core.number import Number
+from ..core.record import column, columns, from_json, to_json
 from ..core.registry import Registry
 from ..core.tables import frame_of
+from ..funnel.delivered import FunnelSummary
+from ..injection.impact_loads import ImpactSummary
+from ..meshing.quality import MeshReport
+from ..pipeline.airflow import Airflow
 from ..pipeline.stages import StageTime
+from ..planning.plan import Plan
 from ..planning.terms import AIR
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
 from ..scene.switches import States, switched
-from .airflow_summary import Airflow
-from .funnel_summary import FunnelSummary
-from .impact_summary import ImpactSummary
 from .landing_results import SHARE_UNIT, BudgetRow, LandingResults, Separation
-from .measured import Measured
-from .plan_summary import PlanSummary
 from .provenance import Provenance
 from .refinement import Refinement
+from .upgrade import upgraded
 
 __all__ = [
     "FILE",
     "SCHEMA",
     "VOID",
     "FlightResults",
-    "MeshSummary",
     "PictureSummary",
     "Request",
     "Result",
@@ -49,7 +50,7 @@ __all__ = [
     "refinement_in",
 ]
 
-SCHEMA = 1
+SCHEMA = 2
 FILE = "result.json"
 GRANULES = "granules.npz"
 VOID = "void"  # the caveat of an answer that is worth nothing
@@ -86,27 +87,15 @@ class Request:
 
 
 @dataclass(frozen=True)
-class MeshSummary(Partial):
-    """Counts and quality of the mesh. Empty where the air is known without one; only cells of a given case."""
-
-    cells: int | None = column("1", "cells", default=None)
-    points: int | None = column("1", "points", default=None)
-    quads: int | None = column("1", "quadrangles", default=None)
-    triangles: int | None = column("1", "triangles", default=None)
-    min_angle: float | None = column("deg", "smallest angle of a cell", default=None)
-    max_angle: float | None = column("deg", "largest angle of a cell", default=None)
-    max_aspect: float | None = column("1", "largest ratio of edges of a cell", default=None)
-    smallest_edge: float | None = column("m", "smallest edge of a cell", default=None)
-    boundary: dict[str, int] | None = column("1", "edges of each patch", default=None)
-
-
-@dataclass(frozen=True)
 class FlightResults:
     """How the flights of all granules began and ended."""
 
     fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
     met_by_law: dict[str, int] = column("1", "granules of each fraction whose first impact follows eq. (2)")
     impact: ImpactSummary | None = column("", "what the stream does to the first body; null without one")
+
+
+FLAT = {"flights": FlightResults, "landings": LandingResults}  # parts whose keys are among those of result.json
 
 
 @dataclass(frozen=True)
@@ -119,21 +108,21 @@ class PictureSummary:
     numbers: dict[str, Any] = column("as the picture", "its numbers, by the kind of picture")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Result:
     """A finished run: its folder and what result.json holds, as types; ``table`` is the same as plain JSON.
 
     Read one with :meth:`load`. Parts that a run with ``until`` did not reach are None.
     """
 
-    folder: Path = field(default=Path(), kw_only=True)
+    folder: Path = field(default=Path())
     schema: int = column("1", "version of this table")
     scene: dict[str, Any] = column("SI", "the scene as asked for, in SI units: docs/scenes.md")
     options: Request = column("", "how the run was asked for")
-    plan: PlanSummary = column("", "what is computed and what is not")
+    plan: Plan = column("", "what is computed and what is not")
     funnel: FunnelSummary | None = column("", "the feed funnel; null without one")
     airflow: Airflow | None = column("", "the airflow; null at rung none and until it is there")
-    mesh: MeshSummary | None = column("", "the mesh; left out without air", absent=True)
+    mesh: MeshReport | None = column("", "the mesh; left out without air", absent=True, default=None)
     flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
     landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
     warnings: tuple[str, ...] = column("", "what a user must know, the gravest first")
@@ -156,11 +145,19 @@ class Result:
     @classmethod
     def from_json(cls, folder: Path | str, table: Any) -> Self:
         """The result whose result.json holds ``table``. Raises SceneError, naming the key, where it is not one."""
+        if isinstance(table, dict):
+            table = upgraded(table)
+            for name, kind in FLAT.items():
+                inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
+                table |= {name: inside or None}
         return replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
 
     def to_json(self) -> dict[str, Any]:
         """What result.json holds."""
-        table: dict[str, Any] = to_json(self)
+        table: dict[str, Any] = to_json(replace(self, folder=Path()))
+        del table["folder"]
+        for name in FLAT:
+            table |= table.pop(name) or {}
         return table
 
     def save(self) -> None:
@@ -188,14 +185,14 @@ class Result:
         """The error of every share and landing place; empty before there are any."""
         return () if self.landings is None else self.landings.budget
 
-    def share(self, fraction: str, place: str) -> tuple[float, float, float]:
+    def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
 
         Raises SceneError where the run ended before the shares, and for a fraction or bin that there is not.
         """
         return self._shares.share(fraction, place)
 
-    def recovery(self, fraction: str) -> tuple[float, float, float]:
+    def recovery(self, fraction: str) -> Number:
         """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
 
         Raises SceneError where the run ended before the shares, and for a fraction that there is not or that has no
@@ -203,7 +200,7 @@ class Result:
         """
         return self._shares.recovered(fraction)
 
-    def purity(self, place: str, fraction: str) -> tuple[float, float, float]:
+    def purity(self, place: str, fraction: str) -> Number:
         """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
 
         Raises SceneError where the run ended before the shares, for a bin or fraction that there is not, and for a bin
@@ -290,10 +287,8 @@ class Result:
         return (target,) if isinstance(target, str) else tuple(target)
 
 
-def _in_percent(name: str, one: Measured) -> str:
-    if one.value is None:
-        return f"{name} unknown"
-    ends = "" if one.low is None or one.high is None else f" [{100 * one.low:.1f}, {100 * one.high:.1f}]"
+def _in_percent(name: str, one: Number) -> str:
+    ends = f" [{100 * one.low:.1f}, {100 * one.high:.1f}]" if one.known else ""
     return f"{name} {100 * one.value:.1f}{ends} %"
 
 

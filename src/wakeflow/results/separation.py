@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.number import Number
 from ..pipeline.landings import Landings
 from ..scene import RESERVED_BIN, Scene
 from .landing_results import Separation
-from .measured import Measured, Share
 from .spread import Spread, Tally, cycles_of, spread_of, wilson
 
 __all__ = ["purity_slopes", "separate", "share_interval", "share_spreads", "upper_limit"]
@@ -66,7 +66,7 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
         tallies[name] = Tally.every(landing, len(scene.bin), cycles)
         count[name] = round(landing.size)
     fractions = {
-        name: {place: Share(*_interval(tally, count[name])) for place, tally in zip(bins, found, strict=True)}
+        name: {place: Number(*_interval(tally, count[name])) for place, tally in zip(bins, found, strict=True)}
         for name, found in tallies.items()
     }
     purity, throughput = _contents(scene, bins, tallies, fractions)
@@ -78,24 +78,24 @@ def _interval(tally: Tally, count: int) -> tuple[float, float, float]:
     return share_interval(tally.samples, count, tally.spread)
 
 
-def _recovery(scene: Scene, name: str, bins: list[str], tallies: Sequence[Tally], count: int) -> Measured | None:
+def _recovery(scene: Scene, name: str, bins: list[str], tallies: Sequence[Tally], count: int) -> Number | None:
     """Share of a fraction in its target bins; None where the scene names none."""
     targets = scene.fraction[name].targets
     if not targets:
         return None
     hits = np.sum([tallies[bins.index(target)].hits for target in targets], axis=0)
-    return Measured(*_interval(tallies[0]._replace(hits=hits), count))
+    return Number(*_interval(tallies[0]._replace(hits=hits), count))
 
 
 def _contents(
     scene: Scene,
     bins: list[str],
     tallies: Mapping[str, Sequence[Tally]],
-    fractions: Mapping[str, Mapping[str, Share]],
-) -> tuple[dict[str, dict[str, Measured] | None], dict[str, float]]:
+    fractions: Mapping[str, Mapping[str, Number]],
+) -> tuple[dict[str, dict[str, Number] | None], dict[str, float]]:
     """Purity of every fraction in every bin, None where it is empty, and every bin's throughput (kg/h)."""
     mass = scene.mass_shares()
-    purity: dict[str, dict[str, Measured] | None] = {}
+    purity: dict[str, dict[str, Number] | None] = {}
     throughput: dict[str, float] = {}
     for i, place in enumerate(bins):
         here = {name: found[i] for name, found in tallies.items()}
@@ -110,7 +110,7 @@ def _contents(
 
 def _purity(
     name: str, mass: Mapping[str, float], tallies: Mapping[str, Tally], limits: Mapping[str, tuple[float, float]]
-) -> Measured:
+) -> Number:
     """Share of fraction ``name`` in a bin's mass: ratio of means over replicates, and its 95 % interval.
 
     ``mass``: share of every fraction in the feed; ``limits``: (low, high) of its mass in the bin. The interval holds
@@ -131,7 +131,7 @@ def _purity(
         least, most = sum(ends[0] for ends in others), sum(ends[1] for ends in others)
         low = min(low, least_own / (least_own + most) if least_own + most > 0 else 0.0)
         high = max(high, most_own / (most_own + least) if most_own + least > 0 else 1.0)
-    return Measured(value, max(0.0, low), min(1.0, high))
+    return Number(value, max(0.0, low), min(1.0, high))
 
 
 def purity_slopes(name: str, mass: Mapping[str, float], shares: Mapping[str, float]) -> dict[str, float]:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ..foam.history import CD, CL, read_table
 from ..foam.polymesh import read_polymesh
 from ..foam.read import loop_of
+from ..pipeline.airflow import Airflow
 from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.pipeline import Pipeline
-from .airflow_summary import Airflow
 
 __all__ = ["ForceHistory", "PlaneCells", "cells_of", "forces_of"]
 

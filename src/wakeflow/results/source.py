@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from ..core.lazy import cached_property
+from ..core.number import Number
 from ..core.registry import Registry
+from ..pipeline.airflow import Airflow
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
-from .airflow_summary import Airflow, airflow_of
 from .among_others import AmongOthers
 from .companions import compared
 from .inputs import Inputs
 from .landing_results import BudgetPart
-from .measured import Share
 from .separation import share_spreads
 from .spread import Spread
 from .total import INPUTS
@@ -90,7 +90,7 @@ class Flights:
         found: Flown | None = self._made[source.name]
         return found
 
-    def inputs(self, shares: Mapping[str, Mapping[str, Share]]) -> Inputs | None:
+    def inputs(self, shares: Mapping[str, Mapping[str, Number]]) -> Inputs | None:
         """What the unknown inputs do to ``shares`` by fraction and bin; None where everything is known exactly."""
         draws = self._made.get(INPUTS)
         if draws is None:
@@ -108,7 +108,7 @@ class Flights:
     @cached_property
     def airflow(self) -> Airflow:
         """What is known of the airflow."""
-        return airflow_of(self.pipeline)
+        return self.pipeline.airflow
 
     @property
     def tracking(self) -> float:
@@ -122,7 +122,7 @@ class FractionResults:
 
     name: str
     landings: Landings
-    shares: Mapping[str, Share]
+    shares: Mapping[str, Number]
     flights: Flights
 
     @property

@@ -59,7 +59,6 @@ OTHER_WAKE, OWN_WAY, FOLLOWS = 1.2, 0.3, 5.0
 AIR_SPEED = "air.speed"  # the unknown that stands for what the air beside a body that vibrates does
 WEIGHTY, MOST_TOLD = 0.1, 3  # part of the variance from which an unknown is told, and how many are
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
-INTEGRATION_KEYS = ("source", "seconds", "how", "error")  # the order in which result.json has always held them
 
 
 class Sampling(Source[None]):
@@ -86,21 +85,18 @@ class Integration(Source["tuple[Tracked, float]"]):
         finer, seconds = self._flown(fraction)
         same, fine = fraction.compared.bin, finer.landings[fraction.name].bin
         changed = upper_limit(int(np.sum(same != fine)), len(same))
-        return fraction.everywhere(self._part(changed, seconds))
+        return fraction.everywhere(self.part(changed, seconds))
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         finer, seconds = self._flown(fraction)
         moved = fraction.compared.position - finer.landings[fraction.name].position
         shift = np.linalg.norm(moved, axis=1) / fraction.pipeline.scene.width
-        return [self._part(float(np.percentile(shift, LANDED_WITHIN)), seconds)]
+        return [self.part(float(np.percentile(shift, LANDED_WITHIN)), seconds)]
 
     def _flown(self, fraction: FractionResults) -> tuple[Tracked, float]:
         flown = fraction.flights.of(self)
         assert flown is not None
         return flown
-
-    def _part(self, error: float, seconds: float) -> BudgetPart:
-        return replace(self.part(error, seconds), told=INTEGRATION_KEYS)
 
 
 class LeftOutTerms(Source[None]):

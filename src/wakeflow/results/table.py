@@ -100,7 +100,7 @@ class ResultTable:
         rows: list[list[Cell]] = []
         for entry in self.entries:
             head: list[Cell] = [entry.name, entry.state, *(_cell(entry.inputs.get(key)) for key in self.inputs)]
-            numbers = [[q.name, *(getattr(q, one) for one in NUMBERS), q.unit] for q in entry.quantities]
+            numbers = [[q.name, q.value, *q.ends, q.error, q.numerical, q.unit] for q in entry.quantities]
             empty: list[list[Cell]] = [[None] * (2 + len(NUMBERS))]
             rows += [[*head, *row, entry.reason or None] for row in numbers or empty]
         return CellTable(["scene", "state", *self.headings, "quantity", *NUMBERS, "unit", "reason"], rows)
@@ -114,8 +114,8 @@ class ResultTable:
         for name in self.names:
             cells = [entry.by_name.get(name) for entry in self.entries]
             columns[name] = [None if one is None else one.value for one in cells]
-            for end in ("low", "high"):
-                ends = [None if one is None else getattr(one, end) for one in cells]
+            for place, end in enumerate(("low", "high")):
+                ends: list[Cell] = [None if one is None else one.ends[place] for one in cells]
                 if any(value is not None for value in ends):
                     columns[f"{name}.{end}"] = ends
         columns["reason"] = [entry.reason or None for entry in self.entries]

@@ -14,10 +14,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from ..core.number import Number
 from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from .landing_results import LEFT_OUT, MEASURED, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal, Separation
-from .measured import Measured, Share
 from .separation import purity_slopes
 
 if TYPE_CHECKING:
@@ -100,12 +100,12 @@ def totalled(separation: Separation, budget: Sequence[BudgetRow], inputs: Inputs
     return replace(separation, fractions=fractions, recovery=recovery, purity=purity)
 
 
-def _as_share(found: Measured, share: Share) -> Measured:
+def _as_share(found: Number, share: Number) -> Number:
     """A recovery in one bin, which is the share there: one number has one interval."""
     return replace(found, low=share.low, high=share.high, numerical=share.numerical)
 
 
-def _with_total(share: Share, row: BudgetRow | None) -> Share:
+def _with_total(share: Number, row: BudgetRow | None) -> Number:
     if row is None or row.total.low is None or row.total.high is None:
         return share
     return replace(share, low=row.total.low, high=row.total.high, numerical=row.total.numerical)
@@ -122,7 +122,7 @@ class _Combined:
     inputs: Inputs | None
     scene: Scene
 
-    def recovery(self, name: str, found: Measured) -> Measured:
+    def recovery(self, name: str, found: Number) -> Number:
         """A fraction's share in its targets. Its error by a source is also that of all other bins together."""
         targets = self.scene.fraction[name].targets
         others = [place for place in self.separation.bins if place not in targets]
@@ -133,7 +133,7 @@ class _Combined:
         beside[ANY_BIN, False] = max(moved, default=0.0)
         return _ranged(found, beside, None if self.inputs is None else self.inputs.of_share(name, targets))
 
-    def purity(self, name: str, place: str, found: Measured) -> Measured:
+    def purity(self, name: str, place: str, found: Number) -> Number:
         """A fraction's share of what is in a bin: by the slope of that with every fraction's share there."""
         own = {other: shares[place].value for other, shares in self.separation.fractions.items()}
         slopes = purity_slopes(name, self.scene.mass_shares(), own)
@@ -153,12 +153,10 @@ class _Combined:
         return found
 
 
-def _ranged(found: Measured, beside: Mapping[tuple[str, bool], float], inputs: InputRange | None) -> Measured:
+def _ranged(found: Number, beside: Mapping[tuple[str, bool], float], inputs: InputRange | None) -> Number:
     """A number with the interval that its own, other parts of its error (by source, and whether that is a bound) and
     its inputs make together.
     """
-    if found.value is None or found.low is None or found.high is None:
-        return found
     below, above = (0.0, 0.0) if inputs is None else (max(0.0, -inputs.low), max(0.0, inputs.high))
     own = 0.5 * (found.high - found.low)
     computed = math.hypot(*(error for (_, bound), error in beside.items() if not bound))

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener, silent
-from ..progress import unheard
 from ..results.result import (
     asked_in,
     refinement_in,
@@ -33,11 +32,7 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
     Raises SceneError where the folder holds no finished run.
     """
     scene, asked = asked_in(folder)
-    run_once(
-        Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, planned=unheard,
-        redraw=True, report=True,
-        refinement=refinement_in(folder), pdf=pdf,
-    )  # fmt: skip
+    run_once(Scene.parse(scene), Path(folder), asked, redraw=True, refinement=refinement_in(folder), pdf=pdf)
     return Path(folder) / "report.html"
 
 
@@ -59,7 +54,7 @@ def film_of(
             known = list(tables["fraction"])
             raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
     with one_thread_of_blas():
-        pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener, 1)
+        pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener)
         air = None if pipeline.scene.air is None else pipeline.field[1]
         film = pipeline.film(span)
     return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})

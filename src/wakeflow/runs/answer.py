@@ -10,45 +10,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import wakeflow
-
 from ..core.beside import beside
+from ..core.errors import known
 from ..core.files import atomic_write
 from ..core.graded import gravest_first
 from ..core.process import cores
-from ..core.record import from_json, to_json
-from ..core.store import content_key, digest_files
+from ..funnel.delivered import FunnelSummary
+from ..injection.impact_loads import impact_loads
 from ..laws.momentum import momentum_pressure
+from ..meshing.quality import MeshReport
+from ..pipeline.airflow import Airflow, MomentumModel
 from ..pipeline.pipeline import Pipeline
 from ..report.views import Result
-from ..results.air_loading import loading_of
-from ..results.airflow_summary import (
-    Airflow,
-    FieldDivergence,
-    FieldTruncation,
-    MomentumModel,
-    airflow_of,
-    with_mesh_error,
-    with_residence,
-)
+from ..results.airflow_summary import with_mesh_error, with_residence
 from ..results.budget import flights_ahead, fly_again, make_budget, together
 from ..results.companions import airflow_on_grids
 from ..results.crowd_summary import crowd_of
-from ..results.funnel_summary import FunnelSummary
-from ..results.impact_summary import impact_of
 from ..results.input_summary import inputs_of
 from ..results.inputs import Inputs
 from ..results.landing_results import BudgetRow, LandingResults, Separation
 from ..results.notices import notices
 from ..results.partition import partition_curves
-from ..results.plan_summary import summary_of
 from ..results.provenance import provenance_of
 from ..results.refinement import Refinement
 from ..results.result import (
     FILE,
     SCHEMA,
     FlightResults,
-    MeshSummary,
     Request,
     key_in,
     provenance_in,
@@ -59,7 +47,7 @@ from ..results.sources import MODEL, UNLOADED
 from ..results.total import totalled
 from ..scene import Scene
 from .folder import field_files, report_into, some_granules
-from .packages import versions
+from .packages import answer_key, versions
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Landings, Tracked
@@ -104,7 +92,7 @@ class OneRun:
             schema=SCHEMA,
             scene=self.asked.tables(),
             options=self.request,
-            plan=summary_of(plan),
+            plan=plan,
             funnel=self.poured,
             airflow=airflow,
             mesh=mesh,
@@ -145,31 +133,32 @@ class OneRun:
         """What the report tells and shows of the air alone, as soon as this run's own field is there."""
         _ = self.pipeline.residence
         if self.report:
-            field_files(self.pipeline, airflow_of(self.pipeline))
+            field_files(self.pipeline, self.pipeline.airflow)
 
-    def _air(self) -> tuple[MeshSummary | None, Airflow | None]:
+    def _air(self) -> tuple[MeshReport | None, Airflow | None]:
         """The mesh and the airflow; None without air, and where the run stops before them."""
         pipeline, scene, until = self.pipeline, self.pipeline.scene, self.request.until
         if scene.air is None or until == "funnel":
             return None, None
         if until not in ("mesh", "airflow") and not pipeline.kind.at_once:
             pipeline.compile_beside()
-        mesh = from_json(MeshSummary, pipeline.mesh_quality, "mesh.json")
+        mesh = pipeline.mesh_quality
         if until == "mesh":
             return mesh, None
-        airflow = airflow_of(pipeline)
+        airflow = pipeline.airflow
         momentum = _momentum(scene, airflow) if scene.body and airflow.cp_base is not None else None
         studies = airflow_on_grids(pipeline)
-        return mesh, with_mesh_error(airflow, studies or ()).extended(grids=studies, momentum=momentum)
+        return mesh, replace(with_mesh_error(airflow, studies or ()), grids=studies, momentum=momentum)
 
     def _flown(self, airflow: Airflow) -> Airflow:
         """The airflow with what is known of the field that granules fly in."""
-        measured = {"divergence": _divergence(self.pipeline), "truncation": _truncation(self.pipeline)}
-        told = airflow.extended(**measured, loading=loading_of(self.pipeline))
-        return with_residence(told, self.pipeline.residence)
+        pipeline = self.pipeline
+        loading = None if pipeline.loading is None else pipeline.loading.summary
+        flown = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.truncation, loading=loading)
+        return with_residence(flown, pipeline.residence)
 
     def _flights(self, tracked: Tracked) -> FlightResults:
-        return FlightResults(tracked.fates, tracked.injected, impact_of(self.pipeline.scene, self.pipeline.plan))
+        return FlightResults(tracked.fates, tracked.injected, impact_loads(self.pipeline.scene, self.pipeline.plan))
 
     def _landings(self, flights: Flights) -> LandingResults:
         scene = self.pipeline.scene
@@ -186,13 +175,10 @@ class OneRun:
         return LandingResults(separation, bracket, budget, alone, slab, effects, summary, parts)
 
     def _key(self, tracked: Tracked | None) -> str:
-        """What the answer depends on: scene, order of its tables, plan, request, tracks, versions and sources."""
-        scene = self.pipeline.scene  # flown without its air at rung none, fed by its funnel
-        order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
-        code = digest_files([Path(wakeflow.__file__).parent])
-        made_for = (self.asked.tables(), order, self.pipeline.plan.summary(), to_json(self.request))
+        """What the answer depends on."""
         crowd = self.pipeline.crowd_key if tracked and self.request.until is None else None
-        return content_key(*made_for, self.pipeline.tracks_key if tracked else None, crowd, versions(), code)
+        tracks = self.pipeline.tracks_key if tracked else None
+        return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, crowd)
 
     def _drawn(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
         """The result with the pictures of its report, which is drawn where it does not stand in the folder already; the
@@ -231,17 +217,5 @@ def _momentum(scene: Scene, airflow: Airflow) -> MomentumModel:
     """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
     base pressure.
     """
-    assert scene.air is not None
-    assert airflow.cp_base is not None
-    assert airflow.cp_base.value is not None
-    model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.air.direction)
-    return MomentumModel(model.front, model.drag(airflow.cp_base.value))
-
-
-def _divergence(pipeline: Pipeline) -> FieldDivergence:
-    return from_json(FieldDivergence, pipeline.divergence, "divergence")
-
-
-def _truncation(pipeline: Pipeline) -> FieldTruncation | None:
-    lost = pipeline.truncation
-    return None if lost is None else from_json(FieldTruncation, lost, "truncation")
+    model = momentum_pressure(next(iter(scene.body.values())).outline(), known(scene.air).direction)
+    return MomentumModel(model.front, model.drag(known(airflow.cp_base).value))

@@ -13,15 +13,13 @@ from ..core.process import check_workers
 from ..pipeline.cache import Listener, silent
 from ..planning.machine_rates import learn
 from ..planning.make import make_plan
-from ..progress import heard
+from ..progress import heard, unheard
 from ..refining.loop import refined
 from ..report.views import Result
-from ..results.budget import fly_again
 from ..results.refinement import Refinement
 from ..results.result import (
     Request,
 )
-from ..results.source import Flights
 from ..scene import Scene
 from ..scene.switches import States
 from .answer import OneRun
@@ -31,7 +29,7 @@ from .stages import one_thread_of_blas, stages_of
 if TYPE_CHECKING:
     from ..planning.plan import Plan
 
-__all__ = ["help_along", "run", "run_once"]
+__all__ = ["run", "run_once"]
 
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
 
@@ -51,7 +49,6 @@ def run(
     redraw: bool = False,
     report: bool = True,
     refine: bool = True,
-    crew: int = 1,
 ) -> Result:
     """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
     file's name); finished stages come from the cache.
@@ -64,7 +61,6 @@ def run(
     (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
     time: ``print`` serves, and a notebook shows a bar by itself; ``planned(plan)`` hears before of what will be done.
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
-    ``crew``: how many processes fly the scene's granules side by side, the others by :func:`help_along`.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
@@ -72,14 +68,7 @@ def run(
     request = Request.asked(until, rung, force, target_error, near)
     listener, planned = heard(listener, planned)
     once = partial(
-        run_once,
-        folder=folder,
-        request=request,
-        workers=workers,
-        listener=listener,
-        planned=planned,
-        redraw=redraw,
-        crew=crew,
+        run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
     )
     if request.target_error is None or until is not None or not refine:
         return once(asked, report=report)
@@ -91,15 +80,14 @@ def run(
 
 def run_once(
     scene: Scene,
-    *,
     folder: Path,
     request: Request,
-    workers: int | None,
-    listener: Listener,
-    planned: Callable[[Plan], object],
-    redraw: bool,
-    report: bool,
-    crew: int = 1,
+    *,
+    workers: int | None = None,
+    listener: Listener = silent,
+    planned: Callable[[Plan], object] = unheard,
+    redraw: bool = False,
+    report: bool = True,
     refinement: Refinement | None = None,
     pdf: bool = False,
     made: Plan | None = None,
@@ -111,23 +99,14 @@ def run_once(
     made_folder(folder)
     try:
         with FileLock(folder / LOCK, timeout=0), one_thread_of_blas():
-            pipeline, poured = stages_of(scene, request, workers, listener, crew, planned, made)
+            pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
             result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
-            if workers is None and crew == 1 and request.near is None:  # all cores, from rest: as the plan expects it
+            if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
                 spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)
             return result
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
-
-
-def help_along(scene: Scene, request: Request, made: Plan, *, workers: int, crew: int) -> None:
-    """Fly what :func:`run` flies of a scene beside another process that runs it with the same ``crew``; each flies the
-    pieces that no other is at, under the plan that was ``made``. Writes nothing but the cache.
-    """
-    with one_thread_of_blas():
-        pipeline, _ = stages_of(scene, request, workers, silent, crew, made=made)
-        fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
 
 
 def _check(scene: Scene, folder: Path, request: Request, workers: int | None) -> None:

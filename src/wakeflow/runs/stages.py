@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import SceneError
+from ..funnel.delivered import FunnelSummary
 from ..pipeline.cache import Listener, in_turn
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import Planner
 from ..progress import unheard
-from ..results.funnel_summary import FunnelSummary, funnel_of
 from ..results.result import (
     Request,
     asked_in,
@@ -41,7 +41,6 @@ def stages_of(
     request: Request,
     workers: int | None,
     listener: Listener,
-    crew: int,
     planned: Callable[[Plan], object] = unheard,
     made: Plan | None = None,
 ) -> tuple[Pipeline, FunnelSummary | None]:
@@ -56,10 +55,10 @@ def stages_of(
     one_at_a_time = in_turn(listener)
     beside = None if request.near is None else _neighbour(Path(request.near), (), one_at_a_time)
     pipeline = Pipeline(
-        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, crew=crew, neighbour=beside,
+        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,
         seconds={} if beside is None else beside.seconds,
     )  # fmt: skip
-    poured = funnel_of(pipeline.funnel)
+    poured = pipeline.funnel
     if poured is not None and request.until != "funnel":
         fed = _fed(scene, poured)
         planner = planner.at(fed)  # the bounds on loading follow the rate

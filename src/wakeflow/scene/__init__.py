@@ -5,8 +5,9 @@ Names are loaded on first use: the command line reads the list of rungs and need
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from ..core.lazy import loaded
 
 if TYPE_CHECKING:
     from .bins import Bin
@@ -23,63 +24,12 @@ if TYPE_CHECKING:
     from .table import Table
     from .whole import Numerics, SceneTables
 
-_HOMES = {
-    "OVER_THE_TOP": "consistency",
-    "RESERVED_BIN": "consistency",
-    "Air": "surroundings",
-    "Bin": "bins",
-    "Body": "surroundings",
-    "Channel": "surroundings",
-    "Crowding": "crowding",
-    "Coefficient": "rebound",
-    "Feed": "feed",
-    "Fraction": "fraction",
-    "Funnel": "funnel",
-    "Inlet": "surroundings",
-    "Numerics": "whole",
-    "Picture": "pictures",
-    "Profile": "feed",
-    "Rebound": "rebound",
-    "Samples": "surroundings",
-    "Scene": "scene",
-    "SceneTables": "whole",
-    "Size": "distributions",
-    "Speeds": "distributions",
-    "Table": "table",
-    "Vibration": "surroundings",
-    "picture_tables": "pictures",
-    "units_written": "scene",
-}
 __all__ = [
-    "OVER_THE_TOP",
-    "RESERVED_BIN",
-    "Air",
-    "Bin",
-    "Body",
-    "Channel",
-    "Coefficient",
-    "Crowding",
-    "Feed",
-    "Fraction",
-    "Funnel",
-    "Inlet",
-    "Numerics",
-    "Picture",
-    "Profile",
-    "Rebound",
-    "Samples",
-    "Scene",
-    "SceneTables",
-    "Size",
-    "Speeds",
-    "Table",
-    "Vibration",
-    "picture_tables",
-    "units_written",
-]
+    "OVER_THE_TOP", "RESERVED_BIN", "Air", "Bin", "Body", "Channel", "Coefficient", "Crowding", "Feed", "Fraction",
+    "Funnel", "Inlet", "Numerics", "Picture", "Profile", "Rebound", "Samples", "Scene", "SceneTables", "Size", "Speeds",
+    "Table", "Vibration", "picture_tables", "units_written",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    return loaded(__name__, name)

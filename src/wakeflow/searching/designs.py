@@ -167,5 +167,4 @@ def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuan
     drop, rate = quantities.get("airflow.pressure_drop"), quantities.get("airflow.flow_rate")
     if drop is None or rate is None:
         return quantities
-    ends = (None if end is None else end * rate.value for end in (drop.low, drop.high))
-    return {**quantities, FAN: TableQuantity(FAN, "W/m", drop.value * rate.value, *ends)}
+    return {**quantities, FAN: TableQuantity(*drop.times(rate.value), name=FAN, unit="W/m")}

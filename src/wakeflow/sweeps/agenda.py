@@ -9,25 +9,23 @@ anything is computed. Where two stages turn out equal beyond that, the lock of t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import wakeflow
-
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
-from ..core.record import to_json
-from ..core.store import content_key, digest_files
+from ..core.store import content_key
 from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.cache import Listener, silent
 from ..pipeline.pipeline import Pipeline
+from ..pipeline.track_stage import unweighed
 from ..planning.airflow_cost import ranks_for, typical_cells
 from ..planning.cost import airflow_cost
 from ..planning.make import make_plan
 from ..planning.plan import Plan
 from ..results.result import Request
-from ..runs import versions
+from ..runs import answer_key
 from ..scene import Scene
 from .neighbours import starts
 from .variant import TOLD_EVERY, Variant
@@ -36,15 +34,12 @@ from .work import Job, finished
 __all__ = ["Agenda", "Step", "make_agenda"]
 
 AIRFLOWS = "airflows"  # folder of the airflows' own results
-WEIGHED = ("mass_share", "target")  # of a fraction: they weigh landings, and move none
-FED = ("rate", "depth")  # of the feed: likewise
-WORTH_A_CREW = 60.0  # s of flights, expected, from which several processes fly one scene
 
 
 @dataclass(frozen=True)
 class Step:
     """One job of the agenda: for a scene, or for the airflow of several, on so many MPI ``ranks``; ``needs`` the step
-    of that name before it. One that ``helps`` flies part of the granules of another step's scene.
+    of that name before it.
     """
 
     name: str
@@ -54,7 +49,6 @@ class Step:
     seconds: float  # expected
     disk: float  # bytes, expected
     ranks: int = 1
-    helps: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,7 +80,11 @@ class _Planned:
     scene: Scene
     plan: Plan
     request: Request
-    stamp: str = ""
+
+    @cached_property
+    def stamp(self) -> str:
+        """What its answer is made for."""
+        return answer_key(self.scene, self.request)
 
     @cached_property
     def airflow(self) -> str | None:
@@ -96,6 +94,10 @@ class _Planned:
             return None
         spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
         return content_key(repr(self.plan.airflow), spec)
+
+    def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
+        """What a worker does for it in a folder."""
+        return Job(self.scene.tables(), self.request, folder, self.stamp, self.plan, threads, report)
 
     @property
     def ranks(self) -> int:
@@ -110,15 +112,8 @@ class _Planned:
     @cached_property
     def flight(self) -> str:
         """What tells its flights from others in the same airflow."""
-        tables = self.scene.model_dump(mode="json", by_alias=True)
-        for fraction in tables["fraction"].values():
-            for key in WEIGHED:
-                del fraction[key]
-        for key in FED:
-            del tables["feed"][key]
-        del tables["picture"]
         how = {name: repr(row.tracked) for name, row in self.plan.fractions.items()}
-        return content_key(tables, list(self.scene.bin), how)
+        return content_key(unweighed(self.scene), list(self.scene.bin), how)
 
 
 def make_agenda(
@@ -126,16 +121,15 @@ def make_agenda(
     out: Path,
     request: Request,
     *,
-    threads: int = 1,
+    threads: Callable[[int], int] = lambda _: 1,
     report: bool = False,
-    workers: int = 1,
     neighbours: bool = False,
     listener: Listener = silent,
 ) -> Agenda:
     """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing.
 
-    Where there are fewer scenes than ``workers`` several of these fly the granules of one. With ``neighbours`` an
-    airflow starts from the nearest one that is there by then.
+    ``threads(scenes)``: on how many each of so many scenes is flown. With ``neighbours`` an airflow starts from the
+    nearest one that is there by then.
     """
     planned: list[_Planned] = []
     problems: dict[str, str] = {}
@@ -151,23 +145,12 @@ def make_agenda(
             problems[variant.name] = str(problem)
             continue
         planned.append(_Planned(variant, variant.scene, plan, request))
-    planned = _stamped(_started(planned, out) if neighbours else planned)
+    planned = _started(planned, out) if neighbours else planned
     stamps = {one.variant.name: one.stamp for one in planned}
     open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
-    jobs = _Jobs(out, threads, report, workers // max(1, len(open_ones)))
-    airflows = list(_airflow_steps(open_ones, jobs))
-    return Agenda((*airflows, *_flight_steps(open_ones, jobs)), stamps, problems)
-
-
-def _stamped(planned: Iterable[_Planned]) -> list[_Planned]:
-    """The scenes, each with the stamp of all that it is made for."""
-    code, found = digest_files([Path(wakeflow.__file__).parent]), versions()
-
-    def stamp(one: _Planned) -> str:
-        order = [list(keyed) for keyed in (one.scene.body, one.scene.fraction, one.scene.bin)]
-        return content_key(one.scene.tables(), order, to_json(one.request), code, found)
-
-    return [replace(one, stamp=stamp(one)) for one in planned]
+    count = threads(len(open_ones))
+    steps = *_airflow_steps(open_ones, out, count), *_flight_steps(open_ones, out, count, report=report)
+    return Agenda(steps, stamps, problems)
 
 
 def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:
@@ -193,35 +176,19 @@ def _folder(airflow: str) -> str:
     return f"{AIRFLOWS}/{airflow[:12]}"
 
 
-@dataclass(frozen=True)
-class _Jobs:
-    out: Path
-    threads: int
-    report: bool
-    idle: int  # workers for each scene
-
-    def of(self, one: _Planned, folder: str, *, report: bool, crew: int = 1) -> Job:
-        tables, threads = one.scene.tables(), self.threads
-        return Job(tables, one.request, self.out / folder, one.stamp, one.plan, threads, report, crew)
-
-    def crew(self, one: _Planned, seconds: float) -> int:
-        """How many workers fly a scene that takes so long."""
-        return max(1, self.idle) if one.plan.flown_by == "tracker" and seconds >= WORTH_A_CREW else 1
-
-
-def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
+def _airflow_steps(planned: Iterable[_Planned], out: Path, threads: int) -> Iterable[Step]:
     """One step for each airflow, the longest first, so that none is left alone at the end."""
     first = _by_airflow(planned)
-    folders = {str(jobs.out / _folder(key)): _folder(key) for key in first}
+    folders = {str(out / _folder(key)): _folder(key) for key in first}
     steps = []
     for key, one in first.items():
         cost, folder = airflow_cost(one.scene, one.plan.airflow), _folder(key)
-        job, needs = jobs.of(one, folder, report=False), folders.get(one.request.near or "")
+        job, needs = one.job(out / folder, threads), folders.get(one.request.near or "")
         steps.append(Step(folder, job, True, needs, cost.seconds, cost.disk, one.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 
-def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
+def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, report: bool) -> Iterable[Step]:
     leaders: dict[tuple[str | None, str], str] = {}
     for one in planned:
         same, name = (one.airflow, one.flight), one.variant.name
@@ -230,8 +197,4 @@ def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
         needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
         leaders.setdefault(same, name)
         seconds, disk = alone - air.seconds, one.plan.estimate["disk"] - air.disk
-        crew = jobs.crew(one, seconds)
-        job = jobs.of(one, name, report=jobs.report, crew=crew)
-        yield Step(name, job, False, needs, seconds / crew, disk)
-        for number in range(2, crew + 1):
-            yield Step(f"{name} ({number} of {crew})", job, False, needs, seconds / crew, 0.0, helps=True)
+        yield Step(name, one.job(out / name, threads, report=report), False, needs, seconds, disk)

@@ -29,7 +29,7 @@ from ..scene.switches import States
 from .agenda import Agenda, Step, make_agenda
 from .run_agenda import do_agenda
 from .variant import Variant, of_scenes, read_sweep_file
-from .work import JobEnd, finished
+from .work import finished
 
 if TYPE_CHECKING:
     import distributed
@@ -165,9 +165,8 @@ def sweep(
         with FileLock(folder / ".lock", timeout=0):
             listener("sweep", "planning")
             with executor_on(scheduler, count, folder) as executor:
-                workers, threads = _hands(executor)
                 agenda = make_agenda(
-                    found, folder, request, threads=threads, report=report, workers=workers, neighbours=neighbours,
+                    found, folder, request, threads=partial(_threads, executor), report=report, neighbours=neighbours,
                     listener=listener,
                 )  # fmt: skip
                 _check_disk(agenda, folder)
@@ -199,11 +198,11 @@ def executor_on(
     return Cluster.connect(scheduler, TaskPlace(Path.cwd(), logs.absolute(), cache_root()))
 
 
-def _hands(executor: Executor) -> tuple[int, int]:
-    """How many tasks an executor works on at a time, and how many threads each has."""
+def _threads(executor: Executor, scenes: int) -> int:
+    """On how many threads each of so many scenes is flown: more where they are fewer than the workers."""
     if isinstance(executor, Workers):
-        return executor.count, max(1, cores() // executor.count)
-    return (executor.size if isinstance(executor, Cluster) else 1), 1
+        return max(1, cores() // min(executor.count, max(1, scenes)))
+    return executor.threads(scenes) if isinstance(executor, Cluster) else 1
 
 
 def _check_disk(agenda: Agenda, folder: Path) -> None:
@@ -240,13 +239,13 @@ class _Rows:
             else:
                 self._read(one)
 
-    def ended(self, step: Step, outcome: JobEnd) -> None:
+    def ended(self, step: Step, problem: str) -> None:
         """Take in what a step has left."""
         one = next((variant for variant in self.variants if variant.name == step.name), None)
         if step.airflow or one is None:
             return
-        if outcome.problem:
-            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, outcome.problem)
+        if problem:
+            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
         else:
             self._read(one)
         if time.monotonic() - self.written >= WRITE_EVERY:

@@ -245,7 +245,7 @@ def _value(change: Difference | None) -> float | None:
 
 
 def _half(change: Difference) -> float | None:
-    return None if change.low is None or change.high is None else 0.5 * (change.high - change.low)
+    return change.half if change.known else None
 
 
 def _joined(swept: Sequence[InputMove], regressed: Sequence[InputMove]) -> list[InputMove]:

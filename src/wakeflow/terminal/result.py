@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from ..core.errors import known
+from ..core.number import Number
 from ..report.tables import bins_in_words
 from ..report.words import (
     NO_VALUE,
@@ -19,14 +21,13 @@ from ..report.words import (
 )
 from ..results.dividers import Dividers, cut
 from ..results.landing_results import SHARE_UNIT, BudgetRow, Separation, least_certain
-from ..results.measured import Measured, Share
 from .screen import print_lines, screen_table, warn
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ..funnel.delivered import FunnelSummary
     from ..results.airflow_summary import Airflow
-    from ..results.funnel_summary import FunnelSummary
     from ..results.result import Result
 
 NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }"
@@ -69,7 +70,7 @@ def _air(airflow: Airflow) -> str:
     drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
     if cd is None or base is None:
         return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
-    interval = "" if cd.low is None or cd.high is None else f" [{cd.low:.3f}, {cd.high:.3f}]"  # none of a given case
+    interval = f" [{cd.low:.3f}, {cd.high:.3f}]" if cd.known else ""  # none of a given case
     return (
         f"airflow: {airflow.verdict}, Cd {cd.value:.3f}{interval}, "
         f"base pressure coefficient {base.value:.2f}, pressure drop {drop:.1f} Pa"
@@ -78,14 +79,10 @@ def _air(airflow: Airflow) -> str:
 
 def _loading(result: Result) -> str:
     """What the granules' force on the air does, in one line."""
-    assert result.airflow is not None
-    loading = result.airflow.loading
-    assert loading is not None
-    assert loading.cd is not None
-    assert loading.cd_without is not None
+    loading = known(known(result.airflow).loading)
     told = (
         f"air loading: {loading.passes} pass{'es' if loading.passes != 1 else ''}, {loading.given:.2g} N/m on the air, "
-        f"steady Cd {loading.cd_without.value:.3f} to {loading.cd.value:.3f}"
+        f"steady Cd {known(loading.cd_without).value:.3f} to {known(loading.cd).value:.3f}"
     )
     effects = None if result.landings is None else result.landings.air_loading
     if not effects:
@@ -101,10 +98,10 @@ def _loading(result: Result) -> str:
 def _poured(funnel: FunnelSummary) -> str:
     """The feed funnel in one line."""
     rate, law = funnel.rate, funnel.beverloo_cone
-    if rate is None or rate.value is None:
+    if rate is None:
         return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
     found = f"funnel: {1e3 * rate.value:.3g} g/s"
-    if rate.low is not None and rate.high is not None:
+    if rate.known:
         found += f" [{1e3 * rate.low:.3g}, {1e3 * rate.high:.3g}]"
     empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
     return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
@@ -147,7 +144,7 @@ def measure_next(result: Result) -> list[str]:
 def alone_table(separation: Separation, alone: Separation) -> Table:
     """Bins by fractions: the shares of granules that meet no others, and what crowding changes of them, in points."""
 
-    def row(name: str, pairs: Iterable[tuple[Measured | Share | None, Measured | Share | None]]) -> list[str]:
+    def row(name: str, pairs: Iterable[tuple[Number | None, Number | None]]) -> list[str]:
         return [name, *(f"{percent(one)}  ({change_of(one, met)})" for one, met in pairs)]
 
     rows: list[list[str] | None] = [

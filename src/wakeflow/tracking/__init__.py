@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ..core.lazy import loaded
 from .bodies import Body, Motion
 from .crowd.collisions import Collisions
 from .granules import Granules
@@ -19,8 +20,4 @@ __all__ = ["Body", "Collisions", "Fate", "Granules", "Motion", "Tracks", "track"
 
 
 def __getattr__(name: str) -> Any:
-    if name != "track":
-        raise AttributeError(f"module 'wakeflow.tracking' has no attribute {name!r}")
-    from .driver import track
-
-    return track
+    return loaded(__name__, name)

@@ -1,187 +1,102 @@
-"""What ``wakeflow verify`` runs: each proof writes its report into ``runs/verify`` and prints it as tables."""
+"""What ``wakeflow verify`` runs: a scene, the tracker and the stability matrix; all else is in the room of proofs.
+
+The room is ``tests/proofs`` of a checkout, which also adds rows to the stability matrix, judges airflows of which
+something is published, and needs no installation of its own; a wheel has no room.
+"""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..core.errors import SceneError
-from ..core.files import write_json
 from ..core.registry import did_you_mean
+from .report import FOLDER, WIDE, Report, Tell
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-__all__ = ["PROOFS", "prove", "show", "verdict_code"]
-
-Tell = Callable[[str], None]
-FOLDER = Path("runs", "verify")
-WIDE = 150  # columns of a table that goes into a file
+TESTS = Path(__file__).parents[3] / "tests"
+Proof = Callable[[bool, Tell], Report]
 
 
-def _tracker(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .trackers.benchmark import run_benchmark
+def _tracker(slow: bool, tell: Tell) -> Report:
+    from .benchmark import run_benchmark
 
     return run_benchmark(FOLDER, slow=slow, tell=tell)
 
 
-def _problems(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .problems.tolerances import run_problems
+def _extremes(slow: bool, tell: Tell) -> Report:
+    from .extremes import run_extremes
 
-    rows = run_problems(lambda done, total: tell(f"exact problems: {done} of {total}"))
-    report = {"rows": rows}
-    write_json(FOLDER / "problems.json", json.loads(json.dumps(report)))
-    return report
-
-
-def _airflow(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .airflow.airflow import run_airflow
-
-    return run_airflow(FOLDER, slow=slow, tell=tell)
+    if room() is not None:
+        import_module("proofs.extremes")  # more rows
+    return run_extremes(slow=slow, tell=tell)
 
 
-def _meshes(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .airflow.meshes import FLOWS, SCALES, run_meshes
-
-    if slow:
-        return run_meshes(FOLDER, tell=tell)
-    return run_meshes(FOLDER, tell=tell, scales=SCALES[:2], finest=SCALES[2:], flows=FLOWS[:1])
-
-
-def _funnel(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .funnel import run_funnel
-
-    return run_funnel(FOLDER, slow=slow, tell=tell)
-
-
-def _shares(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .trackers.shares import run_shares
-
-    return run_shares(FOLDER, slow=slow, tell=tell)
-
-
-def _crowd(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .crowd.report import run_crowd
-
-    return run_crowd(FOLDER, slow=slow, tell=tell)
-
-
-def _extremes(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .extremes.report import run_extremes
-
-    return run_extremes(FOLDER, slow=slow, tell=tell)
-
-
-def _coverage(slow: bool, tell: Tell) -> dict[str, Any]:
-    from .coverage.report import run_coverage
-
-    return run_coverage(FOLDER, slow=slow, tell=tell)
-
-
-PROOFS: dict[str, Callable[[bool, Tell], dict[str, Any]]] = {
-    "tracker": _tracker,
-    "problems": _problems,
-    "airflow": _airflow,
-    "meshes": _meshes,
-    "funnel": _funnel,
-    "shares": _shares,
-    "crowd": _crowd,
-    "extremes": _extremes,
-    "coverage": _coverage,
-}
+OWN: dict[str, Proof] = {"tracker": _tracker, "extremes": _extremes}
+OF_THE_ROOM = ("problems", "airflow", "meshes", "shares", "coverage", "funnel", "crowd")
 OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
 
 
-def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, dict[str, Any]]:
-    """Reports by name: of ``what`` (a proof, or a scene file), or of every proof but the optional ones.
+def room() -> Any:
+    """The module ``proofs.commands`` of a checkout; None in a wheel."""
+    if not (TESTS / "proofs" / "commands.py").is_file():
+        return None
+    if str(TESTS) not in sys.path:
+        sys.path.append(str(TESTS))
+    return import_module("proofs.commands")
 
-    Raises SceneError for one that there is not.
+
+def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, Report]:
+    """Reports by name, written into ``runs/verify``: of ``what`` (a proof, or a scene file), or of every proof but the
+    optional ones. Raises SceneError for one that there is not, or that needs a checkout.
     """
-    FOLDER.mkdir(parents=True, exist_ok=True)
     if what is not None and what.endswith(".toml"):
-        return _of_scene(Path(what), slow, tell)
-    if what is not None and what not in PROOFS:
-        raise SceneError(f"verify {what!r}: unknown{did_you_mean(what, list(PROOFS))} (known: {', '.join(PROOFS)})")
-    return {name: PROOFS[name](slow, tell) for name in ([what] if what else [p for p in PROOFS if p not in OPTIONAL])}
+        reports = _of_scene(Path(what), slow, tell)
+    else:
+        found = room()
+        proofs: Mapping[str, Proof] = OWN if found is None else {**OWN, **found.PROOFS}
+        names = [what] if what is not None else [name for name in proofs if name not in OPTIONAL]
+        reports = [_proof(name, proofs)(slow, tell) for name in names]
+    return {report.name: report.write(FOLDER) for report in reports}
 
 
-def _of_scene(path: Path, slow: bool, tell: Tell) -> dict[str, dict[str, Any]]:
-    """The airflow beside published values of a scene of which there are any; of another its error against run time, and
-    with ``slow`` its airflow, where it has one about a body, on three grids.
+def _proof(name: str, proofs: Mapping[str, Proof]) -> Proof:
+    if name in proofs:
+        return proofs[name]
+    if name in OF_THE_ROOM:
+        raise SceneError(f"verify {name}: needs a checkout of wakeflow's repository: the proof is in its tests/proofs")
+    known = [*OWN, *OF_THE_ROOM]
+    raise SceneError(f"verify {name!r}: unknown{did_you_mean(name, known)} (known: {', '.join(known)})")
+
+
+def _of_scene(path: Path, slow: bool, tell: Tell) -> list[Report]:
+    """The airflow next to published values of a scene of which there are any; of another its error against run time,
+    and with ``slow`` its airflow, where it has one about a body, on three grids.
     """
     from ..scene import Scene
-    from .airflow.airflow import is_published, run_scene
     from .scene_curves import run_curves
 
-    if is_published(path):
-        return {f"scene-{path.stem}": run_scene(path, FOLDER, tell=tell)}
-    reports = {f"curves-{path.stem}": run_curves(path, FOLDER, slow=slow, tell=tell)}
-    scene = Scene.load(path)
-    if slow and scene.air is not None and scene.body and scene.air.case is None and scene.numerics.rung != "none":
-        reports[f"scene-{path.stem}"] = run_scene(path, FOLDER, tell=tell)
+    scene, found = Scene.load(path), room()
+    if found is not None and found.is_published(path):
+        return [found.of_scene(path, tell)]
+    reports = [run_curves(path, FOLDER, slow=slow, tell=tell)]
+    if slow and found and scene.air and scene.body and scene.air.case is None and scene.numerics.rung != "none":
+        reports.append(found.of_scene(path, tell))
     return reports
 
 
-def verdict_code(reports: dict[str, dict[str, Any]]) -> int:
+def verdict_code(reports: Mapping[str, Report]) -> int:
     """That of the command: 1 where a row of the stability matrix was missed, or a gate that is not known to fail."""
-    return int(any(report.get("missed") for report in reports.values()))
+    return int(any(report.missed for report in reports.values()))
 
 
-def show(reports: dict[str, dict[str, Any]]) -> None:
-    """Print the tables of every report, and where it lies."""
+def show(reports: Mapping[str, Report]) -> None:
+    """Print every report."""
     from rich.console import Console
-
-    from .proof_tables import goal_table, mesh_tables, problem_table, row_tables, share_table
 
     console = Console()
     console.width = max(console.width, WIDE) if not console.is_terminal else console.width
-    for name, report in reports.items():
-        if name == "tracker":
-            tables = [*row_tables(report), goal_table(report)]
-        elif name == "meshes":
-            tables = mesh_tables(report)
-        elif name == "funnel":
-            from .funnel import funnel_tables
-
-            tables = funnel_tables(report)
-        elif name == "crowd":
-            from .crowd.report import crowd_tables
-
-            tables = crowd_tables(report)
-        elif name == "extremes":
-            from .extremes.report import extreme_tables
-
-            tables = extreme_tables(report)
-        elif name == "shares":
-            tables = [share_table(report)]
-        elif name == "coverage":
-            tables = _coverage_tables(report)
-        else:
-            tables = [problem_table(report)] if name == "problems" else _scene_tables(name, report)
-        _print(console, tables)
-        for note in report.get("notes", []):
-            console.print(note, highlight=False)
-        console.print(f"report: {FOLDER / name}.json", highlight=False, soft_wrap=True)
-
-
-def _coverage_tables(report: dict[str, Any]) -> list[Table]:
-    from .coverage.report import coverage_tables
-
-    return coverage_tables(report)
-
-
-def _print(console: Console, tables: list[Table]) -> None:
-    for table in tables:
-        console.print(table)
-        console.print()
-
-
-def _scene_tables(name: str, report: dict[str, Any]) -> list[Table]:
-    """Of airflows, or of one scene's error against run time."""
-    from .proof_tables import airflow_tables
-    from .scene_curves import curve_table
-
-    return [curve_table(report)] if name.startswith("curves-") else airflow_tables(report)
+    for report in reports.values():
+        report.show(console)

@@ -1,42 +1,51 @@
-"""``wakeflow verify SCENE``: error against run time, for each knob of a scene alone and for a target error."""
+"""``wakeflow verify SCENE``: error against run time, for each knob of a scene alone and for a target error.
+
+The error is that of the bin shares against a reference of its own: other random numbers, sixteen times the granules, a
+hundredth of the tolerance. It is compared with what a run says of itself, its half width by computing alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import runs
-from ..core.files import write_json
 from ..core.process import cores
 from ..pipeline.compilation import COMPILED
+from ..pipeline.pipeline import Pipeline
 from ..planning.make import make_plan
 from ..refining.knobs import applied, knobs, own_settings
+from ..results.landing_results import Separation
 from ..results.refinement import KnobSettings
 from ..results.result import Result
+from ..results.separation import separate
 from ..scene import Scene
-from .settings import BinShares, bin_shares, largest_error, largest_half, reference_shares
-from .trackers.peer_chain import PEER, peer_rows, why_no_peer
+from .peer_chain import PEER, peer_rows, why_no_peer
+from .report import Report, Table, Tell
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-__all__ = ["curve_table", "run_curves"]
-
-Tell = Callable[[str], None]
 STEPS = {"granules": -2, "tolerance": -2, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
 POINTS = {"granules": 4, "tolerance": 4, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
 TARGETS = (0.05, 0.03)  # half widths of every bin share
+BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
+MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of the reference, times the settings it is for
+MORE_MEETING = 4  # the same of granules that meet, which cost the most
+OTHER_SEED = 1009  # added to the scene's: the reference is another sample
 LED = "--target-error"
+COLUMNS = {
+    "knob": "{knob}", "setting": "{setting}", "error, points": "{error:.2g*100}",
+    "half width, points": "{half:.2g*100}", "s": "{seconds:.3g}",
+}  # fmt: skip
 COARSEST = 4.0  # largest numerics.mesh_scale
 
 
-def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None) -> dict[str, Any]:
+def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None) -> Report:
     """Rows (knob, setting, error, half, seconds) of the scene in a file: errors of the largest bin share against a
     reference that is finer in every knob, seconds of the stages when they were computed. An airflow in time is
     computed with ``slow`` alone, else its draft. Beside them the peer's chain (``trackers.peer_chain``), where it can
-    compute the scene. Written to ``folder`` as JSON, CSV, PNG and SVG.
+    compute the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
     from ..report.work_precision import draw_knobs, write_knobs
 
@@ -59,12 +68,11 @@ def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: N
         rows += peer_rows(scene, truth, tell)
     else:
         notes.append(f"not beside {PEER}: {obstacle}")
-    report = {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows, "notes": notes}
-    name = f"curves-{path.stem}"
-    write_json(folder / f"{name}.json", report)
+    name, facts = f"curves-{path.stem}", {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows}
+    folder.mkdir(parents=True, exist_ok=True)
     write_knobs(folder / f"{name}.csv", rows)
     draw_knobs(folder / f"{name}.png", rows, path.stem)
-    return report
+    return Report(name, [Table("error against run time", COLUMNS, rows)], facts, notes)
 
 
 def _tried(own: KnobSettings) -> Iterator[tuple[str, KnobSettings]]:
@@ -97,13 +105,40 @@ def _note(rung: str | None, *, slow: bool) -> str:
     return f"{air}errors against other random numbers, 16 times the granules, a hundredth of the tolerance, finer cells"
 
 
-def curve_table(report: dict[str, Any]) -> Table:
-    """The rows for a terminal, in percentage points."""
-    from rich.table import Table
+def reference_shares(scene: Scene, settings: KnobSettings, rung: str | None = None) -> BinShares:
+    """The shares of another sample of ``scene``, far finer than ``settings``, on cells of half the edge: of granules
+    that meet where they do.
+    """
+    mesh, slab = settings.mesh_scale, settings.slab
+    finer = replace(
+        settings,
+        granules=(MORE_GRANULES if slab is None else 1) * settings.granules,
+        slab=None if slab is None else MORE_MEETING * slab,
+        tolerance=FINER_STEPS * settings.tolerance,
+        mesh_scale=None if mesh is None else max(FINER_MESH * mesh, knobs["mesh"].finest),
+    )
+    other = applied(scene, finer).replace({"feed.seed": scene.feed.seed + OTHER_SEED})
+    plan = make_plan(other, rung=rung)
+    pipeline = Pipeline(plan.airflow.flown(other), plan)
+    crowd = pipeline.crowd()
+    return _shares(separate(other, pipeline.tracks().landings if crowd is None else crowd.landings))
 
-    heads = ("knob", "setting", "error, points", "half width, points", "s")
-    table = Table(*heads, title="error against run time", title_justify="left", pad_edge=False, box=None)
-    for row in report["rows"]:
-        half = "–" if row["half"] is None else f"{100 * row['half']:.2g}"
-        table.add_row(row["knob"], row["setting"], f"{100 * row['error']:.2g}", half, f"{row['seconds']:.3g}")
-    return table
+
+def bin_shares(result: Result) -> BinShares:
+    """The shares of a finished run."""
+    assert result.landings is not None
+    return _shares(result.landings.separation)
+
+
+def _shares(found: Separation) -> BinShares:
+    return {(name, place): share.value for name, row in found.fractions.items() for place, share in row.items()}
+
+
+def largest_error(shares: BinShares, truth: BinShares) -> float:
+    """The largest error of a bin share against the ``truth``."""
+    return max(abs(shares[place] - share) for place, share in truth.items())
+
+
+def largest_half(result: Result) -> float:
+    """The largest half width of a bin share by computing alone."""
+    return max((row.total.numerical or 0.0 for row in result.budget), default=0.0)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...field import FlowField
+    from ...funnel.delivered import FunnelSummary
     from ...results.airflow_summary import Airflow
-    from ...results.funnel_summary import FunnelSummary
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Outcome, Track

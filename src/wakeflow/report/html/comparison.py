@@ -114,8 +114,7 @@ def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, Any]]:
     for name, one in entry.by_name.items():
         kind, *of = name.split(".", 2)
         if kind == "share" and len(of) == 2:
-            ends = one.value if one.low is None else one.low, one.value if one.high is None else one.high
-            value, low, high = (100.0 * part for part in (one.value, *ends))
+            value, low, high = (100.0 * part for part in (one if one.known else (one.value,) * 3))
             found[of[0], of[1]] = {"value": value, "low": low, "high": high, "told": _value(name, one)}
     return found
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.files import atomic_write
+from ...core.number import Number
 from ...core.quantities import say, speaking
 from ...results.landing_results import BudgetPart, BudgetRow, PartitionCurve
-from ...results.measured import Measured
 from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
 from .. import words
@@ -138,9 +138,9 @@ def page_template(name: str) -> Any:
     return environment.get_template(name)
 
 
-def _between(row: Measured) -> str:
+def _between(row: Number) -> str:
     """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
-    if row.low is None or row.high is None:
+    if not row.known:
         return words.NO_VALUE
     return f"{100 * row.low:.3g} to {100 * row.high:.3g}"
 
@@ -197,7 +197,7 @@ def _shares(result: Result, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _answers(result: Result) -> Iterator[tuple[str, Measured, tuple[str, ...]]]:
+def _answers(result: Result) -> Iterator[tuple[str, Number, tuple[str, ...]]]:
     """(fraction, its recovery, its target bins) for every fraction that has a target."""
     recovery = {} if result.landings is None else result.landings.separation.recovery
     return ((name, row, result.targets(name)) for name, row in recovery.items() if row is not None)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ...core.number import Number
 from ...core.quantities import say, speaking
 from ...laws.material import materials
 from ...laws.restitution import Restitution
 from ...laws.uncertainties import default_margins
-from ...results.measured import Measured
 from ...results.result import Request
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
@@ -21,9 +22,9 @@ from ..sketch import UNITS
 from ..words import NO_VALUE
 
 if TYPE_CHECKING:
+    from ...funnel.delivered import FunnelSummary
+    from ...meshing.quality import MeshReport
     from ...results.airflow_summary import Airflow
-    from ...results.funnel_summary import FunnelSummary
-    from ...results.result import MeshSummary
 
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
 QUANTITIES = {  # of a material: name, unit
@@ -237,7 +238,7 @@ MINUTES_FROM = 120.0  # s: longer run times are written in minutes
 SCALES = {"mm": 1e3, "cm²": 1e4, "g/s": 1e3, "g": 1e3, "us": 1e6}
 
 
-def airflow_rows(airflow: Airflow | None, mesh: MeshSummary | None) -> list[tuple[str, str, str]]:
+def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple[str, str, str]]:
     """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
     if airflow is None:
         return []
@@ -284,20 +285,20 @@ def _attribute_rows(record: object, lines: Lines) -> Iterator[tuple[str, str, st
             yield name, measured_text(value, SCALES.get(unit, 1.0)), unit
 
 
-def measured_text(value: str | float | Measured | Sequence[float], scale: float) -> str:
+def measured_text(value: str | float | Number | Sequence[float], scale: float) -> str:
     """A number with its interval, a word, or the numbers of a range, times ``scale``."""
     if isinstance(value, str):
         return value
-    if isinstance(value, Measured):
+    if isinstance(value, Number):
         return _interval(value, scale)
     if isinstance(value, float | int):
         return number(value * scale)
     return " to ".join(number(member * scale) for member in value)
 
 
-def _interval(found: Measured, scale: float) -> str:
-    text = NO_VALUE if found.value is None else number(found.value * scale)
-    if found.low is None or found.high is None:
+def _interval(found: Number, scale: float) -> str:
+    text = number(found.value * scale) if math.isfinite(found.value) else NO_VALUE
+    if not found.known:
         return text
     return f"{text} [{number(found.low * scale)}, {number(found.high * scale)}]"
 

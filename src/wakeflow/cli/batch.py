@@ -1,0 +1,271 @@
+"""The commands for many scenes and for what runs leave: sweep, search, compare, bins, sensitivity, clean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from ..core.errors import SceneError
+from ..scene.overrides import changes_of, share_of
+from .options import (
+    ACCURACY,
+    GATE,
+    Accuracy,
+    Axes,
+    BothEnds,
+    Folder,
+    Gate,
+    Held,
+    Processes,
+    Quiet,
+    Scheduler,
+    Settings,
+    Shown,
+    Threads,
+    scene_and_folder,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+SOME_FAILED = 1  # exit code of a sweep with scenes that failed
+
+
+def sweep(
+    scene: Path,
+    *,
+    out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and the changed keys.")] = None,
+    settings: Axes = (),
+    design: Literal["grid", "list", "one-at-a-time", "latin-hypercube", "sobol"] = "grid",
+    count: int | None = None,
+    seed: int = 0,
+    gate: Accuracy = ACCURACY,
+    workers: Processes = None,
+    scheduler: Scheduler = None,
+    neighbours: bool = False,
+    report: bool = False,
+    dry_run: bool = False,
+    quiet: Quiet = False,
+) -> int:
+    """Compute many scenes, each stage once, into one table: sweep.csv, scenes.csv and figures in one folder.
+
+    The same command goes on where an interrupted one ended. Exit code 1 where scenes failed, or of a dry run cannot be
+    planned; the table says why.
+
+    Parameters
+    ----------
+    scene
+        A scene file with --set KEY=VALUES, or a sweep file with a [sweep] table.
+    design
+        grid: every combination; list: the first values together, then the second; one-at-a-time: the scene as it is,
+        then each key alone at its values; latin-hypercube, sobol: drawn.
+    count
+        How many scenes latin-hypercube and sobol draw.
+    seed
+        Of what is drawn.
+    neighbours
+        Solve each steady airflow on from the nearest that is there, instead of from rest.
+    report
+        Draw the report of every scene too.
+    dry_run
+        Only say how many scenes there are, what they share, and what they will cost.
+    """
+    from ..core.process import cores
+    from ..sweeps.compute import SweepEstimate, look_ahead
+    from ..sweeps.compute import sweep as compute
+    from ..sweeps.variant import asked_for
+    from ..terminal import live
+    from ..terminal.many import show_estimate, show_sweep
+
+    how = {**gate.how, "neighbours": neighbours}
+    with live(enabled=not quiet) as listener:
+        found, name = asked_for(scene, settings, design, count, seed, listener)
+        folder = out or Path("runs", name)
+        if not dry_run:
+            how |= {"scheduler": scheduler, "workers": workers, "report": report}
+        made = (look_ahead if dry_run else compute)(found, folder, listener=listener, **how)
+    if isinstance(made, SweepEstimate):
+        show_estimate(made, workers or cores())
+    elif not quiet:
+        show_sweep(made)
+    return SOME_FAILED if made.failed else 0
+
+
+def search(
+    file: Path,
+    *,
+    budget: Annotated[str | None, Parameter(help="Time of one core instead of the file's: '20 min'.")] = None,
+    settings: Held = (),
+    out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and what is held.")] = None,
+    workers: Processes = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find the best design of a scene: goals, limits and bounds in a file, coarse rungs first, within a budget.
+
+    Prints the designs that no other beats in all goals, the recommended one first, and what to measure to be surer. The
+    same command goes on where an interrupted one ended.
+
+    Parameters
+    ----------
+    file
+        A TOML file with a [search] table (docs/search.md).
+    """
+    from ..scene.changes import run_folder
+    from ..searching.designs import search as find
+    from ..searching.task import read_search_file
+    from ..terminal import live
+    from ..terminal.many import show_search
+
+    held = changes_of(settings)
+    task = read_search_file(file, held, budget)
+    folder = out or Path("runs", run_folder(file.stem, task.scene, held, {}))
+    with live(enabled=not quiet) as listener:
+        found = find(task, folder, scheduler=scheduler, workers=workers, listener=listener)
+    if not quiet:
+        show_search(found)
+
+
+def compare(
+    run_folders: Annotated[list[Path], Parameter(negative="")],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(help="Write compare.html, the tables and figures there.")] = None,
+) -> None:
+    """Set finished runs side by side: what differs in their scenes, their answers, and by how much these differ.
+
+    Parameters
+    ----------
+    run_folders
+        Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with.
+    """
+    from ..sweeps.comparison import compare as side_by_side
+    from ..terminal.many import show_comparison
+
+    found = side_by_side(run_folders)
+    show_comparison(found)
+    if out is not None:
+        found.write(out)
+        print(f"{out / 'compare.html'}, its tables and figures beside it")
+
+
+def bins(
+    run_folder: Path,
+    *,
+    purity: Annotated[
+        str,
+        Parameter(help="The wanted fraction and its part of the product: wheat=0.99; wheat alone: every purity."),
+    ],
+    stretches: int = 1,
+    on: str = "floor",
+) -> None:
+    """Place the dividers that give the most recovery at a purity, from the landings of a finished run; flies nothing.
+
+    Parameters
+    ----------
+    run_folder
+        A folder that ``wakeflow run`` wrote.
+    stretches
+        Of the line that the product may be made of; two dividers each.
+    on
+        The line: floor, top, left, right, or a bin of the scene.
+    """
+    from ..results.dividers import dividers, purities, trade_off
+    from ..terminal.result import show_dividers
+
+    fraction, sign, asked = purity.partition("=")
+    if sign:
+        show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
+        return
+    from ..report.trade_off import draw_dividers, write_dividers
+
+    levels = purities(run_folder, fraction, on)
+    curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
+    show_dividers(curve, on)
+    figure, table = run_folder / "figures" / f"bins-{fraction}-{on}.png", run_folder / f"bins-{fraction}-{on}.csv"
+    draw_dividers(figure, curve)
+    write_dividers(table, curve)
+    print(f"{figure}\n{table}")
+
+
+def _portion(option: str, text: str) -> float:
+    try:
+        return share_of(text)
+    except ValueError:
+        raise SceneError(f"--purity {option!r}: write it as FRACTION=0.99, or FRACTION for every purity") from None
+
+
+def sensitivity(
+    scene: Path,
+    *,
+    over: BothEnds = (),
+    of: Shown = (),
+    out: Folder = None,
+    settings: Settings = (),
+    gate: Gate = GATE,
+    workers: Annotated[Threads, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say which input of a scene moves which number by how much: a table, sensitivity.csv and a tornado plot.
+
+    Every number that is not known exactly is drawn with all others, from the scene's interval or a default one; a
+    regression parts what they do, and flies nothing more. What is named with --over, geometry and vibration too, is
+    flown again at both ends, one at a time.
+
+    Parameters
+    ----------
+    scene
+        A scene file, run where it has not been, or the folder of a finished run.
+    """
+    from ..sweeps.sensitivity import sensitivity as find
+    from ..terminal import live
+    from ..terminal.many import show_sensitivity
+
+    asked: Scene | Path = scene
+    if not scene.is_dir():
+        asked, out = scene_and_folder(scene, settings, gate, out)
+    elif settings:
+        raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
+    with live(enabled=not quiet) as listener:
+        found = find(asked, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
+    figure = found.plot(of)
+    if not quiet:
+        show_sensitivity(found, of)
+        print(f"{figure}\n{found.folder / 'sensitivity.csv'}")
+
+
+def clean(
+    *,
+    everything: bool = False,
+    keep: Annotated[str | None, Parameter(help="Remove what was used longest ago until this is left: 10GB.")] = None,
+    dry_run: bool = False,
+) -> None:
+    """Remove unfinished stages from the cache, and say what the others take on disk and would take to make again.
+
+    Parameters
+    ----------
+    everything
+        Remove finished stages as well.
+    dry_run
+        Remove nothing; only say what is there, and what --keep would remove.
+    """
+    from ..core.cleaning import bytes_of, kept_stages, oldest_beyond, remove_stages
+    from ..core.store import Store, cache_root
+    from ..terminal.stored import show_removed, show_stages
+
+    most, root = None if keep is None else bytes_of(keep), cache_root()
+    if not dry_run:
+        removed, size = Store(root).clean(everything=everything)
+        print(f"{removed} folders removed from {root}, {size / 1e6:.1f} MB freed")
+    stages = kept_stages(root)
+    if most is not None:
+        old = oldest_beyond(stages, most)
+        gone = old if dry_run else remove_stages(old)
+        show_removed(gone, done=not dry_run)
+        stages = [one for one in stages if one not in gone]
+    show_stages(stages)
+
+
+COMMANDS = (sweep, search, compare, bins, sensitivity, clean)

@@ -1,0 +1,121 @@
+"""The options that commands have, each with its help, and those that several commands share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from ..scene.overrides import changes_of, share_of, switches_of
+from ..scene.rungs import rungs
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+if TYPE_CHECKING:
+    RungName = str
+else:
+    RungName = Literal[tuple(rungs)]
+Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
+Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/, the scene's name, its changes.")]
+Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
+Settings = Annotated[
+    tuple[str, ...],
+    Parameter(name="--set", negative="", help="Change a key of the scene: air.speed='7 m/s'. Repeatable."),
+]
+Forced = Annotated[
+    tuple[str, ...],
+    Parameter(name="--force", negative="", help="Switch a term: lift=on, chaff.basset-history=off. Repeatable."),
+]
+Target = Annotated[
+    float | None,
+    Parameter(
+        help="Error of a bin's share that is asked for, instead of the scene's own: 0.01 or 1%. The plan leaves out "
+        "terms that could not move so much; run also chooses its settings by it.",
+        converter=lambda _, tokens: share_of(tokens[0].value),
+    ),
+]
+
+
+def _at_least_one(_: object, count: int | None) -> None:
+    if count is not None and count < 1:
+        raise ValueError("Must be at least 1.")
+
+
+Threads = Annotated[int | None, Parameter(validator=_at_least_one, help="Threads of the tracker; default all cores.")]
+Processes = Annotated[
+    int | None, Parameter(validator=_at_least_one, help="Processes on this machine; default one a core.")
+]
+Quiet = Annotated[bool, Parameter(help="Print nothing but errors, and no progress; where there is --json, that alone.")]
+
+Axes = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        negative="",
+        help="Values of a key of the scene: air.speed=3,4,5, or start:stop:count as in air.speed='3:5:3 m/s'. "
+        "Repeatable; a single value is the same for all.",
+    ),
+]
+Held = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set", negative="", help="Hold a key in all designs at all levels: air.speed='5 m/s'. Repeatable."
+    ),
+]
+BothEnds = Annotated[
+    tuple[str, ...],
+    Parameter(
+        negative="",
+        help="Fly the scene again with a key at both ends: air.speed='4 m/s,6 m/s', or the key alone for the ends of "
+        "its own interval. Repeatable.",
+    ),
+]
+Shown = Annotated[
+    tuple[str, ...], Parameter(negative="", help="Quantities to show: recovery.wheat, share.dust.middle. Repeatable.")
+]
+Scheduler = Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")]
+AsJson = Annotated[bool, Parameter(name="--json")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Gate:
+    """What overrides a scene's own choice of rung and terms."""
+
+    rung: Fidelity = None
+    force: Forced = ()
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """The options as ``wakeflow.plan``, ``run``, ``sweep`` and ``sensitivity`` take them."""
+        return {"rung": self.rung, "force": switches_of(self.force)}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Accuracy(Gate):
+    """What overrides a scene's own choice of rung, terms and accuracy."""
+
+    target_error: Target = None
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """The options as ``wakeflow.plan``, ``run`` and ``sweep`` take them."""
+        return {**super().how, "target_error": self.target_error}
+
+
+GATE, ACCURACY = Gate(), Accuracy()
+
+
+def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Path | None) -> tuple[Scene, Path]:
+    """The scene of a file with its ``settings``, and the folder for its results, by default below runs/."""
+    from ..scene import Scene
+    from ..scene.changes import run_folder
+
+    changes, how = changes_of(settings), gate.how
+    scene = Scene.load(file, changes)
+    named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error")}
+    return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))

@@ -1,0 +1,157 @@
+"""The commands around one scene: run, new, schema, report; and what proves and examines: verify, doctor."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from .options import ACCURACY, Accuracy, AsJson, Folder, Quiet, Settings, Stage, Threads, scene_and_folder
+
+
+def run(
+    scene: Path,
+    *,
+    out: Folder = None,
+    until: Stage | None = None,
+    settings: Settings = (),
+    gate: Accuracy = ACCURACY,
+    near: Path | None = None,
+    workers: Threads = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compute where each fraction of a scene lands; results in runs/NAME and what was changed (or --out).
+
+    With --target-error the granules, the tolerance, the mesh and the averages are chosen so that computing alone knows
+    every bin's share so well, in rounds that say what they buy; what computing cannot bring there is said after the
+    first, with what to measure or switch on.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML); make one with: wakeflow new
+    until
+        Stop after this stage.
+    near
+        Folder of a run whose airflow this one's is solved on from, instead of from rest.
+    as_json
+        Print result.json instead of tables; on stderr how far the run is, as JSON lines.
+    """
+    from .. import runs
+    from ..terminal import live
+
+    asked, folder = scene_and_folder(scene, settings, gate, out)
+    with live(enabled=not quiet, as_json=as_json) as listener:
+        result = runs.run(
+            asked, folder, until=until, near=near, workers=workers, listener=listener, planned=listener.planned,
+            **gate.how,
+        )  # fmt: skip
+    if as_json:
+        print(json.dumps(result.table, indent=2))
+    elif not quiet:
+        from ..terminal import show_result
+
+        show_result(result)
+
+
+def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None:
+    """Write a commented scene file to start from.
+
+    Parameters
+    ----------
+    kind
+        One of: rhombus, prism, labyrinth, aspirator, vacuum, funnel, wheat-straw-dust.
+    path
+        Where to write it; default KIND.toml here.
+    overwrite
+        Replace an existing file.
+    """
+    from ..scene.templates import write_template
+
+    target = path or Path(f"{kind}.toml")
+    write_template(kind, target, overwrite=overwrite)
+    print(f"{target} written; run it with: wakeflow run {shlex.quote(str(target))}")
+
+
+def schema() -> None:
+    """Print the JSON schema of scene files, for editors."""
+    from ..scene.schema import scene_schema
+
+    print(json.dumps(scene_schema(), indent=2))
+
+
+def doctor(*, as_json: AsJson = False) -> int:
+    """Say what is installed, at which version, and the command that mends what is not.
+
+    Parameters
+    ----------
+    as_json
+        Print JSON.
+    """
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from .. import doctor as examiner
+
+    findings = examiner.examine()
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in findings], indent=2))
+    else:
+        Console().print(examiner.table(findings))
+    return examiner.exit_code(findings)
+
+
+def report(
+    run_folder: Path, *, pdf: Annotated[bool, Parameter(negative="", help="Write every figure as PDF too.")] = False
+) -> None:
+    """Draw figures, tables and report.html of a finished run again.
+
+    Parameters
+    ----------
+    run_folder
+        A folder that ``wakeflow run`` wrote.
+    """
+    from .. import runs
+
+    print(runs.report_again(run_folder, pdf=pdf))
+
+
+def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = False) -> int:
+    """Prove it: landing error against run time next to other trackers, extremes, and in a checkout all else.
+
+    Parameters
+    ----------
+    what
+        tracker, extremes (what happens at the ends of what can be asked for), or a scene file: the error of its shares
+        against run time. In a checkout of the repository also problems, airflow, meshes, shares, coverage, crowd
+        (granules that meet, next to LIGGGHTS, DPMFoam, MPPICFoam and kinetic theory) and funnel, and of a scene of
+        which airflows are published, its airflow next to these. Default: all but crowd and funnel, which need LIGGGHTS.
+        Reports go to runs/verify. Exit code 1 where a row of extremes is missed.
+    slow
+        tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
+        an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. A scene: its
+        own airflow instead of a draft, and that on three grids. crowd: more
+        replicates and variants, a quarter of an hour. funnel: more beads, and the paper's 35 g.
+    as_json
+        Print JSON instead of tables.
+    """
+    from functools import partial
+
+    from ..terminal import live
+    from ..verify import runner
+
+    with live(enabled=not as_json) as listener:
+        reports = runner.prove(what, slow=slow, tell=partial(listener, "verify"))
+    if as_json:
+        print(json.dumps({name: report.data() for name, report in reports.items()}, indent=2))
+    else:
+        runner.show(reports)
+    return runner.verdict_code(reports)
+
+
+COMMANDS = (run, new, schema, doctor, report, verify)

@@ -1,0 +1,64 @@
+"""A number with its 95 % interval."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import BeforeValidator
+
+from .record import column
+
+# What has no bound is infinite here and null in JSON.
+Most = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
+Least = Annotated[float, BeforeValidator(lambda x: -math.inf if x is None else x)]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number and its 95 % interval, in the unit of what it measures; ``value, low, high = number`` takes it apart.
+
+    The ends are infinite, null in JSON, where nothing is known of them.
+    """
+
+    value: Most = column("as said", "the number; null where it is beyond what can be measured")
+    low: Least = column("as said", "lower end of the 95 % interval; null where none is known", default=-math.inf)
+    high: Most = column("as said", "upper end of the 95 % interval; null where none is known", default=math.inf)
+    numerical: float | None = column(
+        "as said", "half of the 95 % interval by computing alone, of shares, purities and recoveries", absent=True,
+        default=None,
+    )  # fmt: skip
+
+    def __iter__(self) -> Iterator[float]:
+        yield from (self.value, self.low, self.high)
+
+    def __getitem__(self, place: int) -> float:
+        return (self.value, self.low, self.high)[place]
+
+    def __len__(self) -> int:
+        return 3
+
+    @property
+    def known(self) -> bool:
+        """Whether both ends of the interval are known."""
+        return math.isfinite(self.low) and math.isfinite(self.high)
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """Low and high, for tables: None for what is not known."""
+        return self.low if math.isfinite(self.low) else None, self.high if math.isfinite(self.high) else None
+
+    @property
+    def half(self) -> float:
+        """Half of the interval's width; infinite where it is not known."""
+        return 0.5 * (self.high - self.low)
+
+    def shifted(self, by: float) -> Number:
+        """The number and its interval moved."""
+        return Number(self.value + by, self.low + by, self.high + by)
+
+    def times(self, factor: float) -> Number:
+        """The number and its interval times a positive factor."""
+        return Number(self.value * factor, self.low * factor, self.high * factor)

@@ -1,0 +1,141 @@
+"""Measures the code: python tests/measure.py [COMMIT ...]; a column for each commit, the work tree without one.
+
+Lines of code, docstrings, comments and blanks are counted apart, so that fewer lines are not denser lines.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import subprocess
+import sys
+import tokenize
+from collections import Counter
+from pathlib import Path
+from statistics import mean, median
+
+ROOT = Path(__file__).parents[1]
+SOURCE, PROOFS = "src/wakeflow/", "tests/proofs/"
+
+
+def files_of(commit: str | None) -> dict[str, str]:
+    """Text of every Python file by its path."""
+
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+
+    if commit is None:
+        paths = git("ls-files", "--cached", "--others", "--exclude-standard", "*.py").splitlines()
+        return {path: (ROOT / path).read_text() for path in paths if (ROOT / path).exists()}
+    paths = [path for path in git("ls-tree", "-r", "--name-only", commit).splitlines() if path.endswith(".py")]
+    return {path: git("show", f"{commit}:{path}") for path in paths}
+
+
+def kinds(text: str) -> Counter[str]:
+    """How many lines are docstring, comment alone, blank and code."""
+    tree, lines = ast.parse(text), text.splitlines()
+    doc: set[int] = set()
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and body:
+            first = body[0]
+            if (
+                isinstance(first, ast.Expr)
+                and isinstance(first.value, ast.Constant)
+                and isinstance(first.value.value, str)
+            ):
+                doc.update(range(first.lineno, (first.end_lineno or first.lineno) + 1))
+    found: Counter[str] = Counter()
+    for number, line in enumerate(lines, 1):
+        bare = line.strip()
+        found["docstring" if number in doc else "blank" if not bare else "comment" if bare[0] == "#" else "code"] += 1
+    return found
+
+
+def functions(text: str) -> list[int]:
+    """Lines of each function, its docstring included."""
+    kinds_of = (ast.FunctionDef, ast.AsyncFunctionDef)
+    return [(n.end_lineno or n.lineno) - n.lineno + 1 for n in ast.walk(ast.parse(text)) if isinstance(n, kinds_of)]
+
+
+def words(text: str) -> Counter[str]:
+    """Names and the two patterns that are counted; strings and comments do not count."""
+    found: Counter[str] = Counter()
+    tokens = [
+        t.string for t in tokenize.generate_tokens(io.StringIO(text).readline) if t.type in (tokenize.NAME, tokenize.OP)
+    ]
+    joined = " ".join(tokens)
+    found["Any"] = len(re.findall(r"\bAny\b", joined))
+    found["dict[str, Any]"] = joined.count("dict [ str , Any ]")
+    found["assert ... is not None"] = len(re.findall(r"\bassert [^;]{1,80}? is not None\b", joined))
+    return found
+
+
+def graph(texts: dict[str, str]) -> tuple[int, int, int, int]:
+    """Of the folders and modules below the package, as one graph: rooms, levels, arrows, arrows that run back up."""
+    names = {path[len(SOURCE) :].removesuffix(".py").split("/")[0] for path in texts} - {"__init__"}
+    arrows: set[tuple[str, str]] = set()
+    for path, text in texts.items():
+        parts = ["wakeflow", *path[len(SOURCE) :].removesuffix(".py").split("/")]
+        room, package = parts[1], parts[:-1]
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Import):
+                found = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                base = package[: len(package) - node.level + 1] if node.level else []
+                whole = ".".join([*base, *([node.module] if node.module else [])])
+                found = [f"{whole}.{alias.name}" for alias in node.names]
+            else:
+                continue
+            others = {name.split(".")[1] for name in found if name.startswith("wakeflow.")} & names
+            back = {"__init__"} if any(name == "wakeflow" for name in found) else set()
+            if room != "__init__":
+                arrows |= {(room, other) for other in others | back if other != room}
+    up = {arrow for arrow in arrows if arrow[1] == "__init__"}
+    arrows -= up
+    level: dict[str, int] = {}
+
+    def floor(room: str, above: tuple[str, ...] = ()) -> int:
+        if room not in level:
+            below = [other for one, other in arrows if one == room]
+            assert not set(below) & set(above), f"a circle through {room}"
+            level[room] = 1 + max((floor(other, (*above, room)) for other in below), default=0)
+        return level[room]
+
+    return len(names), max(map(floor, names)), len(arrows), len(up)
+
+
+def measured(commit: str | None) -> dict[str, str]:
+    """Every figure by its name."""
+    every = files_of(commit)
+    source = {path: text for path, text in every.items() if path.startswith(SOURCE)}
+    proofs = {path: text for path, text in every.items() if path.startswith(PROOFS)}
+    tests = {path: text for path, text in every.items() if path.startswith("tests/") and path not in proofs}
+    lines = sum((kinds(text) for text in source.values()), Counter())
+    sizes = [size for text in source.values() for size in functions(text)]
+    outside = {path: text for path, text in source.items() if "tracking/kernel" not in path}
+    named = sum((words(text) for text in source.values()), Counter())
+    asserts = sum(words(text)["assert ... is not None"] for text in outside.values())
+    widths = [len(line) for text in source.values() for line in text.splitlines() if line.strip()]
+    rooms, levels, arrows, up = graph(source)
+    return {
+        "src: files": f"{len(source)}",
+        "src: lines": f"{lines.total()}",
+        **{f"src: {kind}": f"{lines[kind]}" for kind in ("code", "docstring", "comment", "blank")},
+        "src: mean width of a line": f"{mean(widths):.1f}",
+        "src: lines of a function, median / largest": f"{median(sizes):.0f} / {max(sizes)}",
+        "src: Any / dict[str, Any]": f"{named['Any']} / {named['dict[str, Any]']}",
+        "src: assert ... is not None, outside the kernel": f"{asserts}",
+        "rooms / levels / arrows / back up": f"{rooms} / {levels} / {arrows} / {up}",
+        "proofs: files / lines": f"{len(proofs)} / {sum(len(t.splitlines()) for t in proofs.values())}",
+        "tests: files / lines": f"{len(tests)} / {sum(len(t.splitlines()) for t in tests.values())}",
+        "cases, other Python: lines": str(sum(len(t.splitlines()) for p, t in every.items() if p.startswith("cases/"))),
+    }
+
+
+if __name__ == "__main__":
+    commits: list[str | None] = list(sys.argv[1:]) or [None]
+    columns = [measured(commit) for commit in commits]
+    for name in columns[0]:
+        print(f"{name:50}", *(f"{column[name]:>16}" for column in columns))

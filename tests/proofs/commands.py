@@ -1,0 +1,80 @@
+"""The proofs of this room by the name that ``wakeflow verify NAME`` knows them by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from proofs.report import Report, Table, Tell
+from wakeflow.verify.report import FOLDER
+
+
+def problems(slow: bool, tell: Tell) -> Report:
+    """Exact problems at six tolerances."""
+    from proofs.problems.tolerances import COLUMNS, run_problems
+
+    rows = run_problems(lambda done, total: tell(f"exact problems: {done} of {total}"))
+    return Report("problems", [Table("exact problems, worst granule", COLUMNS, rows)], {"rows": rows})
+
+
+def airflow(slow: bool, tell: Tell) -> Report:
+    """Airflows next to published values."""
+    from proofs.airflow.airflow import run_airflow
+
+    return run_airflow(FOLDER, slow=slow, tell=tell)
+
+
+def meshes(slow: bool, tell: Tell) -> Report:
+    """Errors of steady airflows against core-seconds, by meshing strategy."""
+    from proofs.airflow.meshes import FLOWS, SCALES, run_meshes
+
+    if slow:
+        return run_meshes(tell=tell)
+    return run_meshes(tell=tell, scales=SCALES[:2], finest=SCALES[2:], flows=FLOWS[:1])
+
+
+def shares(slow: bool, tell: Tell) -> Report:
+    """Bin shares next to those of OpenFOAM's parcels."""
+    from proofs.shares import run_shares
+
+    return run_shares(slow=slow, tell=tell)
+
+
+def coverage(slow: bool, tell: Tell) -> Report:
+    """How often the intervals hold a known truth."""
+    from proofs.coverage.report import run_coverage
+
+    return run_coverage(slow=slow, tell=tell)
+
+
+def funnel(slow: bool, tell: Tell) -> Report:
+    """The feed funnel: a bead on a plate, the discharge."""
+    from proofs.funnel import run_funnel
+
+    return run_funnel(FOLDER, slow=slow, tell=tell)
+
+
+def crowd(slow: bool, tell: Tell) -> Report:
+    """Granules that meet, next to LIGGGHTS, OpenFOAM and kinetic theory."""
+    from proofs.crowd.report import run_crowd
+
+    return run_crowd(slow=slow, tell=tell)
+
+
+PROOFS: dict[str, Callable[[bool, Tell], Report]] = {
+    proof.__name__: proof for proof in (problems, airflow, meshes, shares, coverage, funnel, crowd)
+}
+
+
+def is_published(scene: Path) -> bool:
+    """Whether something is published of the airflow of the scene in a file."""
+    from proofs.airflow.airflow import is_published as known
+
+    return known(scene)
+
+
+def of_scene(scene: Path, tell: Tell) -> Report:
+    """The airflow of a scene next to published values, or on three grids."""
+    from proofs.airflow.airflow import run_scene
+
+    return run_scene(scene, FOLDER, tell=tell)

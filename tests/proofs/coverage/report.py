@@ -1,0 +1,180 @@
+"""``wakeflow verify coverage``: how often the intervals hold the truth, as a report with its gates."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from proofs.coverage.counted import (
+    Bounded,
+    Counted,
+    HeldTally,
+    bounded,
+    counted,
+    inputs_alone,
+    left_out_wakes,
+    numerical_alone,
+    of_kind,
+    sampling_alone,
+    tally_of,
+)
+from proofs.coverage.flown import Predicted, predicted, with_bins
+from proofs.coverage.laminar import laminar_rows, references
+from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
+from proofs.report import Report, Table, Tell
+from wakeflow.core.store import Store, cache_root
+
+SCENES, QUICK = 200, 20
+TRUTH = 2**12  # granules a fraction of the truth
+COMPARED = 2**11  # granules a fraction of what is flown often
+EVERY = 10  # one turn of the groups in so many is flown for each part alone
+ENSEMBLE = 32  # draws of the inputs, of one scene a group
+OVERALL, IN_GROUP, WIDEST = (0.93, 0.975), 0.88, 4.0
+BROKEN = "bounds on terms left out that are broken"
+FAILING: dict[str, str] = {}  # gates that are known not to be met, and why: empty since all are
+HELD = {
+    "": "{label}", "scenes": "{scenes}", "numbers": "{many}", "held %": "{coverage:.1f*100}",
+    "with trivial %": "{every:.1f*100}", "above %": "{above:.1f*100}", "below %": "{below:.1f*100}",
+    "half %": "{half:.2f*100}", "error %": "{error:.2f*100}", "half / error": "{width:.2f}",
+}  # fmt: skip
+BOUNDS = {
+    "term left out": "{term}", "shares": "{many}", "within its bound": "{held}",
+    "largest change %": "{change:.3f*100}", "its bound %": "{bound:.3f*100}", "where": "{scene}",
+}  # fmt: skip
+GATES = {"gate": "{what}", "wanted": "{wanted}", "found": "{found}", "met": "{met:yes|NO}"}
+LABELS = ("shares", "recoveries", "purities")
+
+
+@dataclass
+class _Found:
+    """What the scenes gave: numbers with the whole interval, and with that of each part alone."""
+
+    whole: list[Counted] = field(default_factory=list)
+    sampling: list[Counted] = field(default_factory=list)
+    numerical: list[Counted] = field(default_factory=list)
+    inputs: list[Counted] = field(default_factory=list)
+    laminar: list[Counted] = field(default_factory=list)
+    bounds: list[Bounded] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class CoverageGate:
+    """What is asked, what was found, and whether it is met."""
+
+    what: str
+    wanted: str
+    found: str
+    met: bool
+
+
+def run_coverage(
+    *, slow: bool = False, tell: Tell = lambda _: None, scenes: int | None = None, parts: bool = True
+) -> Report:
+    """Fly the varied scenes; ``slow``: all of them. Everything is cached: the same call goes on after an interruption.
+
+    ``scenes``: another number; without ``parts`` the whole intervals alone are counted.
+    """
+    started, found = time.monotonic(), _Found()
+    many = (SCENES if slow else QUICK) if scenes is None else scenes
+    store = Store(cache_root())
+    for number, one in enumerate(varied_scenes(many)):
+        tell(f"{number + 1} of {many}: {one.name}")
+        _fly(one, number, store, found, parts=parts)
+    for name in references() if slow and parts else ():
+        tell(name)
+        found.laminar += laminar_rows(name)
+    return _report(found, many, time.monotonic() - started)
+
+
+def _fly(one: VariedScene, number: int, store: Store, found: _Found, *, parts: bool) -> None:
+    told = predicted(with_bins(one, store), store)
+    found.whole += counted(told, told.truth.shares(TRUTH, told.truth.drawn(0)))
+    turn = number // len(GROUPS)
+    if parts and turn % EVERY == 0:
+        _fly_parts(told, found)
+    if parts and turn == 0:
+        found.inputs += inputs_alone(told, ENSEMBLE, COMPARED)
+
+
+def _fly_parts(told: Predicted, found: _Found) -> None:
+    plan = told.pipeline.plan
+    given = told.truth.shares(TRUTH, plan=plan)
+    found.sampling += sampling_alone(told, given)
+    found.numerical += numerical_alone(told, given)
+    found.bounds += bounded(told, COMPARED)
+
+
+def _report(found: _Found, scenes: int, seconds: float) -> Report:
+    whole = [of_kind(found.whole, kind) for kind in ("share", "recovery", "purity")]
+    shares = whole[0]
+    groups = [tally_of(group, [row for row in shares if row.group == group]) for group in GROUPS]
+    kinds = [tally_of(label, rows) for label, rows in zip(LABELS, whole, strict=True)]
+    alone = [
+        tally_of("granules", found.sampling),
+        tally_of("granules and steps", found.numerical),
+        tally_of("inputs", found.inputs),
+        tally_of("mesh and averaging, laminar", found.laminar),
+    ]
+    wakes, asked = left_out_wakes(), gates(kinds[0], groups, found.bounds)
+    facts: dict[str, Any] = {
+        "scenes": scenes,
+        "seconds": seconds,
+        "groups": _tables(groups),
+        "kinds": _tables(kinds),
+        "parts": _tables(alone),
+        "bounds": _bounds(found.bounds),
+        "wakes": [asdict(row) | {"held": row.held} for row in wakes],
+        "gates": [asdict(gate) for gate in asked],
+        "outside": [asdict(row) for row in shares if not row.trivial and not row.covered],
+    }
+    notes = [
+        f"{scenes} scenes in {seconds:.0f} s; of recoveries and purities nothing is asked",
+        f"theta and strength of wakes, each measurement predicted from all others: {sum(w.held for w in wakes)} of "
+        f"{len(wakes)} lie within the range given; not {', '.join(w.name for w in wakes if not w.held)}",
+        *(f"known not to be met: {gate}; {why}" for gate, why in FAILING.items()),
+    ]
+    titles = {"groups": "shares, by group", "kinds": "all groups", "parts": "one part alone"}
+    tables = [Table(f"truth within the 95 % interval: {text}", HELD, facts[key]) for key, text in titles.items()]
+    tables.append(Table("terms switched on against their bounds", BOUNDS, facts["bounds"]))
+    tables.append(Table("to reach, and reached", GATES, facts["gates"]))
+    missed = [gate.what for gate in asked if not gate.met and gate.what not in FAILING]
+    return Report("coverage", tables, facts, notes, missed)
+
+
+def _tables(tallies: Iterable[HeldTally]) -> list[dict[str, Any]]:
+    return [tally.table() for tally in tallies]
+
+
+def _bounds(rows: Sequence[Bounded]) -> list[dict[str, Any]]:
+    """For each term how often its bound holds, and the largest change beside the bound on it."""
+    made = []
+    for term in dict.fromkeys(row.term for row in rows):
+        own = [row for row in rows if row.term == term]
+        worst = max(own, key=lambda row: row.change)
+        held = {"many": len(own), "held": sum(row.held for row in own)}
+        made.append({"term": term, **held, "change": worst.change, "bound": worst.bound, "scene": worst.scene})
+    return made
+
+
+def gates(overall: HeldTally, groups: Sequence[HeldTally], bounds: Sequence[Bounded]) -> list[CoverageGate]:
+    """What is asked of the shares, and of the bounds."""
+    low, high = OVERALL
+    known = [group for group in groups if group.coverage is not None]
+    worst = min(known, key=lambda group: group.coverage or 0.0)
+    broken = sum(not row.held for row in bounds)
+    share, width = overall.coverage or 0.0, overall.width or float("inf")
+    return [
+        CoverageGate(
+            "shares held overall", f"{100 * low:g} to {100 * high:g} %", f"{100 * share:.1f} %", low <= share <= high
+        ),
+        CoverageGate(
+            "shares held in the worst group",
+            f"at least {100 * IN_GROUP:g} %",
+            f"{100 * (worst.coverage or 0.0):.1f} % ({worst.label})",
+            (worst.coverage or 0.0) >= IN_GROUP,
+        ),
+        CoverageGate("median half width over median error", f"at most {WIDEST:g}", f"{width:.2f}", width <= WIDEST),
+        CoverageGate(BROKEN, "none", f"{broken} of {len(bounds)}", broken == 0),
+    ]

@@ -1,0 +1,143 @@
+"""The machine in a vacuum flown by LIGGGHTS: the same granules at the same times and places, as soft spheres.
+
+Contacts are Hertz' springs with the damping that gives the restitution, softened, and a tangential dashpot under
+Coulomb's cap. With a restitution of 0.5 that dashpot leaves less than a hundredth of the slip of a contact that
+sticks: the law of ``wf.Collisions`` without tangential restitution. ``tangential="history"`` is Mindlin's spring.
+
+LIGGGHTS makes granules between its runs only: every CHUNK those of the next one are made, as much higher up as they
+fall until their time comes.
+"""
+
+from __future__ import annotations
+
+import math
+import resource
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proofs.crowd.machine import CHUNK, Flown, Machine
+from wakeflow.core.files import atomic_write
+from wakeflow.funnel.cone import write_triangles
+from wakeflow.funnel.engine import read_dump, run_script, write_settings
+from wakeflow.funnel.pour import POISSON
+from wakeflow.injection.first_contact import motion_of
+from wakeflow.laws.constants import GRAVITY
+from wakeflow.laws.hertz import contact_time
+from wakeflow.tracking import Granules
+
+Array = NDArray[np.float64]
+SCRIPT = Path(__file__).with_name("machine.liggghts")
+FAST = 3.0  # m/s: the quickest collision that the step resolves; all fall through half a metre
+ROOM = 0.08  # m below the floor, in which granules are seen once at least
+SHOT = 0.005  # s between looks below the floor
+EMPTY = 2.0  # s at most until the last granules are out
+
+
+@dataclass(frozen=True)
+class SoftSpheres:
+    """Young's ``modulus`` (Pa), steps in the quickest collision, and the tangential model of LIGGGHTS."""
+
+    modulus: float = 1e7
+    steps: float = 25.0
+    tangential: str = "no_history"
+
+    def step(self, grains: Granules) -> float:
+        """Time step (s) of LIGGGHTS: of the smallest granules, in CHUNK a whole number of times."""
+        smallest = int(np.argmin(grains.diameter))
+        size, density = float(grains.diameter[smallest]), float(grains.density[smallest])
+        most = contact_time(size, density, self.modulus, FAST, POISSON) / self.steps
+        return CHUNK / math.ceil(CHUNK / most)
+
+
+def fly_liggghts(machine: Machine, grains: Granules, soft: SoftSpheres, folder: Path) -> Flown:
+    """Let LIGGGHTS fly ``grains``, which are sorted by time, in ``folder``. Raises ProgramError as LIGGGHTS does."""
+    folder.mkdir(parents=True, exist_ok=True)
+    dt = soft.step(grains)
+    _write_body(machine, folder)
+    _write_feed(grains, round(CHUNK / dt), folder)
+    write_settings(folder, _settings(machine, grains, soft, dt))
+    busy = _busy()
+    run_script(folder, SCRIPT)
+    seconds = _busy() - busy
+    return Flown(_places(machine, _landings(machine, len(grains), folder / "fallen.dump")), seconds)
+
+
+def _busy() -> float:
+    """Processor time (s) of the programs that this one started and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _settings(machine: Machine, grains: Granules, soft: SoftSpheres, dt: float) -> dict[str, float | int | str]:
+    channel, motion = machine.scene.channel, motion_of(machine.scene)
+    half, along = channel.width / 2, (0.0, 0.0) if motion is None else tuple(map(float, motion.amplitude))
+    return {
+        "left": -half - 0.01, "right": half + 0.01, "wall_left": -half, "wall_right": half,
+        "low": channel.bottom - ROOM, "high": channel.top + 0.05, "floor": channel.bottom, "depth": machine.depth,
+        "youngs": soft.modulus, "poisson": POISSON, "tangential": soft.tangential,
+        "e": machine.restitution, "ew": float(grains.restitution[0]),
+        "f": machine.friction, "fw": float(grains.friction[0]),
+        "g": GRAVITY, "dt": dt, "skin": 0.25 * float(grains.diameter.max()),
+        "amplitude": math.hypot(*along), "along_x": along[0], "along_y": along[1],
+        "period": 1.0 if motion is None else 1.0 / motion.frequency,
+        "chunk": round(CHUNK / dt), "shot": round(SHOT / dt), "turns": math.ceil(EMPTY / CHUNK),
+    }  # fmt: skip
+
+
+def _write_body(machine: Machine, folder: Path) -> None:
+    """The outlines of all bodies, extruded across the slab."""
+    found = []
+    for body in machine.scene.body.values():
+        outline = body.outline()
+        for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+            near, far = (np.array([[*start, z], [*end, z]]) for z in (0.0, machine.depth))
+            found += [np.stack([near[0], near[1], far[1]]), np.stack([near[0], far[1], far[0]])]
+    write_triangles(folder / "body.stl", "body", found)
+
+
+def _write_feed(grains: Granules, chunk: int, folder: Path) -> None:
+    """``feed.liggghts``: runs of ``chunk`` steps, before each the granules whose time comes in it."""
+    assert grains.depth is not None
+    made = np.maximum(np.floor(grains.time / CHUNK).astype(int), 0)
+    made[0] = 0  # an empty box cannot run
+    early = grains.time - CHUNK * made
+    height = grains.position[:, 1] - grains.velocity[:, 1] * early - 0.5 * GRAVITY * early**2
+    speed = grains.velocity[:, 1] + GRAVITY * early
+    aside = grains.position[:, 0] - grains.velocity[:, 0] * early
+    with atomic_write(folder / "feed.liggghts") as stream:
+        last = 0
+        for i, when in enumerate(made):
+            stream.write(f"run {chunk}\n" * (when - last))
+            last = when
+            stream.write(f"create_atoms 1 single {aside[i]:.12g} {height[i]:.12g} {grains.depth[i]:.12g} units box\n")
+            stream.write(
+                f"set atom {i + 1} diameter {grains.diameter[i]:.12g} density {grains.density[i]:.12g}"
+                f" vx {grains.velocity[i, 0]:.12g} vy {speed[i]:.12g} vz 0\n"
+            )
+        stream.write(f"run {chunk}\n")
+
+
+def _landings(machine: Machine, count: int, dump: Path) -> Array:
+    """Where each granule went through the floor (n,) m, NaN where it did not: back along its fall from where it was
+    first seen below.
+    """
+    floor, x = machine.scene.channel.bottom, np.full(count, np.nan)
+    for _, rows in read_dump(dump):
+        fresh = rows[np.isnan(x[rows[:, 0].astype(int) - 1])]
+        below, vx, vy = fresh[:, 2] - floor, fresh[:, 3], fresh[:, 4]
+        since = (vy + np.sqrt(vy**2 + 2.0 * GRAVITY * below)) / GRAVITY
+        x[fresh[:, 0].astype(int) - 1] = fresh[:, 1] + vx * since
+    return x
+
+
+def _places(machine: Machine, x: Array) -> NDArray[np.int64]:
+    """The bin of each landing (n,), of those on the floor; what left beside the walls, by round-off, is at the wall."""
+    half = machine.scene.channel.width / 2
+    place, at = np.full(len(x), -1), np.clip(x, -half, half)
+    for number, bin_ in enumerate(machine.scene.bin.values()):
+        low, high = bin_.line(machine.scene.channel)[:, 0]
+        place[(at >= low) & (at <= high)] = number
+    return place

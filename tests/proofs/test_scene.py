@@ -1,0 +1,68 @@
+"""Error against run time of a scene: a row a setting, the picture, the table; what is published goes before."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from proofs.airflow.airflow import is_published
+from support import CASES, shipped
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
+from wakeflow.results.separation import separate
+from wakeflow.scene import Scene
+from wakeflow.verify import peer_chain, runner
+from wakeflow.verify.peer_chain import PEER, peer_rows, why_no_peer
+from wakeflow.verify.scene_curves import LED, TARGETS, run_curves
+
+
+def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
+    """Without its air, flown from impact to impact."""
+    tables = shipped("prism", {"numerics.rung": "none", "feed.count": 1024}).tables()
+    name = next(iter(tables["fraction"]))
+    tables["fraction"] = {name: {**tables["fraction"][name], "mass_share": 1.0}}
+    tables["feed"].pop("rate", None)
+    path = tmp_path / "own.toml"
+    Scene.parse(tables).save(path)
+    report = run_curves(path, tmp_path, slow=False).write(tmp_path)
+    rows = report.data()["rows"]
+    assert [row["knob"] for row in rows] == ["granules"] * 4 + ["tolerance"] * 4 + [LED] * len(TARGETS)
+    assert [float(row["setting"]) for row in rows[:4]] == [16, 64, 256, 1024]
+    assert rows[0]["half"] > 2.0 * rows[3]["half"]
+    for row in rows[-len(TARGETS) :]:
+        assert row["error"] <= row["half"] <= float(row["setting"])
+    with (tmp_path / "curves-own.csv").open() as stream:
+        assert [row["knob"] for row in csv.DictReader(stream)] == [row["knob"] for row in rows]
+    assert json.loads((tmp_path / "curves-own.json").read_text())["rows"] == rows
+    for ending in ("png", "svg"):
+        assert (tmp_path / f"curves-own.{ending}").stat().st_size > 1000
+    runner.show({"curves-own": report})
+
+
+@pytest.mark.openfoam
+def test_the_peer_answers_beside_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Heavy grain without scatter flies as it does there; the rest of the truth is left out."""
+    monkeypatch.setattr(peer_chain, "COUNTS", (64,))
+    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "numerics.rung": "draft"})
+    plain = scene.replace({f"fraction.{name}.impact": "paper" for name in scene.fraction})
+    alone = make_plan(plain, force={"collisions": False, "air-loading": False})
+    wheat = separate(plain, Pipeline(plain, alone).tracks().landings).fractions["wheat"]
+    truth = {("wheat", place): share.value for place, share in wheat.items()}
+    (row,) = peer_rows(scene, truth)
+    assert row["knob"] == PEER
+    assert row["error"] < 0.08
+    assert row["seconds"] > 1.0  # mesh and airflow are part of it
+
+
+def test_scenes_that_the_peer_cannot_compute_say_why() -> None:
+    assert why_no_peer(shipped("rhombus")) is None
+    assert "no airflow about a body" in str(why_no_peer(shipped("vacuum")))
+    assert "no airflow about a body" in str(why_no_peer(shipped("aspirator")))
+
+
+def test_what_is_published_is_told_apart() -> None:
+    assert is_published(CASES / "verify" / "square-100.toml")
+    assert not is_published(CASES / "rhombus.toml")
