@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
+from ..core.errors import known
 from ..core.geometry import distance_to
 from ..field.derived import stream_function
 from .canvas import MM, PlotGrid, Window, first_outline, inside_window, triangulation
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from ..field import FlowField
     from ..results.airflow_summary import Airflow
-    from ..scene import Air, Scene
+    from ..scene import Scene
     from .canvas import Window
 
 Array = NDArray[np.float64]
@@ -50,10 +50,10 @@ def as_flown(mean: FlowField, scene: Scene) -> FlowField:
 
 def moments_of(field: FlowField, count: int) -> Array:
     """``count`` times (s) evenly over the loop of a field in time, its end left out; without a loop over its record."""
-    assert field.times is not None
+    times = known(field.times)
     if field.period is None:
-        return np.linspace(field.times[0], field.times[-1], count)
-    return np.asarray(field.times[0] + np.arange(count) / count * field.period)
+        return np.linspace(times[0], times[-1], count)
+    return np.asarray(times[0] + np.arange(count) / count * field.period)
 
 
 def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]]:
@@ -140,16 +140,9 @@ def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Arr
     return (np.asarray(mean.pressure) - inlet_pressure(mean, scene, airflow)) / dynamic_pressure(mean, scene)
 
 
-def air_in(scene: Scene) -> Air:
-    """The air that a scene blows in. Raises SceneError in a vacuum."""
-    if scene.air is None:
-        raise SceneError("this scene has no air: there is none to draw")
-    return scene.air
-
-
 def dynamic_pressure(field: FlowField, scene: Scene) -> float:
     """0.5 rho U^2 of the air ahead of the bodies, Pa."""
-    return 0.5 * field.density * air_in(scene).speed ** 2
+    return 0.5 * field.density * known(scene.air).speed ** 2
 
 
 def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]:
@@ -160,7 +153,7 @@ def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]
     from scipy.sparse.csgraph import connected_components
 
     outline = first_outline(scene)
-    along = 1.0 if air_in(scene).direction == "down" else -1.0
+    along = 1.0 if known(scene.air).direction == "down" else -1.0
     ends = outline[np.isin(outline[:, 0], (outline[:, 0].min(), outline[:, 0].max()))]
     widest = float((along * ends[:, 1]).min())
     low = (cp < SUCTION_LEVEL) & (along * mean.points[:, 1] <= widest + 1e-6 * scene.width)
@@ -177,7 +170,7 @@ def inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
     if airflow.p_inlet is not None:
         return airflow.p_inlet
     y = field.points[:, 1]
-    end = y.max() if air_in(scene).direction == "down" else y.min()
+    end = y.max() if known(scene.air).direction == "down" else y.min()
     there = np.flatnonzero(np.abs(y - end) <= 1e-9 * np.ptp(y))
     there = there[np.argsort(field.points[there, 0])]
     x, p = field.points[there, 0], np.asarray(field.pressure)[there]
@@ -193,7 +186,7 @@ def window_round_body(scene: Scene, airflow: Airflow) -> Window:
     zone = airflow.suction
     longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
     behind = max(DOWNSTREAM * width, 1.5 * width + longest)
-    above, below = (UPSTREAM * width, behind) if air_in(scene).direction == "down" else (behind, UPSTREAM * width)
+    above, below = (UPSTREAM * width, behind) if known(scene.air).direction == "down" else (behind, UPSTREAM * width)
     corners = np.concatenate([body.outline() for body in scene.body.values()])
     (left, low), (right, high) = corners.min(axis=0) - BESIDE * width, corners.max(axis=0) + BESIDE * width
     return (

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import known
 from ...field.derived import vorticity
 from ...laws.momentum import momentum_pressure
-from ..air import SUCTION_LEVEL, TOUCHING, air_in, as_flown, pressure_coefficient, trace_streamlines, window_round_body
+from ..air import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
 from ..canvas import (
     INK,
     MM,
@@ -87,9 +88,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
 
 
 def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
-    cd, reynolds = airflow.cd, airflow.reynolds
-    assert cd is not None
-    assert reynolds is not None
+    cd, reynolds = known(airflow.cd), known(airflow.reynolds)
     number = f"{reynolds:.0f}" if reynolds >= 100 else f"{reynolds:.3g}"
     interval = "" if cd.low is None else f" [{cd.low:.3f}, {cd.high:.3f}]"
     what = "Mean pressure and streamlines" if in_time else "Pressure and streamlines"
@@ -116,7 +115,7 @@ def _scale(levels: Array, limit: float) -> Any:
 def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Mapping[str, str]) -> None:
     """Name the pressing and the suction zone at the side, with a line to each, ``numbers`` before the names."""
     outline, width = first_outline(scene), scene.width
-    upstream = 1.0 if air_in(scene).direction == "down" else -1.0
+    upstream = 1.0 if known(scene.air).direction == "down" else -1.0
     cp = np.ma.filled(grid.values[2], np.nan)
     x, y = np.meshgrid(grid.x - outline[:, 0].mean(), upstream * grid.y)
     if "body" in numbers:
@@ -190,7 +189,7 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
     mean, outline = as_flown(field.mean(), scene), first_outline(scene)
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
-    model = momentum_pressure(outline, air_in(scene).direction)
+    model = momentum_pressure(outline, known(scene.air).direction)
     axes = new_axes(6.4, 3.6, paper)
     axes.plot(MM * arc, cp, ".-", ms=3, lw=1.2, color=COLOURS[0], label="computed, mean")
     for i, (value, lit) in enumerate(zip(model.cp, model.lit, strict=True)):
@@ -221,7 +220,7 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     window = window_round_body(scene, airflow)
     now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
     shown = {**now, "mean": as_flown(field.mean(), scene)}
-    scaled = {name: vorticity(one) * scene.width / air_in(scene).speed for name, one in shown.items()}
+    scaled = {name: vorticity(one) * scene.width / known(scene.air).speed for name, one in shown.items()}
     here = inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
@@ -254,8 +253,7 @@ def _first(field: FlowField) -> FlowField:
     """A field in time as it is at its first moment."""
     from dataclasses import replace
 
-    assert field.times is not None
-    weights = field.weights(float(field.times[0]))
+    weights = field.weights(float(known(field.times)[0]))
     still = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
     return replace(still, times=None, period=None, coefficients=None, truncation=None)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import known
 from ..canvas import INK, MM, bins_across, new_figure, save, text_width
 from ..colours import COLOURS, fraction_colours
 from ..outcome import add_figure
@@ -269,7 +270,6 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
         len(panels), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": counts}
     )[:, 0]
     colours = fraction_colours(list(scene.fraction))
-    assert landings.bracket is not None
     for axes, name in zip(grid, panels, strict=True):
         places = [place for one, place in rows if one == name]
         for level, place in enumerate(places):
@@ -278,7 +278,7 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
             axes.barh([level], ends[0], left=ends[1], height=0.55, color=colours[name], alpha=0.35)
             axes.plot([100 * share.value] * 2, [level - 0.28, level + 0.28], color=colours[name], linewidth=2.5)
             for marker, wake in zip(MARKERS, wakes, strict=False):
-                found = landings.bracket[name][place].get(wake)
+                found = known(landings.bracket)[name][place].get(wake)
                 if found is not None:
                     axes.plot([100 * found], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
         axes.set_yticks(range(len(places)), places, fontsize=8)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import SceneError
+from ...core.errors import SceneError, known
 from ...core.record import to_json
 from ...scene.pictures import Density
 from ..air import SUCTION_LEVEL, as_flown, pressure_coefficient
@@ -51,8 +51,7 @@ def draw_streamlines(view: View) -> Drawn:
     grid = PlotGrid.sample(triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
     columns = grid.columns(("air vx (m/s)", "air vy (m/s)", "Cp"))
     data = view.write_csv(tuple(columns), zip(*columns.values(), strict=True))
-    suction = outcome.airflow.suction
-    assert suction is not None
+    suction = known(outcome.airflow.suction)
     size = [MM * (length or 0.0) for length in (suction.length, suction.width)]
     text = (
         "1 direction of the air, 2 pressing zone, 3 body, 4 suction zone "

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import known
 from ...tracking import Fate
 from ..air import moments_of
 from ..pictures.view import Path2D
@@ -108,9 +109,8 @@ def _moving(velocity: Array) -> dict[str, NDArray[Any]]:
 
 
 def _loop_time(clock: Array, field: FlowField) -> Array:
-    assert field.times is not None
-    assert field.period is not None
-    return np.asarray(field.times[0] + (clock - field.times[0]) % field.period)
+    begin = known(field.times)[0]
+    return np.asarray(begin + (clock - begin) % known(field.period))
 
 
 def _at_phase(found: Sequence[_Granule], scene: Scene, time: float, period: float) -> Any:
