@@ -151,7 +151,7 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert wf.plan(scene, rung="none").flown_by == "chain"
     result = wf.run(scene, folder / "gable", rung="none")
     shares = result.separation["fractions"]["wheat"]
-    assert sum(row["share"] for row in shares.values()) == pytest.approx(1.0)
+    assert sum(row["value"] for row in shares.values()) == pytest.approx(1.0)
 
 
 @example("The air before a shape")

@@ -64,6 +64,7 @@ LAYERS = (
     "injection",
     "pipeline",
     "results",
+    "budget",
     "report",
     "refining",
     "progress",

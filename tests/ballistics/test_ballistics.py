@@ -262,7 +262,7 @@ def test_the_labyrinth_in_the_chain(cases: Path) -> None:
     scene = wf.Scene.load(cases / "labyrinth.toml", {"fraction.*.impact": "paper"})
     found = wf.chain(scene, count=512)
     for name, row in found.separation["fractions"].items():
-        assert sum(entry["share"] for entry in row.values()) == pytest.approx(1.0, abs=1e-12)
+        assert sum(entry["value"] for entry in row.values()) == pytest.approx(1.0, abs=1e-12)
         (left, *_), (right, *_) = found.share(name, "left"), found.share(name, "right")
         assert abs(left - right) <= 2 * (row["left"]["high"] - row["left"]["low"])
     assert found.share("wheat", "middle")[0] > 0.95

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import robustness
+from proofs.studies import robustness
 from support import RHOMBUS, WIDTH, working_in
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import write_json

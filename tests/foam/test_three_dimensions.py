@@ -15,8 +15,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import three_dimensions
 import wakeflow as wf
+from proofs.studies import three_dimensions
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.extrude import layer_map, make_periodic

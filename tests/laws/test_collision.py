@@ -1,4 +1,4 @@
-"""The one collision function: published cases, stick and slip, conservation, and that it never makes energy."""
+"""Collisions with walls, of pairs, with scatter, of spheres with dust: published cases, and no energy made."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from support import CASES, DOCS
+from support import DOCS, ROOT
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import ImpactModel, bounce, collide, collide_pair, impact, impact_models
 from wakeflow.laws.random_numbers import normal_pair
@@ -165,9 +165,8 @@ def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
 
 
 def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:
-    done = subprocess.run(
-        [sys.executable, CASES / "studies" / "printed_form.py"], capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, ROOT / "tests" / "proofs" / "studies", "printed_form"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout in (DOCS / "model.md").read_text()
     rows = [[float(cell) for cell in line.strip("| ").split("|")] for line in done.stdout.splitlines()[2:]]
     assert all(row[4] <= 1.0 for row in rows)  # the derived form never does

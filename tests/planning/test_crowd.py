@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-import crowding
+from proofs.report import Row
+from proofs.studies import crowding
 from support import G, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.planning.bounds import COLLISIONS
@@ -242,22 +243,22 @@ def test_estimate_and_bound_hold_in_a_vacuum() -> None:
 @pytest.mark.openfoam
 @pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth"])
 def test_estimate_and_bound_hold_in_three_scenes(name: str) -> None:
-    """Of cases/studies/crowding.py, which prints the table of docs/validation.md. In the prism's wake the air carries
-    dust through the curtain, which the estimate leaves out; there the bound on shares alone is held.
+    """Of tests/proofs/studies/crowding.py, which prints the table of docs/validation.md. In the prism's wake the air
+    carries dust through the curtain, which the estimate leaves out; there the bound on shares alone is held.
     """
     _hold(list(crowding.rows(name)), carried="dust" if name == "prism" else None)
 
 
-def _hold(rows: list[crowding.Row], *, carried: str | None = None) -> None:
+def _hold(rows: list[Row], *, carried: str | None = None) -> None:
     """Meetings are estimated to within a factor of IDLE and not underestimated by more than a factor of 2; no share
     changes beyond its bound; and the bound that decides, that of the fraction which collisions move most, is not idle.
     """
-    met = [row for row in rows if row.counted > 0.1 and row.fraction != carried]
-    assert not [row for row in met if 0.5 * row.counted > row.estimated]
+    met = [row for row in rows if row["counted"] > 0.1 and row["fraction"] != carried]
+    assert not [row for row in met if 0.5 * row["counted"] > row["estimated"]]
     for row in rows:
-        assert row.holds, row
-        assert row not in met or row.estimated <= IDLE * row.counted, row
-    for rate in {row.rate for row in rows}:
-        most = max((row for row in rows if row.rate == rate), key=lambda row: row.change)
-        if most.change > 2.0 * most.error:
-            assert most.bound <= IDLE * most.change, most
+        assert row["holds"], row
+        assert row not in met or row["estimated"] <= IDLE * row["counted"], row
+    for rate in {row["rate"] for row in rows}:
+        most = max((row for row in rows if row["rate"] == rate), key=lambda row: row["change"])
+        if most["change"] > 2.0 * most["error"]:
+            assert most["bound"] <= IDLE * most["change"], most

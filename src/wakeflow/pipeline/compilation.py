@@ -10,12 +10,13 @@ from threading import Event, Thread
 
 from ..core.errors import ProgramError
 from ..core.process import call_in_child, cores
+from ..planning.stages import OWN, StageKey
 from .cache import StageCache
-from .stages import StageKey, StageTime
+from .stages import StageTime
 
 __all__ = ["COMPILED", "Compilation"]
 
-COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+COMPILED = StageKey(OWN, "compile")  # the tracker is compiled once a run, whatever airflow it flies in
 _here, _slab_here = Event(), Event()  # this process has the tracker; and the slab's kernel
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tracking
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.files import atomic_write
 from ..core.process import cores
 from ..field import FlowField
@@ -112,7 +112,6 @@ class SlabFlight:
         tracks = self._track(field, stream, number)
         kept = stream.counted
         bin_, fate = tracks.ends(len(self.scene.bin))
-        assert tracks.meetings is not None
         assert tracks.crowd is not None
         return {
             "step": np.array([tracks.crowd.step, tracks.crowd.step_error]),
@@ -129,7 +128,7 @@ class SlabFlight:
             "realisation": np.full(int(kept.sum()), realisation, dtype=np.uint8),
             "cycle": self.airs.cycle_of(stream.granules.time)[kept],
             "weight": stream.mass[kept],
-            "meetings": tracks.meetings[kept].astype(np.int32),
+            "meetings": known(tracks.meetings)[kept].astype(np.int32),
             "drag": stream.granules.drag_scale[kept].astype(np.float32),
         }
 
@@ -189,8 +188,7 @@ def compile_slab(_: None = None) -> None:
 
 def steady_after(plan: Plan, landings: Mapping[str, Landings]) -> float:
     """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one."""
-    crowd = plan.crowd
-    assert crowd is not None
+    crowd = known(plan.crowd)
     real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
     return max(float(np.quantile(landings[name].time, LATE)) for name in real)
 

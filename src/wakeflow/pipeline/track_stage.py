@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.plan import COMPARED, REPLICATES, Plan
@@ -119,8 +120,7 @@ class TrackStage:
         found = self.airs if change.loaded else self.air.realisations
         if change.wake is None or found.field is None:
             return found
-        other = self.air.between(*change.wake)
-        assert other is not None
+        other = known(self.air.between(*change.wake))
         only = replace(self.air.realisations, field=other[1], others=())
         return only if self.loading is None or not change.loaded else only.mapped(self.loading.apply)
 

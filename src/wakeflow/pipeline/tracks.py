@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .. import tracking
 from ..ballistics import follow
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.files import atomic_write
 from ..field import FlowField
 from ..injection.feed import Feedstock, feedstock
@@ -266,9 +266,7 @@ def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     found = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
     for bin_ in scene.bin.values():
         if bin_.points is None and bin_.on == side:
-            assert bin_.start is not None
-            assert bin_.to is not None
-            found.append((bin_.start, bin_.to))
+            found.append((known(bin_.start), known(bin_.to)))
     return sorted(found)
 
 

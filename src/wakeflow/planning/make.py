@@ -273,8 +273,7 @@ class _WithoutAir:
 
 def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _WithoutAir:
     """For each fraction of a scene with air that is flown without: what the air could move it by."""
-    assert scene.air is not None
-    air, widest = scene.air, scene.channel.width / scene.width
+    air, widest = scene.airstream, scene.channel.width / scene.width
     left_out, told = [], []
     for name, fraction in fractions.items():
         law = fraction.drag, fraction.drag_scale

@@ -1,0 +1,102 @@
+"""The budget: what each source of error contributes to an answer, and what knowing it cost in run time.
+
+The sources are registered objects, a file each or a family; their parts make one total a row (:mod:`.total`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from ..core.graded import Notice, less_sure
+from ..pipeline.pipeline import Pipeline
+from ..planning.terms import TYPICAL
+from ..results.landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
+from .source import Flights, FractionResults, in_order
+from .total import whole
+
+ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with finer ones"
+
+
+def fly_again(flights: Flights) -> None:
+    """Run what every source flies again, or read it from the cache."""
+    for source in in_order():
+        flights.of(source)
+
+
+def flights_ahead(pipeline: Pipeline) -> list[Callable[[], object]]:
+    """What of :func:`fly_again` need not wait for the answer's own airflow, for another core to do meanwhile."""
+    return [job for source in in_order() for job in source.ahead(pipeline)]
+
+
+def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ...]:
+    """Rows for the share of every fraction in every bin that got any, then for its landing place.
+
+    Errors of shares are absolute; a row with a unit states its errors in that unit. The error of a landing place is
+    the 95th percentile over the granules of how far the companion run moves them. A part that stands for a left-out
+    term has a note and a kind: left-out (small enough for the accuracy asked for) or not-computed.
+    """
+    pipeline = flights.pipeline
+    spent = sum(stage.seconds for stage in pipeline.seconds.values())
+    rows: list[BudgetRow] = []
+    places: list[BudgetRow] = []
+    for name, shares in separation.fractions.items():
+        fraction = FractionResults(name, flights.landings[name], shares, flights)
+        rows += _share_rows(fraction, spent)
+        parts = tuple(part for source in in_order() for part in source.landing(fraction))
+        spent_here = flights.tracking + sum(part.seconds for part in parts)
+        largest = max((part.error for part in parts if part.error is not None), default=None)
+        cost = BudgetTotal(largest, spent_here, note=ONLY_STEPS)
+        places.append(BudgetRow(f"landing.{name}", pipeline.scene.unit, parts, cost))
+    return (*rows, *places)
+
+
+def _share_rows(fraction: FractionResults, seconds: float) -> list[BudgetRow]:
+    """A row for each bin that got any of the fraction, or could have by a source that fills empty bins."""
+    found = [(source, source.shares(fraction)) for source in in_order()]
+    rows = []
+    for place, share in fraction.shares.items():
+        filling = (part for source, parts in found if source.fills for part in parts.get(place, ()))
+        if share.value == 0.0 and not any(part.error for part in filling):
+            continue
+        parts = tuple(part for _, parts in found for part in parts.get(place, ()))
+        total = whole(share.value, parts, seconds)
+        rows.append(BudgetRow(f"share.{fraction.name}.{place}", None, parts, total))
+    return rows
+
+
+@dataclass(frozen=True)
+class _Sum:
+    """What the small terms of a fraction could change its share in a bin by, together."""
+
+    error: float
+    place: str
+    cure: str
+
+
+def _cure(small: Mapping[str, float]) -> str:
+    """What makes the sum of ``small`` errors by term smaller: the largest one computed, or, where several are the least
+    that so few granules can show, more of them.
+    """
+    most = max(small, key=lambda term: small[term])
+    if sum(error >= small[most] for error in small.values()) > 1:
+        return "bounds that so few granules leave: raise feed.count"
+    return f"most by {most}, [force] {most} = 'on'"
+
+
+def together(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
+    """One for each fraction whose small terms, left out one by one, add up to more than the accuracy asked for."""
+    worst: dict[str, _Sum] = {}
+    for row in rows:
+        small = {part.source: part.error or 0.0 for part in row.parts if part.kind == LEFT_OUT}
+        error = TYPICAL * sum(small.values())
+        name, _, place = row.quantity.removeprefix("share.").partition(".")
+        if error > max(target, worst[name].error if name in worst else 0.0):
+            worst[name] = _Sum(error, place, _cure(small))
+    return [
+        less_sure(
+            f"{name}: the terms left out could change its share in {found.place} by {100 * found.error:.2g} points "
+            f"together, more than the {100 * target:.2g} asked for; {found.cure}"
+        )
+        for name, found in worst.items()
+    ]

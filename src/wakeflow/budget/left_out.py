@@ -1,0 +1,120 @@
+"""The source that is the terms left out: what each could change a share by.
+
+The plan bounds how far each term could move a landing. What lands no farther than that from a bin's end could land on
+its other side: all of what is inside, or all of what is outside, whichever is more, is the most by which the bin's
+share could change. It is a true bound, however the landings heap up at the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import known
+from ..pipeline.landings import Landings
+from ..planning.bounds import COLLISIONS, VIBRATION
+from ..planning.lock_in import vibration_of_scene
+from ..planning.plan import Plan
+from ..planning.terms import LeftOut
+from ..results.inputs import InputEffect
+from ..results.landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
+from ..results.separation import upper_limit
+from ..scene import RESERVED_BIN, Scene
+from .bin_ends import free_ends, points_of
+from .source import FractionResults, Parts, Source, add
+
+Array = NDArray[np.float64]
+AIR_SPEED = "air.speed"  # the unknown that stands for what the air beside a body that vibrates does
+
+
+class LeftOutTerms(Source[None]):
+    """Every term that is not computed, each a part of its own name."""
+
+    name, how, place = "terms-left-out", CALIBRATED, 30
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        pipeline, flights = fraction.pipeline, fraction.flights
+        found = left_out_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        inputs = flights.inputs({fraction.name: fraction.shares})
+        if inputs is None or VIBRATION in pipeline.plan.force:
+            return found
+        for place, parts in found.items():
+            if not any(part.source == VIBRATION for part in parts):
+                continue
+            effects = inputs.of_share(fraction.name, [place]).effects
+            of_speed = next((one for one in effects if one.unknown.key == AIR_SPEED), None)
+            found[place] = [swung(pipeline.scene, pipeline.plan, part, of_speed) for part in parts]
+        return found
+
+
+def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
+    """Parts of the budget for every bin of fraction ``name``: what each left-out term could change its share by.
+
+    Without a body the whole floor and top are bins and no end is near; there a term that could matter counts by its
+    bound, as for granules spread over one channel width.
+    """
+    asked = scene.feed.rate is not None  # without one the question is that of single granules
+    rows = [row for row in plan.left_out if row.fraction == name and row.bound is not None]
+    rows = [row for row in rows if asked or row.name != COLLISIONS]
+    ends = free_ends(scene)
+    parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
+    if not rows or not len(landing.bin):
+        return parts
+    limit = plan.fractions[name].limit or 0.0
+    distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
+    number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
+    for place, found in parts.items():
+        away = np.full(len(landing.bin), np.inf)
+        for point in ends[place]:
+            away = np.minimum(away, distance[point])
+        for row in rows:
+            error = most_crossing(away, landing.bin == number[place], known(row.bound), landing.weight)
+            kind = LEFT_OUT if known(row.bound) <= limit else NOT_COMPUTED
+            if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
+                error = max(error, min(1.0, known(row.bound)))
+            found.append(_part(row, error, kind, scene.unit))
+    return parts
+
+
+def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
+    note = f"all that lands within {row.bound:.2g} {unit} of the bin's ends on one side of them"
+    return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note)
+
+
+def swung(scene: Scene, plan: Plan, part: BudgetPart, of_speed: InputEffect | None) -> BudgetPart:
+    """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
+    sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
+
+    They change as the mean wake does, whose drag and base pressure differ by no more than was measured
+    (``planning.lock_in``): as if the air were faster by that part, ``of_speed`` being what the air's speed does to the
+    share. Any other ``part`` comes back as it is, and so does this one where nothing was drawn.
+    """
+    in_time = plan.airflow.stepping == "time-resolved"
+    if part.source != VIBRATION or part.kind != NOT_COMPUTED or of_speed is None or not in_time:
+        return part
+    motion = vibration_of_scene(scene, plan.airflow.accuracy)
+    if motion is None or motion.used:
+        return part
+    error = of_speed.half * motion.bound * of_speed.unknown.value / of_speed.unknown.high
+    note = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ; {motion.why}"
+    return replace(part, error=min(error, part.error or 0.0), kind=LEFT_OUT, note=note)
+
+
+def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weight: Array | None = None) -> float:
+    """The most by which a landing ``shift`` (body widths) could change the share of a bin, from whose ends granules
+    land at a ``distance`` (n,), those that are ``inside`` (n,) among them.
+
+    Upper 95 % limit of the share that lands within the shift inside the ends, or of that outside them where it is
+    larger. ``weight`` (n,) of each granule, by default 1.
+    """
+    each = np.ones(len(distance)) if weight is None else weight
+    near, total = distance <= shift, round(float(each.sum()))
+    if not near.any() and shift <= 0.0:
+        return 0.0
+    sides = (round(float(each[near & side].sum())) for side in (inside, ~inside))
+    return upper_limit(max(sides), total)
+
+
+add(LeftOutTerms())

@@ -1,0 +1,107 @@
+"""Sources of the budget of granules that meet: part of the slab's replicates flown again with one thing changed.
+
+Granules that meet part ways after a few collisions whatever is changed, so that a difference holds the sampling error
+of the replicates that fly again, which its note tells; a difference within that says that none was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ..pipeline.crowd_stage import CrowdCompanion, SlabFound
+from ..planning.cost import slab_again
+from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
+from ..results.landing_results import COMPANION, BudgetPart
+from ..results.refinement import KnobSettings
+from ..results.spread import student
+from .prediction import sampled
+from .source import FractionResults, Parts, Source, add
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Tracked
+    from ..pipeline.pipeline import Pipeline
+
+COARSER = 2.0  # step of the companion over the answer's: changes more than the answer's own step errs
+THINNER = 0.5  # depth of the companion's slab over the answer's
+
+
+class _SlabAgain(Source[SlabFound]):
+    """Some replicates of the slab under a companion's change."""
+
+    how = COMPANION
+    companion: ClassVar[CrowdCompanion]
+    part_of_slab: ClassVar[float]  # its run time over the slab's
+    same_feed: ClassVar[bool] = False  # whether the same granules come, so that replicates are compared one by one
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        return slab_again(work, self.companion.name, self.part_of_slab)
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
+        del tracked
+        return pipeline.crowd(self.companion)
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        again = fraction.flights.of(self)
+        if again is None or fraction.flights.crowd is None:
+            return {}
+        bins, name = len(fraction.shares) - 1, fraction.name
+        changed = again.landings[name].counts(bins)
+        own = fraction.landings.counts(bins)
+        paired = self.same_feed and all(_apart(found, fraction) for found in (again, fraction.flights.crowd))
+        if paired:
+            own = own[: len(changed)]
+        apart = np.abs(changed.mean(axis=0) - own.mean(axis=0))
+        seconds = fraction.pipeline.spent(self.companion.name)
+        return {
+            place: [self.part(float(apart[i]), seconds, _noise(changed[:, i], own[:, i], paired=paired))]
+            for i, place in enumerate(fraction.shares)
+        }
+
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        """A difference of replicates that go apart: sampling in all but the name."""
+        return sampled(part.error or 0.0, now, then)
+
+
+class SlabStep(_SlabAgain):
+    """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
+
+    name, place, same_feed = "slab-time-step", 21, True
+    companion, part_of_slab = CrowdCompanion("slab longer steps", step=COARSER), 0.18
+
+
+class SlabDepth(_SlabAgain):
+    """The slab's depth, beyond which it repeats itself: part of the replicates in one of half the depth."""
+
+    name, place = "slab-depth", 22
+    companion, part_of_slab = CrowdCompanion("thinner slab", depth=THINNER), 0.14
+
+
+def _apart(found: SlabFound, fraction: FractionResults) -> bool:
+    """Whether each replicate that was flown is a row of its own, or the two of an airflow and its image: not where some
+    were put together since one alone had nothing of a fraction.
+    """
+    pipeline = fraction.pipeline
+    images = 2 if pipeline.plan.airflow.mirrored and pipeline.field[1] is not None else 1
+    return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
+
+
+def _noise(changed: np.ndarray, own: np.ndarray, *, paired: bool) -> str | None:
+    """Half of the 95 % interval of the difference of means, in words; None where there are too few replicates."""
+    if min(len(changed), len(own)) < 2:
+        return None
+    if paired:
+        told, variance = f"a difference between the same {len(own)} replicates", (changed - own).var(ddof=1)
+    else:
+        told = f"a difference of {len(changed)} replicates from {len(own)}"
+        variance = changed.var(ddof=1) + own.var(ddof=1) * len(changed) / len(own)
+    half = student(len(changed) - 1) * float(np.sqrt(variance / len(changed)))
+    return f"{told}, of which chance alone may make {100 * half:.2g} points"
+
+
+for _source in (SlabStep(), SlabDepth()):
+    add(_source)
+    _stage = Stage(_source.companion.name, work="slab", scaling=Scaling.SLAB, heading="slab")
+    stages.add(_stage.name, _stage)

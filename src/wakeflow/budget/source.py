@@ -1,0 +1,184 @@
+"""A source of the budget: what may make a share or a landing place wrong, and how far, as a registered object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
+
+from ..core.lazy import cached_property
+from ..core.number import Number
+from ..core.registry import Registry
+from ..pipeline.airflow import Airflow
+from ..pipeline.landings import Landings
+from ..pipeline.pipeline import Pipeline
+from ..planning.stages import StageCost, Workload, error_sources
+from ..results.inputs import Inputs
+from ..results.landing_results import UNKNOWN, BudgetPart
+from ..results.refinement import KnobSettings
+from ..results.separation import share_spreads
+from ..results.spread import Spread
+from .bin_ends import AmongOthers
+from .comparison import compared
+
+if TYPE_CHECKING:
+    from ..pipeline.crowd_stage import SlabFound
+    from ..pipeline.landings import Tracked
+
+Flown = TypeVar("Flown")
+Parts = Mapping[str, Sequence[BudgetPart]]
+INPUTS = "inputs"  # the part of what the scene does not say exactly
+
+
+class Source(Generic[Flown]):
+    """What may make an answer wrong. A subclass says how far, for a share, for a landing place, or for both.
+
+    ``name``: in the budget; ``how`` the error is known: measured (from this run), companion (from flying granules
+    again), calibrated (from a bound and what was found) or unknown; ``place``: sources fly, and are parts of a row of
+    the budget, by growing place; ``fills``: whether an error of this source gives a row to a bin in which nothing
+    landed; ``of_any_bin``: whether its error in a bin is also that of several bins together; ``if_unknown``,
+    ``if_large``: what to give or to run where its size is not known, and where no setting makes it small enough.
+    """
+
+    name: ClassVar[str]
+    how: ClassVar[str]
+    place: ClassVar[int]
+    fills: ClassVar[bool] = False
+    of_any_bin: ClassVar[bool] = False
+    if_unknown: ClassVar[str] = ""
+    if_large: ClassVar[str] = "beyond the finest settings of a scene; ask for a larger --target-error"
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        """Each stage in which this source flies granules again, with what it is expected to take."""
+        del work  # for subclasses
+        return ()
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Flown | None:
+        """What this source flies again to know its error; None where it flies nothing.
+
+        It is called once a run, through :meth:`Flights.of`.
+        """
+        del pipeline, tracked  # for subclasses
+        return None
+
+    def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
+        """Of what :meth:`fly` asks ``pipeline`` for, the stages that need not wait for the answer's own airflow:
+        another core makes them meanwhile, and ``fly`` finds them in the cache.
+        """
+        del pipeline  # for subclasses
+        return ()
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
+        del fraction  # for subclasses
+        return {}
+
+    def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
+        """Parts of the error of where the fraction's granules land, in body widths."""
+        del fraction  # for subclasses
+        return ()
+
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        """What the error of a ``part`` that was found with the settings ``now`` would be with those of ``then``: as it
+        is, where no setting changes it.
+        """
+        del now, then  # for subclasses
+        return part.error or 0.0
+
+    def part(self, error: float | None, seconds: float = 0.0, note: str | None = None) -> BudgetPart:
+        """A part of the budget in this source's name."""
+        return BudgetPart(self.name, error, seconds, self.how, note=note)
+
+    def unless_known(self, fraction: FractionResults) -> Parts:
+        """A part of unknown size, where nothing was flown to know it, unless the kind of airflow knows it."""
+        unknown = self.name in fraction.pipeline.kind.unknown_parts()
+        return fraction.everywhere(BudgetPart(self.name, None, 0.0, UNKNOWN)) if unknown else {}
+
+
+@dataclass(frozen=True)
+class Flights:
+    """What the sources of one run fly again; each flies at most once. ``tracked``: every granule alone; ``crowd``: the
+    same among others, where the plan has them meet.
+    """
+
+    pipeline: Pipeline
+    tracked: Tracked
+    crowd: SlabFound | None = None
+    _made: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def of(self, source: Source[Flown]) -> Flown | None:
+        """What ``source`` flew again."""
+        if source.name not in self._made:
+            self._made[source.name] = source.fly(self.pipeline, self.tracked)
+        found: Flown | None = self._made[source.name]
+        return found
+
+    def inputs(self, shares: Mapping[str, Mapping[str, Number]]) -> Inputs | None:
+        """What the unknown inputs do to ``shares`` by fraction and bin; None where everything is known exactly."""
+        draws = self._made.get(INPUTS)
+        if draws is None:
+            return None
+        scene, crowd = self.pipeline.scene, self.crowd
+        among = None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings).factor
+        return Inputs(draws, shares, scene.mass_shares(), among)
+
+    @property
+    def landings(self) -> Mapping[str, Landings]:
+        """The answer's: of granules that meet where they do, else of each alone."""
+        return self.tracked.landings if self.crowd is None else self.crowd.landings
+
+    @cached_property
+    def airflow(self) -> Airflow:
+        """What is known of the airflow."""
+        return self.pipeline.airflow
+
+    @property
+    def tracking(self) -> float:
+        """Run time (s) of the answer's own tracks."""
+        return self.pipeline.spent("tracks" if self.crowd is None else "slab")
+
+
+@dataclass(frozen=True)
+class FractionResults:
+    """A fraction whose errors are asked for: its name, its landings (the answer's), and its share in every bin."""
+
+    name: str
+    landings: Landings
+    shares: Mapping[str, Number]
+    flights: Flights
+
+    @property
+    def pipeline(self) -> Pipeline:
+        return self.flights.pipeline
+
+    @cached_property
+    def compared(self) -> Landings:
+        """The landings, each granule alone, of those that fly again in comparisons."""
+        return compared(self.flights.tracked.landings[self.name])
+
+    @cached_property
+    def spreads(self) -> dict[str, Spread]:
+        """What the share in every bin may be off by for being taken from few granules and few sheddings."""
+        return dict(zip(self.shares, share_spreads(self.landings, len(self.shares) - 1), strict=True))
+
+    def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
+        """The same part for every bin."""
+        return {place: [part] for place in self.shares}
+
+
+budget_sources = cast("Registry[Source[Any]]", error_sources)
+
+
+def add(source: Source[Flown]) -> Source[Flown]:
+    """Register a source under its name."""
+    return budget_sources.add(source.name, source)
+
+
+def in_order() -> list[Source[Any]]:
+    """The sources by their places."""
+    return sorted((budget_sources[name] for name in budget_sources), key=lambda source: source.place)
+
+
+def source_of(part: BudgetPart) -> Source[Any] | None:
+    """The source that a part is of; None of a term that is left out."""
+    return budget_sources[part.source] if part.kind is None and part.source in budget_sources else None

@@ -1,0 +1,173 @@
+"""One interval for every number that leaves the program: all parts of its error together.
+
+What nobody knows of the scene gives a range (:mod:`.inputs`). Beside it stand the parts that computing leaves: halves
+of 95 % intervals (granules, sheddings, steps, mesh, the slab, the air's load), which count as independent and add up in
+squares; and true bounds (terms left out), of which nothing is known between -bound and +bound: a rectangular
+distribution of the standard deviation bound / sqrt(3) (JCGM 100:2008, 4.3.7). A part of unknown size makes the total
+unknown: the row then says what to give or to run, and its interval holds what is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ..core.number import Number
+from ..planning.unknowns import SIGMAS
+from ..results.landing_results import (
+    LEFT_OUT,
+    MEASURED,
+    NOT_COMPUTED,
+    BudgetPart,
+    BudgetRow,
+    BudgetTotal,
+    Separation,
+)
+from ..results.separation import purity_slopes
+from ..scene import Scene
+from .source import INPUTS, budget_sources, source_of
+
+if TYPE_CHECKING:
+    from ..results.inputs import InputRange, Inputs
+
+BOUNDS = (LEFT_OUT, NOT_COMPUTED)
+WEIGHS = 1.0 / 3.0  # of a total: a bound larger than that must be computed, or the row says so
+
+
+def remedies(names: Iterable[str]) -> list[str]:
+    """What to give or to run where the sizes of these sources' errors are not known, each once."""
+    found = (budget_sources[name].if_unknown for name in names if name in budget_sources)
+    return list(dict.fromkeys(one for one in found if one))
+
+
+def numerical(parts: Iterable[BudgetPart]) -> float:
+    """Half of the 95 % interval by computing alone: granules, sheddings, steps, mesh; neither inputs nor bounds."""
+    return math.sqrt(sum((part.error or 0.0) ** 2 for part in parts if part.source != INPUTS and part.kind is None))
+
+
+def _half(part: BudgetPart) -> float:
+    """Half of a 95 % interval that a part is worth among others."""
+    error = part.error or 0.0
+    return SIGMAS / math.sqrt(3.0) * error if part.kind in BOUNDS else error
+
+
+def whole(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:
+    """The total of a row of a share with ``value``; ``seconds``: run time of everything that it rests on."""
+    beside = math.sqrt(sum(_half(part) ** 2 for part in parts if part.source != INPUTS))
+    inputs = next((part for part in parts if part.source == INPUTS), None)
+    below, above = _ends(inputs)
+    low, high = max(0.0, value - math.hypot(below, beside)), min(1.0, value + math.hypot(above, beside))
+    error, told = max(value - low, high - value), []
+    missing = [part.source for part in parts if part.error is None]
+    if missing:
+        told.append(f"not known: {', '.join(missing)}; {'; '.join(remedies(missing))}".rstrip("; "))
+    large = [part.source for part in parts if part.kind in BOUNDS and (part.error or 0.0) > WEIGHS * max(error, 1e-12)]
+    if large:
+        told.append(f"mostly a bound on what is not computed: {', '.join(large)}")
+    return BudgetTotal(None if missing else error, seconds, low, high, numerical(parts), "; ".join(told) or None)
+
+
+def _ends(inputs: BudgetPart | None) -> tuple[float, float]:
+    """How far below and above the value the inputs reach."""
+    if inputs is None or inputs.error is None:
+        return 0.0, 0.0
+    low = -inputs.error if inputs.low is None else inputs.low
+    high = inputs.error if inputs.high is None else inputs.high
+    return max(0.0, -low), max(0.0, high)
+
+
+def totalled(separation: Separation, budget: Sequence[BudgetRow], inputs: Inputs | None, scene: Scene) -> Separation:
+    """``separation`` with the total of its ``budget`` as the interval of every number; what was its interval, of finite
+    numbers of granules and sheddings, is part of that. ``inputs``: what they change; None where nothing is uncertain.
+    """
+    rows = {row.quantity: row for row in budget}
+    fractions = {
+        name: {place: _with_total(share, rows.get(f"share.{name}.{place}")) for place, share in shares.items()}
+        for name, shares in separation.fractions.items()
+    }
+    parts = {
+        (name, place): rows[f"share.{name}.{place}"].parts if f"share.{name}.{place}" in rows else ()
+        for name, shares in separation.fractions.items()
+        for place in shares
+    }
+    made = _Combined(separation, parts, inputs, scene)
+    recovery = {
+        name: found and (made.recovery(name, found) if len(targets := scene.fraction[name].targets) > 1
+                         else _as_share(found, fractions[name][targets[0]]))
+        for name, found in separation.recovery.items()
+    }  # fmt: skip
+    purity = {
+        place: found and {name: made.purity(name, place, pure) for name, pure in found.items()}
+        for place, found in separation.purity.items()
+    }
+    return replace(separation, fractions=fractions, recovery=recovery, purity=purity)
+
+
+def _as_share(found: Number, share: Number) -> Number:
+    """A recovery in one bin, which is the share there: one number has one interval."""
+    return replace(found, low=share.low, high=share.high, numerical=share.numerical)
+
+
+def _with_total(share: Number, row: BudgetRow | None) -> Number:
+    if row is None or row.total.low is None or row.total.high is None:
+        return share
+    return replace(share, low=row.total.low, high=row.total.high, numerical=row.total.numerical)
+
+
+@dataclass(frozen=True)
+class _Combined:
+    """Totals of what is made of several shares: their errors by one source may all point one way, and count with the
+    sum of their sizes.
+    """
+
+    separation: Separation
+    parts: Mapping[tuple[str, str], Sequence[BudgetPart]]
+    inputs: Inputs | None
+    scene: Scene
+
+    def recovery(self, name: str, found: Number) -> Number:
+        """A fraction's share in its targets. Its error by a source is also that of all other bins together."""
+        targets = self.scene.fraction[name].targets
+        others = [place for place in self.separation.bins if place not in targets]
+        weights = [{(name, place): 1.0 for place in places} for places in (targets, others)]
+        inside, outside = (self._by_source(one) for one in weights)
+        beside = {key: min(error, outside.get(key, 0.0)) for key, error in inside.items()}
+        moved: dict[tuple[str, bool], float] = {}
+        for part in (part for one in targets for part in self.parts[name, one]):
+            if (source := source_of(part)) is not None and source.of_any_bin:
+                moved[part.source, False] = max(moved.get((part.source, False), 0.0), part.error or 0.0)
+        return _ranged(found, beside | moved, None if self.inputs is None else self.inputs.of_share(name, targets))
+
+    def purity(self, name: str, place: str, found: Number) -> Number:
+        """A fraction's share of what is in a bin: by the slope of that with every fraction's share there."""
+        own = {other: shares[place].value for other, shares in self.separation.fractions.items()}
+        slopes = purity_slopes(name, self.scene.mass_shares(), own)
+        beside = self._by_source({(other, place): abs(slope) for other, slope in slopes.items()})
+        return _ranged(found, beside, None if self.inputs is None else self.inputs.of_purity(name, place))
+
+    def _by_source(self, weights: Mapping[tuple[str, str], float]) -> dict[tuple[str, bool], float]:
+        """Weighted sums of the errors of some shares, by source and whether it is a bound, but for what is measured on
+        the number itself.
+        """
+        found: dict[tuple[str, bool], float] = {}
+        for which, weight in weights.items():
+            for part in self.parts.get(which, ()):
+                if part.how != MEASURED and part.source != INPUTS:
+                    key = part.source, part.kind is not None
+                    found[key] = min(1.0, found.get(key, 0.0) + weight * _half(part))
+        return found
+
+
+def _ranged(found: Number, beside: Mapping[tuple[str, bool], float], inputs: InputRange | None) -> Number:
+    """A number with the interval that its own, other parts of its error (by source, and whether that is a bound) and
+    its inputs make together.
+    """
+    below, above = (0.0, 0.0) if inputs is None else (max(0.0, -inputs.low), max(0.0, inputs.high))
+    own = 0.5 * (found.high - found.low)
+    computed = math.hypot(*(error for (_, bound), error in beside.items() if not bound))
+    rest = math.hypot(*beside.values())
+    low = found.value - math.hypot(found.value - found.low, rest, below)
+    high = found.value + math.hypot(found.high - found.value, rest, above)
+    return replace(found, low=max(0.0, low), high=min(1.0, high), numerical=math.hypot(own, computed))

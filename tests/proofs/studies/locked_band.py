@@ -1,0 +1,155 @@
+"""Where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100.
+
+Every run takes some 10 s of one core and is kept in the folder, so an interrupted series goes on. For each speed ratio
+a w / U and frequency ratio f / fs: whether the lift repeats with the vibration or with every second one, and how much
+mean drag, lift, base pressure and velocity differ from a body at rest. docs/validation.md.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from wakeflow.foam.case import FlowSpec
+from wakeflow.foam.case_fields import CaseFields, time_folders
+from wakeflow.foam.history import CD, CL, read_table, upward_crossings
+from wakeflow.foam.mesh_motion import MeshMotion, repeats
+from wakeflow.foam.segments import run_segment
+from wakeflow.foam.start import perturb, start_from
+from wakeflow.foam.watch import Watch
+from wakeflow.laws.shape import shapes
+from wakeflow.meshing import build_mesh, plan_mesh
+
+from .common import Row, fresh_case, kept, show
+
+WIDTH, SPEED, REYNOLDS = 0.05, 1.0, 100.0
+SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4)  # a w / U
+FREQUENCIES = (0.5, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.5, 1.8, 1.9, 1.95, 2.0, 2.05, 2.1, 2.2, 3.0)  # f / fs
+PERIODS, QUICK = (12, 20), (1, 2)  # shedding periods before and in the measurement
+GUESS = 0.2 * SPEED / WIDTH  # Hz, of the shedding, while the lift has not crossed its mean twice
+SAME = 0.98  # correlation from which on the lift repeats
+BODIES: dict[str, dict[str, Any]] = {
+    "rhombus": {"slope_angle": math.pi / 4},
+    "prism": {"slope_angle": math.pi / 3, "apex": "up"},
+}
+COLUMNS = {
+    "a w / U": "{speed:g}", "f / fs": "{ratio:g}", "a / D": "{amplitude:.3f}", "lift / fs": "{lift:.3f}",
+    "repeats": "{kind} ({correlation:.3f})", "Cd": "{cd:+.1f*100} %", "Cl rms": "{cl_rms:+.1f*100} %",
+    "Cp base": "{cp_base:+.1f*100} %", "mean velocity": "{shift:.3f}",
+}  # fmt: skip
+AVERAGE = """
+functions {{ average {{
+    type fieldAverage; libs ("libfieldFunctionObjects.so"); writeControl onEnd; timeStart {begin:.12g};
+    fields ( U {{ mean on; prime2Mean off; base time; }} p {{ mean on; prime2Mean off; base time; }} );
+}} }}
+"""
+
+
+@dataclass(frozen=True)
+class Series:
+    """The runs of one body in one folder; ``periods`` of shedding before and in the measurement."""
+
+    folder: Path
+    body: str
+    periods: tuple[int, int]
+
+    def flow(self, vibration: MeshMotion | None = None) -> FlowSpec:
+        """The body in a channel ten times as wide, on about 1600 cells."""
+        outline = shapes[self.body](width=WIDTH, **BODIES[self.body])
+        ends = {"top": 5 * WIDTH, "bottom": -12 * WIDTH}
+        mesh = plan_mesh([outline], width=10 * WIDTH, direction="down", rung="standard", scale=2.5, **ends)
+        air = {"speed": SPEED, "density": 1.2, "viscosity": 1.2 * SPEED * WIDTH / REYNOLDS}
+        return FlowSpec(mesh, **air, turbulence="laminar", stepping="time-resolved", vibration=vibration)
+
+    def solve(self, spec: FlowSpec, name: str, start: Path | None, shedding: float) -> dict[str, float]:
+        """Run through the start-up and the window; mean Cd, rms of Cl, base pressure, frequency of the lift (Hz)."""
+        before, window = self.periods
+        begin, end = before / shedding, (before + window) / shedding
+        case = fresh_case(spec, self.folder / "mesh.msh", self.folder / name / "case")
+        start_from(spec, case, start)
+        if start is None:
+            perturb(spec, case)
+        with (case / "system" / "controlDict").open("a") as stream:
+            stream.write(AVERAGE.format(begin=begin))
+        watch = Watch(case, "locked band", lambda _: None, expected=end)
+        run_segment(case, "pimpleFoam", end, {"deltaT": 0.2 * spec.mesh.h_corner / spec.speed}, watch)
+        rows = read_table(case, "forceCoefficients", (CD, CL))
+        rows = rows[rows[:, 0] >= begin]
+        clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * window)
+        drag, lift = (np.interp(clock, rows[:, 0], rows[:, i]) for i in (1, 2))
+        crossings = upward_crossings(clock, lift)
+        found = {
+            "cd": float(drag.mean()), "cl_rms": float(lift.std()), "cp_base": base_pressure(spec, case),
+            "frequency": (len(crossings) - 1) / float(crossings[-1] - crossings[0]) if len(crossings) > 1 else GUESS,
+        }  # fmt: skip
+        if spec.vibration is not None:
+            period = spec.vibration.period
+            found |= {"one": repeats(clock, lift, period), "two": repeats(clock, lift, 2 * period)}
+        return found
+
+    def at_rest(self) -> dict[str, float]:
+        """The body at rest: started with a push on a guessed frequency, then over whole windows of its own."""
+        if not (self.folder / "mesh.msh").exists():
+            build_mesh(replace(self.flow()).mesh, self.folder)
+        first = self.solve(self.flow(), "first", None, GUESS)
+        return self.solve(self.flow(), "rest", self.folder / "first" / "case", first["frequency"])
+
+    def vibrating(self, name: str, speed: float, frequency: float, shedding: float) -> dict[str, float]:
+        """A run in which the body moves with ``speed`` (over U) at ``frequency`` (Hz)."""
+        omega, rest = 2 * math.pi * frequency, self.folder / "rest" / "case"
+        found = self.solve(self.flow(MeshMotion(speed * SPEED / omega, omega)), name, rest, shedding)
+        found["shift"] = mean_shift(self.folder / name / "case", rest)
+        shutil.rmtree(self.folder / name / "case")
+        return found
+
+
+def base_pressure(spec: FlowSpec, case: Path) -> float:
+    """Mean pressure coefficient at the middle of the rear, against the inlet's."""
+    fields = CaseFields(case)
+    pressure = fields.field(time_folders(case)[-1], "pMean")[1]
+    plane = fields.mesh.plane
+    rear = np.array([0.0, min(y for _, y in spec.mesh.bodies[0])])
+    body = np.flatnonzero(fields.wall)
+    nearest = body[np.argsort(np.linalg.norm(plane.midpoints[body] - rear, axis=1))[:2]]
+    inlet = np.average(pressure[plane.on("inlet")], weights=plane.lengths[plane.on("inlet")])
+    return float((pressure[nearest].mean() - inlet) / (0.5 * spec.speed**2))
+
+
+def mean_shift(one: Path, other: Path) -> float:
+    """Largest difference of two mean velocities over U, within three widths of the body."""
+    near = np.abs(CaseFields(one).mesh.plane.centres).max(axis=1) < 3 * WIDTH
+    means = [CaseFields(case).field(time_folders(case)[-1], "UMean")[0][near] for case in (one, other)]
+    return float(np.linalg.norm(means[0] - means[1], axis=1).max() / SPEED)
+
+
+def rows(series: Series, rest: dict[str, float], quick: bool) -> Iterator[Row]:
+    """A row for every speed and frequency."""
+    for speed, ratio in product(SPEEDS[: 1 if quick else None], FREQUENCIES[: 1 if quick else None]):
+        name, shedding = f"{speed:g}-{ratio:g}", rest["frequency"]
+        frequency = ratio * shedding
+        made = (name, speed, frequency, shedding)
+        found = kept(series.folder / name / "found.json", lambda made=made: series.vibrating(*made))
+        yield {
+            "speed": speed, "ratio": ratio, "amplitude": speed * SPEED / (2 * math.pi * frequency * WIDTH),
+            "lift": found["frequency"] / shedding, "correlation": max(found["one"], found["two"]),
+            "kind": "f" if found["one"] > SAME else "f/2" if found["two"] > SAME else "no", "shift": found["shift"],
+            **{key: found[key] / rest[key] - 1 for key in ("cd", "cl_rms", "cp_base")},
+        }  # fmt: skip
+
+
+def main(
+    folder: Path = Path("runs/locked-band"), body: Literal["rhombus", "prism"] = "rhombus", *, quick: bool = False
+) -> list[Row]:
+    """Locked band of a vibrating body; ``quick``: one run, far too short to say anything."""
+    series = Series(folder / body, body, QUICK if quick else PERIODS)
+    rest = kept(series.folder / "rest" / "found.json", series.at_rest)
+    print(f"at rest: St {rest['frequency'] * WIDTH / SPEED:.4f}, Cd {rest['cd']:.3f}, Cl rms {rest['cl_rms']:.3f}, "
+          f"Cp base {rest['cp_base']:.3f}\n")  # fmt: skip
+    return show(COLUMNS, rows(series, rest, quick))

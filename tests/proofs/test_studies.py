@@ -1,0 +1,163 @@
+"""Every study runs, at its smallest setting."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from proofs.report import cell
+from proofs.studies import air_loading, impaction, rebound, search_gain, target_error, throughput
+from proofs.studies.__main__ import app
+from support import CASES, ROOT, loaded_scene, shipped
+from wakeflow.laws.best_estimate import wakes
+
+# tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
+# tests/planning/test_gates_elsewhere.py, tests/planning/test_crowd.py
+ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimensions"}
+SLOW = (pytest.mark.slow, pytest.mark.openfoam)  # a minute; what it times is tested in sweeps, pipeline, foam
+VARIANTS = ["the program's own", "pressure: one level of cells at a time"]
+
+
+def study(*words: object) -> Any:
+    """What a study returns, asked for by its command line."""
+    return app([str(word) for word in words])
+
+
+def test_every_study_is_tried() -> None:
+    """Named in this file, or tried elsewhere."""
+    named = {name for name in app if f'"{name}' in Path(__file__).read_text()}
+    assert {name for name in app if not name.startswith("-")} <= named | ELSEWHERE
+
+
+@pytest.mark.parametrize(
+    ("words", "column", "found"),
+    [
+        (["best_estimate"], "{entry.name}", [entry.name for entry in wakes()]),
+        (["crowd_speed", 60], "{forces}", ["drag, gravity", "all four"]),
+        (["injection_or_resolved", 64, CASES / "vacuum.toml"], "{fraction}", ["soft", "hard"]),
+        pytest.param(
+            ["impaction", 3, "--quick"], "{body}", [next(iter(impaction.BODIES)), "K = tau v / h"],
+            marks=pytest.mark.openfoam,
+        ),
+        pytest.param(
+            ["labyrinth", 64, 4], "{fraction}", list(shipped("labyrinth").fraction), marks=pytest.mark.openfoam
+        ),
+        pytest.param(["locked_band", "--quick"], "{ratio}", ["0.5"], marks=pytest.mark.openfoam),
+        pytest.param(["mpi_ranks", "--quick"], "{gain:|}", [""], marks=(*SLOW, pytest.mark.mpi)),
+        pytest.param(
+            ["time_resolved_cost", "runs", *VARIANTS, "--quick"], "{variant}", VARIANTS, marks=pytest.mark.openfoam
+        ),
+    ],
+)  # fmt: skip
+def test_a_study_runs_small(
+    words: list[object], column: str, found: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert list(dict.fromkeys(cell(column, row) for row in study(*words))) == found
+
+
+def test_crowd_draws() -> None:
+    """Where hardly a granule meets another, a number moves the slab's shares as it moves those of granules alone."""
+    rows = study("crowd_draws", "vacuum", "--draws", 12, "--count", 512, "--rate", 2.0)
+    assert [row["fraction"] for row in rows] == [*shipped("vacuum").fraction, "all"]
+    assert abs(rows[-1]["slope"] - 1.0) <= rows[-1]["half"] < 0.5
+
+
+def test_plan_times() -> None:
+    """Seconds, not minutes or milliseconds: so small a run, next to others, says no more."""
+    rows = study("plan_times", "vacuum", "vacuum", "--rung", "none", "--count", 16, "--stages")
+    assert [row["scene"] for row in rows] == ["vacuum", "vacuum"]
+    assert all(0.1 < row["by_new"] < 10.0 and 0.1 < row["by_learned"] < 10.0 for row in rows)
+    assert set(rows[0]["spent"]) >= {"tracks", "companion", "report"}
+
+
+def test_target_error(capsys: pytest.CaptureFixture[str]) -> None:
+    """The scenes of "target_error" without air, to a wide target: as quick as the best fixed setting."""
+    everything = list(target_error.scenes())
+    assert len({name for name, _ in everything}) == len(everything) == 20
+    (found,) = target_error.table(everything[-1:], (0.06,))
+    assert found["met"]
+    assert found["led"].half <= 0.06
+    assert found["fixed"].half <= 0.06
+    assert "within the target against the reference: 1 of 1 scenes" in capsys.readouterr().out
+
+
+def test_throughput(tmp_path: Path) -> None:
+    found = study("throughput", tmp_path / "throughput.png", "--scene", "vacuum", "--quick")["vacuum"]
+    assert [row["rate"] for row in found] == [0.0, *throughput.RATES[1::2]]
+    few, many = (row["hard"]["meetings"] for row in found[1:])
+    assert 0.0 < few < many
+    assert (tmp_path / "throughput.png").stat().st_size > 0
+
+
+def test_the_cylinder_of_impaction() -> None:
+    for row in impaction.cylinder():
+        assert row["plan"] == pytest.approx(row["exact"], abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.openfoam
+def test_air_loading() -> None:
+    """The scene "air_loading" of tests/pipeline/test_air_loading.py, whose airflow is in the cache."""
+    passes, answers = air_loading.tables(loaded_scene(), force={"basset-history": False})
+    assert [row["number"] for row in passes] == list(range(len(passes)))
+    assert passes[0]["force"] == 0.0
+    assert all(row["force"] > 0.0 for row in passes[1:])  # on the air, against its flow
+    assert passes[-1]["cd"] < passes[0]["cd"]
+    assert passes[-1]["speed"] < passes[0]["speed"]
+    assert [row["airflow"] for row in answers] == ["without", "with the steady end's change"]
+
+
+@pytest.mark.openfoam
+def test_domain() -> None:
+    """Two rows: the distances asked for, and those that the program chooses."""
+    rows = study("domain", "draft", "--quick")
+    assert [(f"{row['before']:.1f}", f"{row['behind']:.1f}") for row in rows] == [("3.5", "8.0"), ("8.8", "17.6")]
+    assert rows[1]["largest"] == "+0.00 ± 0.00"
+
+
+def test_kernel_speed() -> None:
+    """This checkout against itself."""
+    words = ["kernel_speed", ROOT / "src", "--pairs", "1", "--only", "contact, captured"]
+    command = [sys.executable, ROOT / "tests" / "proofs" / "studies", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "1 of 1 flights are identical, bit by bit" in done.stdout
+    assert "all: median ratio" in done.stdout
+
+
+def test_rebound() -> None:
+    """Every part alone, and all of them, on the paper's granules in a vacuum: scatter alone moves wheat."""
+    rows = {row["percent"]: row for row in study("rebound", "--count", 256)}
+    assert list(rows) == list(rebound.ROWS)
+    assert rows["scatter by shape"]["wheat, outer"] != rows["the paper's point mass"]["wheat, outer"]
+    paper = rebound.scene_of(shipped("rhombus"), rebound.ROWS["the paper's point mass"])
+    assert not any(fraction.varies for fraction in paper.fraction.values())
+
+
+def test_search_gain() -> None:
+    """A row a way; nobody judges to have kept more than there is; of the best of all the best has lost nothing."""
+    rows = study("search_gain", "vacuum", "--seeds", 1, "--budget", 1.0)
+    assert [row["way"] for row in rows] == list(search_gain.WAYS)
+    assert all(0.0 <= value <= 1.0 for row in rows for value in row["worth"])
+    assert min(row["lost"] for row in rows) == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.openfoam
+def test_sweeps_from_neighbours(tmp_path: Path) -> None:
+    from proofs.studies.sweep_speed import neighbours
+
+    (row,) = neighbours(tiny=True)
+    assert row["speed"] == 5.5
+    assert row["near"][0] < row["rest"][0]
+    assert row["near"][2] == pytest.approx(row["rest"][2], rel=2e-4)  # what counts as standing still
+
+
+@pytest.mark.slow
+def test_two_workers_against_one(capsys: pytest.CaptureFixture[str]) -> None:
+    study("sweep_speed", "tracks", "--tiny")
+    assert "tracking bounds: one worker" in capsys.readouterr().out
