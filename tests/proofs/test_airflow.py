@@ -196,12 +196,17 @@ def test_core_seconds_count_every_attempt_restart_and_rank(tmp_path: Path) -> No
     assert core_seconds(tmp_path) == pytest.approx(4.5 + 20 + 4.5 + 3.0)
 
 
+def _reversed_over(length: float) -> dict[str, float]:
+    """A suction zone with air that runs backwards over a ``length`` (m)."""
+    zone = {"threshold": -0.5, "cp_min": -1.0, "length": 0.1, "width": 0.05, "area": 0.005}
+    return {**zone, "reversal_length": length}
+
+
 def _airflow(case: Path, **changes: Any) -> SolvedAirflow:
     table = {
         "cd": {"value": 2.0, "low": 1.9, "high": 2.1}, "cl_rms": {"value": 0.5, "low": 0.5, "high": 0.5},
         "strouhal": None, "cp_base": {"value": -1.0, "low": -1.1, "high": -0.9}, "cp_front": 1.0,
-        "suction": {"reversal_length": 0.1}, "period": None,
-        "cells": 1000,
+        "suction": _reversed_over(0.1), "period": None, "cells": 1000,
     }  # fmt: skip
     return SolvedAirflow(from_json(Airflow, {**table, **changes}), case, 0.05)
 
@@ -344,7 +349,7 @@ def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pyt
 
     def solve(scene: Scene, scale: float, rung: str | None, tell: Any) -> tuple[str, SolvedAirflow]:
         name, length = answers[rung]
-        return name, _airflow(tmp_path, suction={"reversal_length": length})
+        return name, _airflow(tmp_path, suction=_reversed_over(length))
 
     monkeypatch.setattr(airflow, "solve", solve)
     judged = {"quantity": "reversal", "value": 2.0, "within": 0.05, "source": "somebody 1999", "status": "quoted"}
