@@ -78,6 +78,7 @@ def _once(found: object, what: str) -> None:
 
 def test_tasks_have_processes_of_their_own_in_the_callers_place(cluster: Cluster, tmp_path: Path) -> None:
     assert cluster.size == 2
+    assert [cluster.threads(tasks) for tasks in (1, 2, 3)] == [2, 1, 1]
     pid, cwd, cache = cluster.submit(where).result()
     assert pid not in {os.getpid(), *cluster.client.run(os.getpid).values()}
     assert (cwd, cache) == (str(tmp_path), str(tmp_path / "cache"))

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from proofs import plate
-from proofs.plate import bounce_phase, lift_off_phase, on_plate
+from proofs import funnel
+from proofs.funnel import bounce_phase, lift_off_phase, on_plate
 from wakeflow import doctor
 from wakeflow.cli import main
 from wakeflow.core.errors import ProgramError, SceneError
@@ -301,5 +301,5 @@ def test_asking_for_the_version_leaves_nothing_behind(tmp_path: Path, monkeypatc
 def test_what_the_engine_complains_of_is_told(tmp_path: Path) -> None:
     (tmp_path / "settings.liggghts").write_text("variable dt string 0\n")
     with pytest.raises(ProgramError, match=r"ERROR.*beads\.data.*log\.plate") as caught:
-        engine.run_script(tmp_path, Path(plate.__file__).with_suffix(".liggghts"))
+        engine.run_script(tmp_path, Path(funnel.__file__).with_name("plate.liggghts"))
     assert caught.value.tail

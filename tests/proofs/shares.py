@@ -22,9 +22,8 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.results.separation import share_interval
 from wakeflow.scene import RESERVED_BIN, Scene
 from wakeflow.tracking import Tracks
-from wakeflow.verify.benchmark_cases import BenchmarkCase, benchmark_case, shipped
-from wakeflow.verify.foam_interpolant import FoamInterpolant, make_foam_interpolant
-from wakeflow.verify.foam_parcels import FINE_PARCELS, fly_parcels
+from wakeflow.verify.curves import BenchmarkCase, benchmark_case, shipped
+from wakeflow.verify.foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
 from wakeflow.verify.peer_chain import bins_of, flown_here, landed_time
 
 Array = NDArray[np.float64]

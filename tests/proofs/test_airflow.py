@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from proofs.airflow import airflow, wake_lines
-from proofs.airflow.dust import DustyWake, estimate_without
-from proofs.airflow.measured import SolvedAirflow, quantities
+from proofs.airflow import airflow, measured
+from proofs.airflow.measured import DustyWake, SolvedAirflow, estimate_without, quantities
 from proofs.airflow.published import Case, Published, cases, read_cases, verification_scenes
 from proofs.report import Table
 from wakeflow.cli import main
@@ -97,7 +96,7 @@ def test_lines_of_the_wake_are_read_where_they_say(half: bool, tmp_path: Path, m
     velocity = np.column_stack([np.zeros(len(points)), -3 * (1 + s / 10 - beside**2)])
     field = FlowField.from_arrays(points, Delaunay(points).simplices, velocity, density=1.2, viscosity=1.8e-5)
     given = {"basePoint": "(0 -1 0.1)", "flowDirection": "(0 -1 0)", "inletSpeed": "3", "bodyWidth": "2"}
-    monkeypatch.setattr(wake_lines, "read_parameters", lambda _: given)
+    monkeypatch.setattr(measured, "read_parameters", lambda _: given)
     monkeypatch.setattr(FlowField, "from_openfoam", lambda *_: field)
     solved = SolvedAirflow(None, tmp_path, 2.0)  # type: ignore[arg-type]
 
@@ -109,9 +108,9 @@ def test_lines_of_the_wake_are_read_where_they_say(half: bool, tmp_path: Path, m
     assert value("axis_0.95") == pytest.approx(1.095)
     assert value("axis_9.4") == pytest.approx(1.94)
     assert value("beside_3.75") == pytest.approx(1.375, abs=0.02)  # on the axis: it is the largest there
-    assert wake_lines.mean_axial(tmp_path, np.array([2.0, 2.0]), np.array([0.5, -0.5])) == pytest.approx(0.95, abs=0.02)
+    assert measured.mean_axial(tmp_path, np.array([2.0, 2.0]), np.array([0.5, -0.5])) == pytest.approx(0.95, abs=0.02)
     assert (value("axis_least"), value("axis_least_at")) == pytest.approx((1.001, 0.01))
-    assert np.isnan(wake_lines.mean_axial(tmp_path, np.array([40.0]), np.zeros(1))).all()
+    assert np.isnan(measured.mean_axial(tmp_path, np.array([40.0]), np.zeros(1))).all()
 
 
 @pytest.mark.parametrize(

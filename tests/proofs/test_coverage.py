@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from proofs.coverage import report
-from proofs.coverage.counted import Counted, tally_of
+from proofs.coverage.counted import Bounded, Counted, bounded, left_out_wakes, tally_of
 from proofs.coverage.flown import predicted, with_bins
 from proofs.coverage.laminar import NAMES, references
-from proofs.coverage.parts import Bounded, bounded, left_out_wakes
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.coverage.stored_air import StoredFlow, field_of, oval, stream
 from support import shipped

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from proofs.crowd import beside, clouds, liggghts, report
+from proofs.crowd import clouds, liggghts, report
 from proofs.crowd.cooling import Gas, cooling_coefficients
 from proofs.crowd.machine import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
 from proofs.rows import mean_interval
@@ -60,12 +60,12 @@ def test_a_landing_is_traced_back_to_the_floor(tmp_path: Path) -> None:
 def test_shares_count_steady_operation_and_a_paired_difference_knows_more() -> None:
     steady = [np.array([False, True, True, True, True])] * 3
     flown = [Flown(np.array([0, 0, 1, 1, -1]), 1.0), Flown(np.array([1, 0, 0, 1, 1]), 1.0)]
-    shares = beside._shares([*flown, flown[0]], steady, 2)
+    shares = report._shares([*flown, flown[0]], steady, 2)
     np.testing.assert_allclose(shares, [[0.25, 0.5, 0.25], [0.5, 0.5, 0.0], [0.25, 0.5, 0.25]])
     value, low, high = mean_interval([0.01, 0.011, 0.009], 0.5 / 10_000)
     assert (value, low, high) == pytest.approx((0.01, 0.01 - 0.00248, 0.01 + 0.00248), abs=1e-5)
     assert mean_interval(np.zeros(3), 0.005)[1:] == pytest.approx((-0.005, 0.005))
-    rows = json.loads(json.dumps(beside._rows(["a", "b", "c"], shares, shares[::-1], 12)))
+    rows = json.loads(json.dumps(report._rows(["a", "b", "c"], shares, shares[::-1], 12)))
     assert [row["bin"] for row in rows] == ["a", "b", "c"]
     assert all(row["agree"] for row in rows)
 
@@ -97,7 +97,7 @@ def test_liggghts_lands_the_same_granules_in_the_same_bins(tmp_path: Path) -> No
 @pytest.mark.liggghts
 def test_the_machine_at_its_feed_has_the_shares_of_liggghts() -> None:
     """The table of docs/validation.md: no bin's paired difference is beyond 1.5 of its interval."""
-    found = beside.compare_machine(the_machine(1.0), 8, {"LIGGGHTS": liggghts.SoftSpheres()})
+    found = report.compare_machine(the_machine(1.0), 8, {"LIGGGHTS": liggghts.SoftSpheres()})
     assert found["granules"] > 5000
     for row in found["rows"]:
         value, low, high = row["difference"]

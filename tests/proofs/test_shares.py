@@ -11,7 +11,7 @@ import wakeflow as wf
 from proofs import shares
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.verify.benchmark_cases import BenchmarkCase
+from wakeflow.verify.curves import BenchmarkCase
 from wakeflow.verify.reference import TrackingProblem
 
 

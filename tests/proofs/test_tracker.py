@@ -15,10 +15,9 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
-from wakeflow.verify.benchmark_cases import BenchmarkCase, travelling_wave
-from wakeflow.verify.curves import CurvePoint, Ends, cost_at, score
-from wakeflow.verify.foam_interpolant import FoamInterpolant, make_foam_interpolant
-from wakeflow.verify.foam_parcels import fly_parcels
+from wakeflow.verify import runner
+from wakeflow.verify.curves import BenchmarkCase, CurvePoint, Ends, cost_at, score, travelling_wave
+from wakeflow.verify.foam import FoamInterpolant, fly_parcels, make_foam_interpolant
 from wakeflow.verify.reference import Reference, TrackingProblem, fly_reference
 from wakeflow.verify.rk4 import fly_explicit
 from wakeflow.verify.runner import prove
@@ -49,18 +48,8 @@ def _problem(field: wf.FlowField, *bodies: Array) -> TrackingProblem:
     return TrackingProblem(field, tuple(wf.Body(body) for body in bodies), until=1.0, length=0.05)
 
 
-def _track(problem: TrackingProblem, grains: wf.Granules, tolerance: float) -> wf.Tracks:
-    return wf.track(
-        problem.field, grains, until=problem.until, tolerance=tolerance, length=problem.length, forces=problem.forces,
-        drag=problem.drag, bodies=problem.bodies,
-    )  # fmt: skip
-
-
 def _explicit(problem: TrackingProblem, grains: wf.Granules, step: float) -> Array:
-    tracks = fly_explicit(
-        problem.field, grains, until=problem.until, step=step, length=problem.length, forces=problem.forces,
-        drag=problem.drag, bodies=problem.bodies,
-    )  # fmt: skip
+    tracks = fly_explicit(problem.field, grains, step=step, **problem.arguments)
     assert tracks.landed.all()
     return tracks.position
 
@@ -135,7 +124,7 @@ def test_the_stated_tolerance_holds_against_the_reference(kind: dict[str, float]
     problem, grains = _problem(field, RHOMBUS), _grains(64, **kind)
     reference = fly_reference(problem, grains)
     for tolerance in (1e-3, 1e-5, 1e-7):
-        tracks = _track(problem, grains, tolerance)
+        tracks = wf.track(problem.field, grains, tolerance=tolerance, **problem.arguments)
         same = reference.landed & (tracks.impacts == reference.impacts)
         assert same.sum() > 20
         error = _error(problem, tracks.position, reference.position)[same]
@@ -160,10 +149,7 @@ def test_the_explicit_tracker_converges_to_the_reference() -> None:
 def test_the_explicit_tracker_bounces_as_the_reference_does() -> None:
     problem, grains = _problem(_air(), RHOMBUS), _grains(24, spread=0.03, **GRAIN)
     reference = fly_reference(problem, grains)
-    tracks = fly_explicit(
-        problem.field, grains, until=1.0, step=1e-5, length=0.05, forces=problem.forces, drag="putnam",
-        bodies=problem.bodies,
-    )  # fmt: skip
+    tracks = fly_explicit(problem.field, grains, step=1e-5, **problem.arguments)
     same = reference.landed & tracks.landed & (reference.impacts == tracks.impacts) & (reference.impacts > 0)
     assert same.sum() > 5
     assert np.median(_error(problem, tracks.position, reference.position)[same]) < 1e-5
@@ -233,11 +219,16 @@ def test_score_counts_what_met_the_walls_otherwise() -> None:
     assert row.bin_error == pytest.approx(0.25)
 
 
-def test_what_is_not_there_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_not_there_is_refused_in_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     with pytest.raises(SceneError, match="did you mean 'extremes'"):
         prove("extreme", slow=False, tell=lambda text: None)
     assert main(["verify", "trackers"]) == 2
     assert "did you mean" in capsys.readouterr().err
+    monkeypatch.setattr(runner, "TESTS", tmp_path)  # as in a wheel
+    assert main(["verify", "airflow"]) == 2
+    assert capsys.readouterr().err.count("needs a checkout of wakeflow's repository") == 1
 
 
 def test_the_curves_are_drawn(tmp_path: Path) -> None:

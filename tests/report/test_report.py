@@ -146,25 +146,42 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         "scene": scene.tables(),
         "options": {"until": None, "rung": None, "force": {}, "target_error": None},
         "funnel": None,
-        "plan": {**PLAN, "used": ["steady airflow"], "left_out": [
-            {"name": "basset-history", "bound": 3.1e-4, "why": "small", "fraction": None},
-            {"name": "brownian", "bound": None, "why": "all < large", "fraction": None},
-        ]},
+        "plan": {
+            **PLAN,
+            "used": ["steady airflow"],
+            "left_out": [
+                {"name": "basset-history", "bound": 3.1e-4, "why": "small", "fraction": None},
+                {"name": "brownian", "bound": None, "why": "all < large", "fraction": None},
+            ],
+        },
         "airflow": airflow,
         "separation": {
-            "bins": bins, "fractions": fractions, "purity": purity, "recovery": recovery,
-            "throughput": {b: 11.5 + i for i, b in enumerate(bins)}, "cut": [],
+            "bins": bins,
+            "fractions": fractions,
+            "purity": purity,
+            "recovery": recovery,
+            "throughput": {b: 11.5 + i for i, b in enumerate(bins)},
+            "cut": [],
         },
-        "met_by_law": {}, "impact": None, "bracket": None, "key": "k",
+        "met_by_law": {},
+        "impact": None,
+        "bracket": None,
+        "key": "k",
         "fates": {name: {"binned": 480 + i, "escaped": 20 - i} for i, name in enumerate(scene.fraction)},
         "budget": [
-            {"quantity": f"share.{name}.{bins[0]}", "parts": parts, "total": {"error": None, "seconds": 1.5}}
+            {
+                "quantity": f"share.{name}.{bins[0]}",
+                "unit": None,
+                "parts": parts,
+                "total": {"error": None, "seconds": 1.5},
+            }
             for name in scene.fraction
         ],
         "seconds": {"mesh": {"seconds": 1.25, "cached": True}, "tracks": {"seconds": 200.0, "cached": False}},
-        "warnings": ["the curtain is dense"], "grades": ["less sure"],
+        "warnings": ["the curtain is dense"],
+        "grades": ["less sure"],
         "versions": {"wakeflow": "0.1.0"},
-    }  # fmt: skip
+    }
 
 
 def _read(table: dict[str, Any]) -> Result:

@@ -20,7 +20,9 @@ import wakeflow as wf
 from support import CASES, Here, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.core.workers import Workers
 from wakeflow.results.result import Request
+from wakeflow.sweeps import compute
 from wakeflow.sweeps.agenda import make_agenda
 from wakeflow.sweeps.compute import look_ahead
 from wakeflow.sweeps.variant import Variant, variants
@@ -119,18 +121,17 @@ def test_an_airflow_that_fails_takes_its_scenes_along_and_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from wakeflow.sweeps import run_agenda
-    from wakeflow.sweeps.work import JobEnd
 
     base = shipped("rhombus", {"feed.count": 64})
     found = variants(base, ["air.speed=4,5", "fraction.chaff.restitution=0.2,0.3"])
     flown: list[str] = []
 
-    def solve(job: Any) -> JobEnd:
-        return JobEnd("it diverged" if job.tables["air"]["speed"] == 4 else "")
+    def solve(job: Any) -> str:
+        return "it diverged" if job.tables["air"]["speed"] == 4 else ""
 
-    def fly_scene(job: Any) -> JobEnd:
+    def fly_scene(job: Any) -> str:
         flown.append(job.folder.name)
-        return JobEnd("no granules")
+        return "no granules"
 
     monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)
     monkeypatch.setattr(run_agenda, "fly_scene", fly_scene)
@@ -138,6 +139,18 @@ def test_an_airflow_that_fails_takes_its_scenes_along_and_no_others(
     assert flown == [f"air.speed=5+fraction.chaff.restitution={value}" for value in (0.2, 0.3)]
     reasons = list(sweep.failed.values())
     assert reasons == ["its airflow failed: it diverged"] * 2 + ["no granules"] * 2
+
+
+def test_where_fewer_scenes_than_workers_are_open_each_flies_on_more_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compute, "cores", lambda: 8)
+    with Workers(4, tmp_path) as workers:
+        assert [compute._threads(workers, scenes) for scenes in (0, 1, 2, 3, 4, 9)] == [8, 8, 4, 2, 2, 2]
+    assert compute._threads(Here(), 1) == 1
+    found = variants(shipped("rhombus", CHAIN), {"feed.height": ["80 mm", "120 mm"]})
+    agenda = make_agenda(found, tmp_path, Request(None, None, {}, None), threads=lambda scenes: 8 // scenes)
+    assert {step.job.threads for step in agenda.steps} == {4}
 
 
 def test_what_a_sweep_will_cost(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

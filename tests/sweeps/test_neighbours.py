@@ -16,7 +16,7 @@ from wakeflow.runs import report_again
 from wakeflow.sweeps import run_agenda
 from wakeflow.sweeps.agenda import make_agenda
 from wakeflow.sweeps.neighbours import starts
-from wakeflow.sweeps.work import Job, JobEnd
+from wakeflow.sweeps.work import Job
 
 COARSE = {
     "numerics.mesh_scale": 3.0,
@@ -60,17 +60,17 @@ def test_where_a_neighbour_fails_the_others_start_from_rest(tmp_path: Path, monk
     found = wf.variants(shipped("rhombus", COARSE), ["air.speed=4,5"])
     asked: dict[float, str | None] = {}
 
-    def solve(job: Job) -> JobEnd:
+    def solve(job: Job) -> str:
         speed = float(job.tables["air"]["speed"])
         asked[speed] = job.asked.near
-        return JobEnd("no luck" if job.request.near is None else "")
+        return "no luck" if job.request.near is None else ""
 
     monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)
-    monkeypatch.setattr(run_agenda, "fly_scene", lambda job: JobEnd())
+    monkeypatch.setattr(run_agenda, "fly_scene", lambda job: "")
     from concurrent.futures import ThreadPoolExecutor
 
     agenda = make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=True)
-    ends: dict[str, JobEnd] = {}
+    ends: dict[str, str] = {}
     with ThreadPoolExecutor(1) as pool:
         run_agenda.do_agenda(agenda, pool, lambda _: None, lambda step, end: ends.update({step.name: end}))
     assert asked == {4.0: None, 5.0: None}

@@ -89,19 +89,9 @@ class Gate:
     force: Forced = ()
 
     @property
-    def switches(self) -> dict[str, bool]:
-        """Terms that are switched on or off."""
-        return switches_of(self.force)
-
-    @property
     def how(self) -> dict[str, Any]:
         """The options as ``wakeflow.plan``, ``run``, ``sweep`` and ``sensitivity`` take them."""
-        return {"rung": self.rung, "force": self.switches}
-
-    @property
-    def said(self) -> dict[str, Any]:
-        """The options as they appear in a folder's name."""
-        return {"rung": self.rung, **self.switches}
+        return {"rung": self.rung, "force": switches_of(self.force)}
 
 
 @Parameter(name="*")
@@ -116,11 +106,6 @@ class Accuracy(Gate):
         """The options as ``wakeflow.plan``, ``run`` and ``sweep`` take them."""
         return {**super().how, "target_error": self.target_error}
 
-    @property
-    def said(self) -> dict[str, Any]:
-        """The options as they appear in a folder's name."""
-        return {**super().said, "target-error": self.target_error}
-
 
 GATE, ACCURACY = Gate(), Accuracy()
 
@@ -130,6 +115,7 @@ def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Pat
     from ..scene import Scene
     from ..scene.changes import run_folder
 
-    changes = changes_of(settings)
+    changes, how = changes_of(settings), gate.how
     scene = Scene.load(file, changes)
-    return scene, out or Path("runs", run_folder(file.stem, scene, changes, gate.said))
+    named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error")}
+    return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -25,8 +24,6 @@ from .workers import Workers
 
 if TYPE_CHECKING:
     import distributed
-
-__all__ = ["RANKS", "Cluster", "TaskPlace"]
 
 Result = TypeVar("Result")
 Given = ParamSpec("Given")
@@ -116,7 +113,7 @@ class Cluster(Executor):
         mine: Future[Result] = Future()
         mine.set_running_or_notify_cancel()
         theirs = self.client.submit(
-            _call_beside, self.place, fn, args, kwargs, key=f"{fn.__name__}-{uuid4()}", pure=False,
+            _call_here, self.place, fn, args, kwargs, key=f"{fn.__name__}-{uuid4()}", pure=False,
             resources=dict(self.needs) or None,
         )  # fmt: skip
         self._sent[mine] = theirs
@@ -124,13 +121,13 @@ class Cluster(Executor):
         return mine
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Wait for what was submitted, and end the processes beside the Dask workers; the cluster itself goes on."""
+        """Wait for what was submitted, and end the processes of the Dask workers; the cluster itself goes on."""
         if cancel_futures:
             self.client.cancel(list(self._sent.values()), reason="the sweep has ended")
         elif wait:
             for future in list(self._sent):
                 future.exception()
-        self.client.run(_end_beside, self.place)
+        self.client.run(_end_here, self.place)
         if self._own:
             self.client.close()
 
@@ -159,40 +156,30 @@ class _Lost(WakeflowError):
     """Nobody knows what becomes of the tasks. No ProgramError: it is not the task that failed."""
 
 
-# Processes beside this Dask worker, by where they work: those that wait for the next task, and all that live.
-_idle: dict[TaskPlace, list[Workers]] = {}
-_alive: dict[TaskPlace, list[Workers]] = {}
-_numbers = count(1)
+_here: dict[TaskPlace, Workers] = {}  # the processes of this Dask worker, by where they work
 
 
-def _call_beside(
+def _call_here(
     place: TaskPlace, function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]
 ) -> Any:
     """On a Dask worker: call ``function`` in a process of its own that works in ``place``; such processes are kept.
 
     Raises ProgramError where this machine does not see the place, and as :class:`Workers` does.
     """
+    from distributed import get_worker
+
     for folder in (place.cwd, place.logs):
         if not folder.is_dir():
             raise ProgramError(
                 f"{socket.gethostname()} sees no folder {folder}: the sweep's folder and its cache must lie on a file "
                 "system that all workers share"
             )
-    idle = _idle.setdefault(place, [])
-    try:
-        own = idle.pop()
-    except IndexError:
-        log = place.logs / f"{socket.gethostname()}-{os.getpid()}-{next(_numbers)}"
-        own = Workers(1, log, place.cwd, {"WAKEFLOW_CACHE": str(place.cache)})
-        _alive.setdefault(place, []).append(own)
-    try:
-        return own.submit(function, *arguments, **options).result()
-    finally:
-        idle.append(own)
+    log, env = place.logs / f"{socket.gethostname()}-{os.getpid()}", {"WAKEFLOW_CACHE": str(place.cache)}
+    own = _here.setdefault(place, Workers(get_worker().state.nthreads, log, place.cwd, env))
+    return own.submit(function, *arguments, **options).result()
 
 
-def _end_beside(place: TaskPlace) -> None:
+def _end_here(place: TaskPlace) -> None:
     """On a Dask worker: end the processes that work in ``place``, whatever they do."""
-    for own in _alive.pop(place, []):
+    if own := _here.pop(place, None):
         own.end()
-    _idle.pop(place, None)

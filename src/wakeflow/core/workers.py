@@ -7,7 +7,6 @@ crash in a library) fails its own task alone, and another takes its place.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pickle
 import signal
@@ -15,18 +14,17 @@ import subprocess
 import sys
 import traceback
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor, Future
-from dataclasses import dataclass, field
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import suppress
+from itertools import count as numbers_from
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
-from queue import SimpleQueue
-from threading import Thread, Timer
+from threading import Timer, local
 from types import FrameType, TracebackType
-from typing import IO, Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from .errors import ProgramError
 from .process import end_group, start_in_group, tail
-
-__all__ = ["Workers"]
 
 Result = TypeVar("Result")
 Given = ParamSpec("Given")
@@ -36,12 +34,6 @@ TIDY = 20.0  # s that a worker that is asked to end has for ending its solver an
 ENDED = 128 + signal.SIGTERM  # exit code of one that did not manage
 
 
-class _Task(NamedTuple):
-    future: Future[Any]
-    call: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
-
-
-@dataclass
 class Workers(Executor):
     """``count`` processes that work on what is submitted, first come first served; each is started when it is needed.
 
@@ -51,43 +43,34 @@ class Workers(Executor):
     ends, and end the programs that they have started before they let go of their locks.
     """
 
-    count: int
-    folder: Path
-    cwd: Path = field(default_factory=Path.cwd)
-    env: Mapping[str, str] = field(default_factory=dict)
-    _tasks: SimpleQueue[_Task | None] = field(default_factory=SimpleQueue, init=False, repr=False)
-    _lines: list[_Line] = field(default_factory=list, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        logs = [self.folder / f"log.worker-{number}" for number in range(1, self.count + 1)]
-        self._lines = [_Line(self._tasks, log, self.cwd, self.env) for log in logs]
+    def __init__(self, count: int, folder: Path, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.count, self.folder, self.cwd, self.env = count, folder, cwd or Path.cwd(), env or {}
+        self._threads = ThreadPoolExecutor(count, initializer=self._begin)  # a process each
+        self._numbers, self._own, self._over = numbers_from(1), local(), False
+        self._alive: dict[subprocess.Popen[bytes], Connection] = {}
 
     def submit(self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs) -> Future[Result]:
         """Have ``fn(*args, **kwargs)`` called by a worker.
 
         The future raises ProgramError, with what the worker said, where the call raised or the worker died.
         """
-        future: Future[Result] = Future()
-        self._tasks.put(_Task(future, (fn, args, kwargs)))
-        return future
+        return self._threads.submit(self._ask, (fn, args, kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers after what they do now; ``cancel_futures`` drops what was not begun."""
-        if cancel_futures:
-            self._drop()
-        for _ in self._lines:
-            self._tasks.put(None)
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
         if wait:
-            for line in self._lines:
-                line.thread.join()
+            for child in list(self._alive):
+                self._close(child)
 
     def end(self) -> None:
         """End the workers at once, whatever they do; stages that they interrupt go on the next time."""
-        self._drop()
-        for line in self._lines:
-            line.end()
-        self.shutdown()
+        self._over = True
+        for child in list(self._alive):
+            if child.poll() is None:
+                os.killpg(child.pid, signal.SIGTERM)
+        self.shutdown(cancel_futures=True)
 
     def __exit__(
         self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
@@ -97,95 +80,42 @@ class Workers(Executor):
         else:
             self.end()
 
-    def _drop(self) -> None:
-        while not self._tasks.empty():
-            task = self._tasks.get()
-            if task is not None:
-                task.future.cancel()
-
-
-@dataclass
-class _Line:
-    """A thread that hands tasks to one process after the other; the process lives as long as the thread."""
-
-    tasks: SimpleQueue[_Task | None]
-    log: Path
-    cwd: Path
-    env: Mapping[str, str]
-    thread: Thread = field(init=False)
-    child: subprocess.Popen[bytes] | None = field(default=None, init=False)
-    answers: IO[bytes] | None = field(default=None, init=False)
-    over: bool = field(default=False, init=False)
-
-    def __post_init__(self) -> None:
-        self.thread = Thread(target=self._work, daemon=True)
-        self.thread.start()
-
-    def end(self) -> None:
-        """End the process at once."""
-        self.over = True
-        if self.child is not None and self.child.poll() is None:
-            os.killpg(self.child.pid, signal.SIGTERM)
-
-    def _work(self) -> None:
-        while (task := self.tasks.get()) is not None:
-            if not task.future.set_running_or_notify_cancel():
-                continue
-            try:
-                task.future.set_result(self._ask(task.call))
-            except BaseException as problem:  # belongs to whoever waits for the future
-                task.future.set_exception(problem)
-        self._close()
+    def _begin(self) -> None:
+        self._own.log, self._own.child = self.folder / f"log.worker-{next(self._numbers)}", None
 
     def _ask(self, call: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]) -> Any:
         question = pickle.dumps(call)
-        if self.over:
+        self._own.child = child = self._own.child or self._start()
+        if self._over:  # asked for once the process is among those that are ended
             raise ProgramError("the workers were ended")
-        if self.child is None:
-            self._start()
-        assert self.child is not None
-        assert self.child.stdin is not None
-        assert self.answers is not None
         try:
-            self.child.stdin.write(question)
-            self.child.stdin.flush()
-            done, reply = pickle.load(self.answers)
-        except (EOFError, OSError, pickle.UnpicklingError):
-            raise self._died() from None
+            self._alive[child].send_bytes(question)
+            done, reply = self._alive[child].recv()
+        except (EOFError, OSError):
+            self._own.child, code = None, self._close(child)
+            ended = f"by signal {-code}" if code < 0 else f"with exit code {code}"
+            log = self._own.log
+            raise ProgramError(f"its worker process was ended {ended}", log=log, tail=tail(log)) from None
         if done:
             return reply
-        raise ProgramError(reply[0], log=self.log, tail=reply[1])
+        raise ProgramError(reply[0], log=self._own.log, tail=reply[1])
 
-    def _start(self) -> None:
-        told, tell = os.pipe()
-        command = [sys.executable, "-P", "-m", "wakeflow.core.workers", str(tell)]
-        with self.log.open("ab") as sink:
-            env = {**os.environ, **ONE_THREAD, **self.env}
-            self.child = start_in_group(command, self.cwd, env, sink, stdin=subprocess.PIPE, pass_fds=(tell,))
-        os.close(tell)
-        self.answers = os.fdopen(told, "rb")
+    def _start(self) -> subprocess.Popen[bytes]:
+        ours, theirs = Pipe()
+        command = [sys.executable, "-P", "-m", "wakeflow.core.workers", str(theirs.fileno())]
+        env = {**os.environ, **ONE_THREAD, **self.env}
+        with self._own.log.open("ab") as sink, theirs:
+            child = start_in_group(command, self.cwd, env, sink, pass_fds=(theirs.fileno(),))
+        self._alive[child] = ours
+        return child
 
-    def _died(self) -> ProgramError:
-        """What to say of the process, which is gone; the next task starts another."""
-        child = self.child
-        assert child is not None
-        self._close()
-        code = child.returncode
-        ended = f"by signal {-code}" if code < 0 else f"with exit code {code}"
-        return ProgramError(f"its worker process was ended {ended}", log=self.log, tail=tail(self.log))
-
-    def _close(self) -> None:
-        if self.child is None:
-            return
-        assert self.child.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it has ended
-            self.child.stdin.close()  # nothing more to do: it ends
-        if self.answers is not None:
-            self.answers.close()
-        if not self.over:
-            self.child.wait()
-        end_group(self.child)
-        self.child = None
+    def _close(self, child: subprocess.Popen[bytes]) -> int:
+        """Let a process end, which has nothing more to do; its exit code."""
+        self._alive.pop(child).close()
+        if not self._over:
+            child.wait()
+        end_group(child)
+        return child.returncode
 
 
 def _end_tidily(number: int, frame: FrameType | None) -> None:
@@ -200,26 +130,18 @@ def _end_tidily(number: int, frame: FrameType | None) -> None:
     raise SystemExit(ENDED)
 
 
-def _serve(tell: int) -> None:
-    """Answer calls from standard input, one after the other, until it is closed."""
+def _serve(descriptor: int) -> None:
+    """Answer calls, one after the other, until the other side is closed."""
     signal.signal(signal.SIGTERM, _end_tidily)
-    with os.fdopen(tell, "wb") as answers:
+    with Connection(descriptor) as caller, suppress(EOFError):
         while True:
-            try:
-                function, arguments, options = pickle.load(sys.stdin.buffer)
-            except EOFError:
-                return
-            except Exception as problem:
-                reply: tuple[bool, Any] = False, (f"{type(problem).__name__}: {problem}", traceback.format_exc())
-            else:
-                reply = _called(function, arguments, options)
-            answers.write(pickle.dumps(reply))
-            answers.flush()
+            caller.send(_answer(caller.recv_bytes()))
 
 
-def _called(function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]) -> tuple[bool, Any]:
+def _answer(question: bytes) -> tuple[bool, Any]:
     """Whether the call returned, and what; else what it raised, with its traceback."""
     try:
+        function, arguments, options = pickle.loads(question)
         return True, function(*arguments, **options)
     except Exception as problem:  # raised again on the other side
         return False, (f"{type(problem).__name__}: {problem}", traceback.format_exc())

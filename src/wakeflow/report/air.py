@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import SceneError
 from ..core.geometry import distance_to
 from ..field.derived import stream_function
 from .canvas import MM, PlotGrid, Window, first_outline, inside_window, triangulation
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from ..field import FlowField
     from ..results.airflow_summary import Airflow
-    from ..scene import Scene
+    from ..scene import Air, Scene
     from .canvas import Window
 
 Array = NDArray[np.float64]
@@ -139,10 +140,16 @@ def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Arr
     return (np.asarray(mean.pressure) - inlet_pressure(mean, scene, airflow)) / dynamic_pressure(mean, scene)
 
 
+def air_in(scene: Scene) -> Air:
+    """The air that a scene blows in. Raises SceneError in a vacuum."""
+    if scene.air is None:
+        raise SceneError("this scene has no air: there is none to draw")
+    return scene.air
+
+
 def dynamic_pressure(field: FlowField, scene: Scene) -> float:
     """0.5 rho U^2 of the air ahead of the bodies, Pa."""
-    assert scene.air is not None
-    return 0.5 * field.density * scene.air.speed**2
+    return 0.5 * field.density * air_in(scene).speed ** 2
 
 
 def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]:
@@ -152,9 +159,8 @@ def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    assert scene.air is not None
     outline = first_outline(scene)
-    along = 1.0 if scene.air.direction == "down" else -1.0
+    along = 1.0 if air_in(scene).direction == "down" else -1.0
     ends = outline[np.isin(outline[:, 0], (outline[:, 0].min(), outline[:, 0].max()))]
     widest = float((along * ends[:, 1]).min())
     low = (cp < SUCTION_LEVEL) & (along * mean.points[:, 1] <= widest + 1e-6 * scene.width)
@@ -170,13 +176,11 @@ def inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
     """``p_inlet`` (Pa) where it was measured, else the mean along the field's own inlet: its upper or lower end."""
     if airflow.p_inlet is not None:
         return airflow.p_inlet
-    assert scene.air is not None
-    assert field.pressure is not None
     y = field.points[:, 1]
-    end = y.max() if scene.air.direction == "down" else y.min()
+    end = y.max() if air_in(scene).direction == "down" else y.min()
     there = np.flatnonzero(np.abs(y - end) <= 1e-9 * np.ptp(y))
     there = there[np.argsort(field.points[there, 0])]
-    x, p = field.points[there, 0], field.pressure[there]
+    x, p = field.points[there, 0], np.asarray(field.pressure)[there]
     return float(np.trapezoid(p, x) / np.ptp(x)) if len(there) > 1 else float(p.mean())
 
 
@@ -184,13 +188,12 @@ def window_round_body(scene: Scene, airflow: Airflow) -> Window:
     """Round the first body, far enough downstream for the whole suction zone and wide enough for every other body,
     clipped to the channel.
     """
-    assert scene.air is not None
     channel, width = scene.channel, scene.width
     middle = first_outline(scene).mean(axis=0)
     zone = airflow.suction
     longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
     behind = max(DOWNSTREAM * width, 1.5 * width + longest)
-    above, below = (UPSTREAM * width, behind) if scene.air.direction == "down" else (behind, UPSTREAM * width)
+    above, below = (UPSTREAM * width, behind) if air_in(scene).direction == "down" else (behind, UPSTREAM * width)
     corners = np.concatenate([body.outline() for body in scene.body.values()])
     (left, low), (right, high) = corners.min(axis=0) - BESIDE * width, corners.max(axis=0) + BESIDE * width
     return (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..results.quantities import TableQuantity
 from ..results.table import Entry, ResultTable
-from ..scene.messages import unit_of
 from .canvas import INK, new_figure, save, text_width
 from .colours import fraction_colours
 
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
 Array = NDArray[np.float64]
+_Lines = Mapping[str, list[tuple[float, TableQuantity]]]  # by what else varies: values of an input, quantities there
 STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
 LONGEST = 60  # letters of what tells a line from the others
@@ -92,11 +92,12 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
     panels = _panels(names)
     legends = [_Legend.of(_looks(members), styles) for members in panels.values()]
     figure = new_figure(1.2 + PANEL * len(panels), HIGH + ROW * max(legend.rows for legend in legends))
-    for axes, legend, (kind, members) in zip(_row(figure, len(panels)), legends, panels.items(), strict=True):
+    heads, grid = dict(zip(table.inputs, table.headings, strict=True)), figure.subplots(1, len(panels), squeeze=False)
+    for axes, legend, (kind, members) in zip(grid[0], legends, panels.items(), strict=True):
         shifts = _shifts({name: groups[name] for name in members})
         for name in members:
             _lines(axes, groups[name], styles, legend.looks[name], shifts[name])
-        axes.set_xlabel(_head(key))
+        axes.set_xlabel(heads[key])
         axes.set_ylabel(_label(kind, table.names[members[0]]))
         legend.draw(axes)
     save(figure, path)
@@ -146,12 +147,12 @@ def _looks(quantities: Sequence[str]) -> dict[str, _Look]:
     return {name: _Look(colours[fraction], next(markers[fraction])) for name, fraction in fractions.items()}
 
 
-def _shifts(panel: Mapping[str, Mapping[str, list[_Point]]]) -> dict[str, dict[str, float]]:
+def _shifts(panel: Mapping[str, _Lines]) -> dict[str, dict[str, float]]:
     """How far each line of a panel moves along x, by quantity and what else varies: whole intervals that lie on top of
     each other cannot be told apart.
     """
     lines = [(name, rest) for name, groups in panel.items() for rest in groups]
-    values = np.unique([p.x for groups in panel.values() for points in groups.values() for p in points])
+    values = np.unique([x for groups in panel.values() for points in groups.values() for x, _ in points])
     room = 0.0
     if len(values) > 1 and len(lines) > 1:
         room = float(min(SPREAD * np.diff(values).min(), WIDE * np.ptp(values)))
@@ -162,39 +163,26 @@ def _shifts(panel: Mapping[str, Mapping[str, list[_Point]]]) -> dict[str, dict[s
 
 
 def _lines(
-    axes: Axes,
-    groups: Mapping[str, list[_Point]],
-    styles: Mapping[str, LineStyleType],
-    look: _Look,
-    shifts: Mapping[str, float],
+    axes: Axes, groups: _Lines, styles: Mapping[str, LineStyleType], look: _Look, shifts: Mapping[str, float]
 ) -> None:
     """A quantity's lines in their styles with whiskers; points alone where there are no styles, for they are many."""
     for rest, points in groups.items():
-        points.sort()
-        x, values = [p.x + shifts[rest] for p in points], [p.value for p in points]
+        points = sorted(points, key=lambda point: (point[0], point[1].value))
+        value, below, above = spots_of([found for _, found in points], _scale(points[0][1].name, points[0][1].unit))
         axes.errorbar(
-            x, values, [*_arms(points)], linestyle=styles.get(rest, "none"), marker=look.marker, ms=3, lw=1.2,
-            elinewidth=0.8, capsize=1.5, color=look.colour,
+            [x + shifts[rest] for x, _ in points], value, [below, above], linestyle=styles.get(rest, "none"),
+            marker=look.marker, ms=3, lw=1.2, elinewidth=0.8, capsize=1.5, color=look.colour,
         )  # fmt: skip
 
 
-class _Point(NamedTuple):
-    x: float
-    value: float
-    low: float
-    high: float
-
-
-def _groups(table: ResultTable, name: str, key: str) -> dict[str, list[_Point]]:
-    """Points of a quantity over ``key``, by the text of what the other inputs are that vary."""
+def _groups(table: ResultTable, name: str, key: str) -> _Lines:
+    """The quantities of a ``name`` at values of ``key``, by the text of what the other inputs are that vary."""
     others = [k for k in _varied(table) if k != key]
-    groups: dict[str, list[_Point]] = {}
+    groups: dict[str, list[tuple[float, TableQuantity]]] = {}
     for entry in table.done:
         found, x = entry.by_name.get(name), _number(entry, key)
         if found is not None and x is not None:
-            scale = _scale(name, table.names[name])
-            point = _Point(x, *(scale * one for one in (found.value, *_ends(found))))
-            groups.setdefault(_told(entry, others), []).append(point)
+            groups.setdefault(_told(entry, others), []).append((x, found))
     return groups
 
 
@@ -203,10 +191,14 @@ def _varied(table: ResultTable) -> list[str]:
     return [key for key in table.inputs if len({str(entry.inputs.get(key)) for entry in table.done}) > 1]
 
 
+def _input(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
 def _told(entry: Entry, keys: Sequence[str]) -> str:
     """What a scene's inputs of these ``keys`` are, by the last part of each key."""
     told = [key for key in keys if entry.inputs.get(key) is not None]
-    return ", ".join(f"{key.rpartition('.')[2]} {_short(entry.inputs[key])}" for key in told)
+    return ", ".join(f"{key.rpartition('.')[2]} {_input(entry.inputs[key])}" for key in told)
 
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
@@ -217,7 +209,7 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     grid = _grid(table, x, y)
     if grid is None:
         raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
-    across = min(len(names), MAPS_ACROSS)
+    heads, across = dict(zip(table.inputs, table.headings, strict=True)), min(len(names), MAPS_ACROSS)
     down = -(-len(names) // across)
     figure = new_figure(0.8 + 3.4 * across, 3.2 * down)
     panels = figure.subplots(down, across, squeeze=False).ravel()
@@ -226,16 +218,16 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     for axes, name in zip(panels, names, strict=False):
         drawn = _cells(axes, grid, name, table.names[table.quantity(name)])
         figure.colorbar(drawn, ax=axes, label=_label(name, table.names[name]))
-        axes.set_xlabel(_head(x))
-        axes.set_ylabel(_head(y))
+        axes.set(xlabel=heads[x], ylabel=heads[y])
     save(figure, path)
 
 
 def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
     """A quantity as colours, which :func:`_colour_range` spreads; returns what a colour bar is made from."""
     scale = _scale(name, unit)
-    values = scale * np.array([[_value(entry, name) for entry in row] for row in grid.rows])
-    widths = scale * np.array([[_width(entry, name) for entry in row] for row in grid.rows])
+    found = [None if entry is None else entry.by_name.get(name) for row in grid.rows for entry in row]
+    values, *arms = spots_of(found, scale).reshape(3, len(grid.y), len(grid.x))
+    widths = arms[0] + arms[1]
     low, high = _colour_range(values, widths, percent=scale != 1.0)
     drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis", vmin=low, vmax=high)
     if values.size > CELLS_WITH_TEXT:
@@ -302,17 +294,23 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
         }
         if not found:
             continue
-        spots = np.array([(recovery.value, purity.value) for recovery, purity in found.values()])
-        arms = [np.array([_arm(one) for one in side]).T for side in zip(*found.values(), strict=True)]
+        (x, *xerr), (y, *yerr) = (spots_of(side, 100.0) for side in zip(*found.values(), strict=True))
         axes.errorbar(
-            100 * spots[:, 0], 100 * spots[:, 1], xerr=100 * arms[0], yerr=100 * arms[1], fmt=marker, ms=4, lw=0.7,
-            color=colours[fraction], label=f"{fraction} in {place}",
-        )  # fmt: skip
+            x,
+            y,
+            xerr=xerr,
+            yerr=yerr,
+            fmt=marker,
+            ms=4,
+            lw=0.7,
+            color=colours[fraction],
+            label=f"{fraction} in {place}",
+        )
+        spots = np.column_stack([x, y])
         front = spots[on_front(spots)]
-        axes.plot(*(100 * front[np.argsort(front[:, 0])].T), color=colours[fraction], lw=1.2, alpha=0.6)
-        places += [(number, 100 * x, 100 * y) for number, (x, y) in zip(found, spots, strict=True)]
-    axes.set_xlabel("recovery (%)")
-    axes.set_ylabel("purity (%)")
+        axes.plot(*front[np.argsort(front[:, 0])].T, color=colours[fraction], lw=1.2, alpha=0.6)
+        places += zip(found, x.tolist(), y.tolist(), strict=True)
+    axes.set(xlabel="recovery (%)", ylabel="purity (%)")
     _name_scenes(axes, named, places)
     handles = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda one: one[1] in named)
     axes.legend(*zip(*handles, strict=True), fontsize=LETTERS, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
@@ -376,15 +374,6 @@ def _panels(names: Sequence[str]) -> dict[str, list[str]]:
     return panels
 
 
-def _row(figure: Any, count: int) -> list[Axes]:
-    return list(figure.subplots(1, count, squeeze=False)[0])
-
-
-def _head(key: str) -> str:
-    unit = unit_of(key)
-    return f"{key} ({unit})" if unit else key
-
-
 def _scale(name: str, unit: str) -> float:
     """Parts of a whole are drawn in percent."""
     return 100.0 if unit == "1" and not name.startswith(("airflow.", "funnel.")) else 1.0
@@ -401,31 +390,12 @@ def _number(entry: Entry, key: str) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def _value(entry: Entry | None, name: str) -> float:
-    found = None if entry is None else entry.by_name.get(name)
-    return np.nan if found is None else found.value
-
-
-def _width(entry: Entry | None, name: str) -> float:
-    """Of a quantity's 95 % interval; zero where none is known, NaN where there is no quantity."""
-    found = None if entry is None else entry.by_name.get(name)
-    return np.nan if found is None else sum(_arm(found))
-
-
-def _ends(found: TableQuantity) -> tuple[float, float]:
-    return (found.low, found.high) if found.known else (found.value, found.value)
-
-
-def _arm(found: TableQuantity) -> tuple[float, float]:
-    low, high = _ends(found)
-    return max(0.0, found.value - low), max(0.0, high - found.value)
-
-
-def _arms(points: Sequence[_Point]) -> tuple[Array, Array]:
-    value = np.array([p.value for p in points])
-    low, high = np.array([p.low for p in points]), np.array([p.high for p in points])
-    return np.maximum(value - low, 0.0), np.maximum(high - value, 0.0)
-
-
-def _short(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+def spots_of(found: Iterable[TableQuantity | None], scale: float) -> Array:
+    """Values of quantities and how far their intervals reach below and above (3, n); nan where there is no quantity,
+    zero where no interval is known.
+    """
+    rows = [(np.nan,) * 3 if one is None else (one.value, *one.ends) for one in found]
+    value, *ends = np.array(rows, dtype=float).reshape(-1, 3).T  # unknown ends are nan
+    gaps = (value - ends[0], ends[1] - value)
+    below, above = (np.where(np.isnan(gap), value - value, np.maximum(gap, 0.0)) for gap in gaps)
+    return scale * np.stack([value, below, above])

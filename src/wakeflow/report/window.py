@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import SceneError
 from .canvas import BARS, BODY
 from .colours import fraction_colours
+from .vtk.files import machine_blocks
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -19,6 +20,8 @@ SIZE = (1200, 900)  # pixels
 SLOWEST = 0.98  # of the tracks have ended at the slider's end
 TRACK, BAR = 2.0, 8.0  # pixels wide
 PALE = 0.5  # opacity of the air
+FRONT = (0.0, 0.0, 1e-4)  # m: before the air
+SINCE = "time since release (s)"
 
 
 def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> None:
@@ -51,21 +54,15 @@ def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> 
 
 def _add_machine(plotter: Any, scene: Scene) -> None:
     """Bodies, walls, bins with their names."""
-    import pyvista
-
-    for body in scene.body.values():
-        outline = _lifted(body.outline())
-        polygon = pyvista.PolyData(outline, faces=[len(outline), *range(len(outline))]).triangulate()
-        plotter.add_mesh(polygon, color=BODY, lighting=False)
-        plotter.add_mesh(_line(np.concatenate([outline, outline[:1]])), color="black", line_width=1.5)
-    channel = scene.channel
-    for x in (-channel.width / 2, channel.width / 2):
-        wall = np.array([(x, channel.bottom), (x, channel.top)])
-        plotter.add_mesh(_line(_lifted(wall)), color="black", line_width=2.0)
-    lines = [_lifted(bin_.line(channel)) for bin_ in scene.bin.values()]
-    for number, line in enumerate(lines):
-        plotter.add_mesh(_line(line), color=BARS[number % 2], line_width=BAR)
-    middles = np.array([line.mean(axis=0) for line in lines])
+    blocks = machine_blocks(scene)
+    for body in blocks["bodies"].values():
+        plotter.add_mesh(body.translate(FRONT).triangulate(), color=BODY, lighting=False)
+        plotter.add_mesh(body.translate(FRONT).extract_all_edges(), color="black", line_width=1.5)
+    for wall in blocks["walls"].values():
+        plotter.add_mesh(wall.translate(FRONT), color="black", line_width=2.0)
+    for number, line in enumerate(blocks["bins"].values()):
+        plotter.add_mesh(line.translate(FRONT), color=BARS[number % 2], line_width=BAR)
+    middles = np.array([line.points.mean(axis=0) + FRONT for line in blocks["bins"].values()])
     plotter.add_point_labels(middles, list(scene.bin), font_size=14, shape_opacity=0.7, show_points=False)
 
 
@@ -89,47 +86,27 @@ def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
 
     if not (run / "tracks.vtp").exists():
         return
-    tracks: Any = pyvista.read(run / "tracks.vtp")
-    paths = [(int(tracks.cell_data["fraction"][i]), tracks.get_cell(i)) for i in range(tracks.n_cells)]
-    every = np.asarray(tracks.point_data["time since release (s)"])
-    rows: dict[int, list[tuple[Any, Any]]] = {}
-    for number, cell in paths:
-        if len(cell.point_ids) > 1:
-            times = every[list(cell.point_ids)]
-            rows.setdefault(number, []).append((_lifted(np.asarray(cell.points)[:, :2]), times))
-    names, colours = list(scene.fraction), fraction_colours(list(scene.fraction))
+    tracks: Any = pyvista.read(run / "tracks.vtp").translate(FRONT)
+    flown = [tracks.get_cell(number).point_ids for number in range(tracks.n_cells)]
+    ends = [float(tracks.point_data[SINCE][ids[-1]]) for ids in flown if len(ids) > 1]
+    if not ends:
+        return
+    fraction, colours = tracks.cell_data["fraction"], fraction_colours(list(scene.fraction))
+    parts = {name: tracks.extract_cells(np.flatnonzero(fraction == i)) for i, name in enumerate(scene.fraction)}
 
     def shown(until: float) -> None:
-        for number, parts in rows.items():
-            name = names[number]
-            flown = _until(parts, until)
-            if flown is not None:
+        for name, part in parts.items():
+            here = part.clip_scalar(SINCE, value=until) if part.n_cells else part
+            if here.n_cells:
                 plotter.add_mesh(
-                    flown, color=colours[name], line_width=TRACK, lighting=False, name=f"tracks {name}", label=name
+                    here, color=colours[name], line_width=TRACK, lighting=False, name=f"tracks {name}", label=name
                 )
 
-    whole = max((float(times[-1]) for parts in rows.values() for _, times in parts), default=0.0)
-    shown(whole)
-    if rows:
-        plotter.add_legend(bcolor="white", face="line", size=(0.15, 0.12))
-    if slider and rows:
-        ends = [float(times[-1]) for parts in rows.values() for _, times in parts]
+    shown(max(ends))
+    plotter.add_legend(bcolor="white", face="line", size=(0.15, 0.12))
+    if slider:
         last = float(np.quantile(ends, SLOWEST))
-        plotter.add_slider_widget(shown, (0.0, last), value=last, title="time since release (s)", color="black")
-
-
-def _until(parts: list[tuple[Any, Any]], until: float) -> Any:
-    """The tracks as lines, each up to a time since its release; None where none has two points by then."""
-    import pyvista
-
-    kept = [points[: int(np.searchsorted(times, until, side="right"))] for points, times in parts]
-    kept = [points for points in kept if len(points) > 1]
-    if not kept:
-        return None
-    sizes = [len(points) for points in kept]
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    lines = [np.concatenate([[size], np.arange(at, at + size)]) for size, at in zip(sizes, first, strict=False)]
-    return pyvista.PolyData(np.concatenate(kept), lines=np.concatenate(lines))
+        plotter.add_slider_widget(shown, (0.0, last), value=last, title=SINCE, color="black")
 
 
 def _frame(plotter: Any, scene: Scene) -> None:
@@ -141,14 +118,3 @@ def _frame(plotter: Any, scene: Scene) -> None:
     middle = (low + high) / 2
     camera.focal_point, camera.position = (0.0, middle, 0.0), (0.0, middle, 1.0)
     camera.parallel_scale = (0.5 + margin) * max(high - low, channel.width * SIZE[1] / SIZE[0])
-
-
-def _line(points: Any) -> Any:
-    import pyvista
-
-    return pyvista.lines_from_points(np.asarray(points, dtype=float))
-
-
-def _lifted(plane: Any) -> Any:
-    """(n, 2) to (n, 3), in front of the air."""
-    return np.column_stack([np.asarray(plane, dtype=float), np.full(len(plane), 1e-4)])

@@ -154,7 +154,7 @@ class BudgetRow:
     """The error of one quantity by its sources."""
 
     quantity: str = column("", "share.FRACTION.BIN or landing.FRACTION")
-    unit: str | None = column("", "of the errors; left out where it is 1", absent=True)
+    unit: str | None = column("", "of the errors; null where it is 1")
     parts: tuple[BudgetPart, ...] = column("", "what each source contributes")
     total: BudgetTotal = column("", "the sum")
 

@@ -108,21 +108,21 @@ class PictureSummary:
     numbers: dict[str, Any] = column("as the picture", "its numbers, by the kind of picture")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Result:
     """A finished run: its folder and what result.json holds, as types; ``table`` is the same as plain JSON.
 
     Read one with :meth:`load`. Parts that a run with ``until`` did not reach are None.
     """
 
-    folder: Path = field(default=Path(), kw_only=True)
+    folder: Path = field(default=Path())
     schema: int = column("1", "version of this table")
     scene: dict[str, Any] = column("SI", "the scene as asked for, in SI units: docs/scenes.md")
     options: Request = column("", "how the run was asked for")
     plan: Plan = column("", "what is computed and what is not")
     funnel: FunnelSummary | None = column("", "the feed funnel; null without one")
     airflow: Airflow | None = column("", "the airflow; null at rung none and until it is there")
-    mesh: MeshReport | None = column("", "the mesh; left out without air", absent=True)
+    mesh: MeshReport | None = column("", "the mesh; left out without air", absent=True, default=None)
     flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
     landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
     warnings: tuple[str, ...] = column("", "what a user must know, the gravest first")

@@ -17,6 +17,10 @@ def upgraded(table: Mapping[str, Any]) -> Table:
     if made.get("schema") != 1:
         return made
     made |= {"schema": 2, "plan": _plan(made["plan"]), "mesh": made.get("mesh") or None}
+    if made.get("airflow"):
+        made["airflow"] = {**made["airflow"], "statistics": made["airflow"].get("statistics") or None}
+    if "budget" in made:
+        made["budget"] = [{"unit": None, **row} for row in made["budget"]]
     for name in ("separation", "without_collisions"):
         if made.get(name):
             made[name] = _separation(made[name])

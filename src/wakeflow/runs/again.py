@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener, silent
-from ..progress import unheard
 from ..results.result import (
     asked_in,
     refinement_in,
@@ -33,11 +32,7 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
     Raises SceneError where the folder holds no finished run.
     """
     scene, asked = asked_in(folder)
-    run_once(
-        Scene.parse(scene), folder=Path(folder), request=asked, workers=None, listener=silent, planned=unheard,
-        redraw=True, report=True,
-        refinement=refinement_in(folder), pdf=pdf,
-    )  # fmt: skip
+    run_once(Scene.parse(scene), Path(folder), asked, redraw=True, refinement=refinement_in(folder), pdf=pdf)
     return Path(folder) / "report.html"
 
 

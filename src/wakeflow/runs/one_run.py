@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
 from ..core.process import check_workers
-from ..pipeline.cache import Listener
+from ..pipeline.cache import Listener, silent
 from ..planning.machine_rates import learn
 from ..planning.make import make_plan
-from ..progress import heard
+from ..progress import heard, unheard
 from ..refining.loop import refined
 from ..report.views import Result
 from ..results.refinement import Refinement
@@ -68,13 +68,7 @@ def run(
     request = Request.asked(until, rung, force, target_error, near)
     listener, planned = heard(listener, planned)
     once = partial(
-        run_once,
-        folder=folder,
-        request=request,
-        workers=workers,
-        listener=listener,
-        planned=planned,
-        redraw=redraw,
+        run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
     )
     if request.target_error is None or until is not None or not refine:
         return once(asked, report=report)
@@ -86,14 +80,14 @@ def run(
 
 def run_once(
     scene: Scene,
-    *,
     folder: Path,
     request: Request,
-    workers: int | None,
-    listener: Listener,
-    planned: Callable[[Plan], object],
-    redraw: bool,
-    report: bool,
+    *,
+    workers: int | None = None,
+    listener: Listener = silent,
+    planned: Callable[[Plan], object] = unheard,
+    redraw: bool = False,
+    report: bool = True,
     refinement: Refinement | None = None,
     pdf: bool = False,
     made: Plan | None = None,

@@ -138,15 +138,10 @@ class History:
 
     def _expected(self, evaluation: Evaluation, losses: Array, excess: Array, spread: Array) -> Expected:
         own, broken = self._numbers(evaluation)
-        found = [evaluation.quantities[goal.quantity] for goal in self.task.goals]
-        up = np.array([one.high - one.value if one.known else 0.0 for one in found])
-        down = np.array([one.value - one.low if one.known else 0.0 for one in found])
-        small = np.array(
-            [goal.sign < 0 for goal in self.task.goals]
-        )  # of what should be large the loss is the negative
-        better, worse = np.where(small, down, up), np.where(small, up, down)
-        middle = own + losses
-        low, high = middle - np.hypot(better, spread), middle + np.hypot(worse, spread)
+        found = [(goal.sign, evaluation.quantities[goal.quantity]) for goal in self.task.goals]
+        ends = [[-sign * (one.value if end is None else end) for end in one.ends] for sign, one in found]
+        (best, worst), middle = np.sort(ends, axis=1).T, own + losses
+        low, high = middle - np.hypot(own - best, spread), middle + np.hypot(worst - own, spread)
         return Expected(middle, low, high, broken + excess)
 
     def _shift(self, level: int) -> tuple[Array, Array, Array]:

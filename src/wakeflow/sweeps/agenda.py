@@ -95,6 +95,10 @@ class _Planned:
         spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
         return content_key(repr(self.plan.airflow), spec)
 
+    def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
+        """What a worker does for it in a folder."""
+        return Job(self.scene.tables(), self.request, folder, self.stamp, self.plan, threads, report)
+
     @property
     def ranks(self) -> int:
         """MPI processes of its airflow for which a cluster must have cores. The two that a large airflow in two
@@ -144,9 +148,9 @@ def make_agenda(
     planned = _started(planned, out) if neighbours else planned
     stamps = {one.variant.name: one.stamp for one in planned}
     open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
-    jobs = _Jobs(out, threads(len(open_ones)), report)
-    airflows = list(_airflow_steps(open_ones, jobs))
-    return Agenda((*airflows, *_flight_steps(open_ones, jobs)), stamps, problems)
+    count = threads(len(open_ones))
+    steps = *_airflow_steps(open_ones, out, count), *_flight_steps(open_ones, out, count, report=report)
+    return Agenda(steps, stamps, problems)
 
 
 def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:
@@ -172,30 +176,19 @@ def _folder(airflow: str) -> str:
     return f"{AIRFLOWS}/{airflow[:12]}"
 
 
-@dataclass(frozen=True)
-class _Jobs:
-    out: Path
-    threads: int
-    report: bool
-
-    def of(self, one: _Planned, folder: str, *, report: bool) -> Job:
-        tables = one.scene.tables()
-        return Job(tables, one.request, self.out / folder, one.stamp, one.plan, self.threads, report)
-
-
-def _airflow_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
+def _airflow_steps(planned: Iterable[_Planned], out: Path, threads: int) -> Iterable[Step]:
     """One step for each airflow, the longest first, so that none is left alone at the end."""
     first = _by_airflow(planned)
-    folders = {str(jobs.out / _folder(key)): _folder(key) for key in first}
+    folders = {str(out / _folder(key)): _folder(key) for key in first}
     steps = []
     for key, one in first.items():
         cost, folder = airflow_cost(one.scene, one.plan.airflow), _folder(key)
-        job, needs = jobs.of(one, folder, report=False), folders.get(one.request.near or "")
+        job, needs = one.job(out / folder, threads), folders.get(one.request.near or "")
         steps.append(Step(folder, job, True, needs, cost.seconds, cost.disk, one.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 
-def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
+def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, report: bool) -> Iterable[Step]:
     leaders: dict[tuple[str | None, str], str] = {}
     for one in planned:
         same, name = (one.airflow, one.flight), one.variant.name
@@ -204,4 +197,4 @@ def _flight_steps(planned: Iterable[_Planned], jobs: _Jobs) -> Iterable[Step]:
         needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
         leaders.setdefault(same, name)
         seconds, disk = alone - air.seconds, one.plan.estimate["disk"] - air.disk
-        yield Step(name, jobs.of(one, name, report=jobs.report), False, needs, seconds, disk)
+        yield Step(name, one.job(out / name, threads, report=report), False, needs, seconds, disk)

@@ -29,7 +29,7 @@ from ..scene.switches import States
 from .agenda import Agenda, Step, make_agenda
 from .run_agenda import do_agenda
 from .variant import Variant, of_scenes, read_sweep_file
-from .work import JobEnd, finished
+from .work import finished
 
 if TYPE_CHECKING:
     import distributed
@@ -239,13 +239,13 @@ class _Rows:
             else:
                 self._read(one)
 
-    def ended(self, step: Step, outcome: JobEnd) -> None:
+    def ended(self, step: Step, problem: str) -> None:
         """Take in what a step has left."""
         one = next((variant for variant in self.variants if variant.name == step.name), None)
         if step.airflow or one is None:
             return
-        if outcome.problem:
-            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, outcome.problem)
+        if problem:
+            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
         else:
             self._read(one)
         if time.monotonic() - self.written >= WRITE_EVERY:

@@ -11,9 +11,7 @@ from ..core.cluster import Cluster
 from ..core.errors import ProgramError
 from ..core.quantities import duration
 from .agenda import Agenda, Step
-from .work import JobEnd, fly_scene, solve_airflow_of
-
-__all__ = ["SweepProgress", "do_agenda"]
+from .work import fly_scene, solve_airflow_of
 
 TELL_EVERY = 1.0  # s between looks at the time left, where nothing ends
 
@@ -29,10 +27,10 @@ class SweepProgress:
     behind: float = 0.0
     started: float = field(default_factory=time.monotonic)
 
-    def ended(self, step: Step, outcome: JobEnd) -> None:
+    def ended(self, step: Step, problem: str) -> None:
         """Count a step."""
         self.done += 1
-        self.failed += bool(outcome.problem)
+        self.failed += bool(problem)
         self.behind += step.seconds
 
     @property
@@ -48,66 +46,49 @@ class SweepProgress:
         return f"{self.done} of {self.steps} stages{failed}{left}"
 
 
-@dataclass
-class _Board:
-    """What waits, what is under way, what was found."""
-
-    waiting: dict[str, list[Step]] = field(default_factory=dict)  # by the name of what they need
-    running: dict[Future[JobEnd], Step] = field(default_factory=dict)
-    found: dict[str, JobEnd] = field(default_factory=dict)
-
-    def begin(self, executor: Executor, step: Step) -> None:
-        """Hand a step out, or have it wait for what it needs."""
-        if step.needs is None or step.needs in self.found:
-            able = executor.on(step.ranks) if isinstance(executor, Cluster) else executor
-            work = solve_airflow_of if step.airflow else fly_scene
-            self.running[able.submit(work, step.job)] = step
-        else:
-            self.waiting.setdefault(step.needs, []).append(step)
-
-    def end(self, executor: Executor, future: Future[JobEnd]) -> list[tuple[Step, JobEnd]]:
-        """The step that has ended, and those that fail with the airflow that they fly in; hands out those it frees."""
-        step = self.running.pop(future)
-        outcome = _outcome(future)
-        self.found[step.name] = outcome
-        freed = self.waiting.pop(step.name, [])
-        stuck = [other for other in freed if step.airflow and outcome.problem and not other.airflow]
-        for other in freed:
-            if other not in stuck:
-                self.begin(executor, other)
-        lost = [(other, JobEnd(f"its airflow failed: {outcome.problem}")) for other in self._after(stuck)]
-        self.found |= {other.name: why for other, why in lost}
-        return [(step, outcome), *lost]
-
-    def _after(self, steps: list[Step]) -> list[Step]:
-        """Steps with all that wait for them."""
-        found = list(steps)
-        for step in found:
-            found += self.waiting.pop(step.name, [])
-        return found
-
-
 def do_agenda(
-    agenda: Agenda, executor: Executor, tell: Callable[[str], None], ended: Callable[[Step, JobEnd], None]
+    agenda: Agenda, executor: Executor, tell: Callable[[str], None], ended: Callable[[Step, str], None]
 ) -> None:
-    """Do every step; ``ended(step, outcome)`` hears of each in the order in which they end, ``tell`` how far it is.
+    """Do every step; ``ended(step, problem)`` hears of each in the order in which they end, ``tell`` how far it is.
 
-    Steps are handed out in the order of the agenda: airflows first, then flights whose airflow is there.
+    Steps are handed out in the order of the agenda as soon as what they need has ended: airflows first, then flights.
     """
-    progress, board = SweepProgress(len(agenda.steps), agenda.seconds), _Board()
-    for step in agenda.steps:
-        board.begin(executor, step)
-    while board.running:
+    progress, left = SweepProgress(len(agenda.steps), agenda.seconds), list(agenda.steps)
+    running: dict[Future[str], Step] = {}
+    done: set[str | None] = {None}  # names of steps that have ended
+    lost: dict[str | None, str] = {}  # by name why flights that need a step fail with it
+
+    def end(step: Step, problem: str) -> None:
+        done.add(step.name)
+        if step.airflow and problem:
+            lost[step.name] = f"its airflow failed: {problem}"
+        progress.ended(step, problem)
+        ended(step, problem)
+
+    while True:
+        while ready := [step for step in left if step.needs in done]:
+            left = [step for step in left if step.needs not in done]
+            for step in ready:
+                if step.needs in lost and not step.airflow:
+                    lost[step.name] = lost[step.needs]
+                    end(step, lost[step.name])
+                else:
+                    running[_begun(step, executor)] = step
+        if not running:
+            break
         tell(str(progress))
-        for future in wait(board.running, timeout=TELL_EVERY, return_when=FIRST_COMPLETED).done:
-            for step, outcome in board.end(executor, future):
-                progress.ended(step, outcome)
-                ended(step, outcome)
+        for future in wait(running, timeout=TELL_EVERY, return_when=FIRST_COMPLETED).done:
+            end(running.pop(future), _problem(future))
     tell(f"done {progress}")
 
 
-def _outcome(future: Future[JobEnd]) -> JobEnd:
+def _begun(step: Step, executor: Executor) -> Future[str]:
+    able = executor.on(step.ranks) if isinstance(executor, Cluster) else executor
+    return able.submit(solve_airflow_of if step.airflow else fly_scene, step.job)
+
+
+def _problem(future: Future[str]) -> str:
     try:
         return future.result()
     except ProgramError as problem:  # the worker died
-        return JobEnd(str(problem))
+        return str(problem)

@@ -1,6 +1,6 @@
 """What a worker does for a sweep: solve an airflow, or finish one scene in its folder. Other processes know it by name.
 
-Nothing is raised for a scene that fails: the outcome says why, and the sweep goes on.
+Nothing is raised for a scene that fails: what is returned says why, nothing where it went well, and the sweep goes on.
 """
 
 from __future__ import annotations
@@ -16,14 +16,10 @@ from typing import Any
 from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
 from ..core.store import cache_root
-from ..pipeline.cache import silent
 from ..planning.plan import Plan
-from ..progress import unheard
 from ..results.result import FILE, Request, Result
 from ..runs import run_once
 from ..scene import Scene
-
-__all__ = ["Job", "JobEnd", "finished", "fly_scene", "solve_airflow_of"]
 
 LOCK = ".job.lock"  # held by the process that works on a folder
 STAMP = "point.json"  # written last into a scene's folder: what the numbers beside it were made for
@@ -51,13 +47,6 @@ class Job:
         return replace(self.request, near=near if near is not None and (Path(near) / FILE).exists() else None)
 
 
-@dataclass(frozen=True)
-class JobEnd:
-    """How a job ended: an empty ``problem`` where it went well."""
-
-    problem: str = ""
-
-
 def finished(folder: Path, stamp: str) -> Result | None:
     """The result in a folder, where it was made for the same ``stamp``; None where it was not, or is not there."""
     try:
@@ -72,21 +61,21 @@ def finished(folder: Path, stamp: str) -> Result | None:
         return None
 
 
-def solve_airflow_of(job: Job) -> JobEnd:
+def solve_airflow_of(job: Job) -> str:
     """Solve the airflow that a scene flies in, the grids beside it and the airflow that it starts from."""
     with _alone(job.folder):
         return _tried(job, until="airflow")
 
 
-def fly_scene(job: Job) -> JobEnd:
+def fly_scene(job: Job) -> str:
     """Compute a scene to its end; the stamp goes last into its folder, so that a killed job is none that was done."""
     with _alone(job.folder):
         if finished(job.folder, job.stamp) is not None:  # by a worker that was thought lost, or of an earlier sweep
-            return JobEnd()
-        outcome = _tried(job, until=None)
-        if not outcome.problem:
+            return ""
+        problem = _tried(job, until=None)
+        if not problem:
             write_json(job.folder / STAMP, {"stamp": job.stamp})
-        return outcome
+        return problem
 
 
 def _alone(folder: Path) -> AbstractContextManager[object]:
@@ -97,25 +86,25 @@ def _alone(folder: Path) -> AbstractContextManager[object]:
     return FileLock(folder / LOCK)
 
 
-def _tried(job: Job, until: str | None) -> JobEnd:
+def _tried(job: Job, until: str | None) -> str:
     try:
         (job.folder / STAMP).unlink(missing_ok=True)
         if job.plan.flown_by == "tracker" and until is None:
             _compile()
         run_once(
-            Scene.parse(job.tables), folder=job.folder, request=replace(job.asked, until=until), workers=job.threads,
-            listener=silent, planned=unheard, redraw=False, report=job.report, made=job.plan,
+            Scene.parse(job.tables), job.folder, replace(job.asked, until=until), workers=job.threads,
+            report=job.report, made=job.plan,
         )  # fmt: skip
     except ProgramError as problem:
         _note(job.folder, f"{problem}\n{problem.tail}\n")
-        return JobEnd(str(problem))
+        return str(problem)
     except (WakeflowError, OSError) as problem:
-        return JobEnd(str(problem))
+        return str(problem)
     except Exception as problem:  # a mistake of the program: the other scenes go on, the traceback is kept and named
         file = _note(job.folder, traceback.format_exc())
-        return JobEnd(f"{type(problem).__name__}: {problem} (traceback: {file})")
+        return f"{type(problem).__name__}: {problem} (traceback: {file})"
     (job.folder / CRASH).unlink(missing_ok=True)
-    return JobEnd()
+    return ""
 
 
 def _compile() -> None:

@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..scene import Scene
-from ..tracking import Fate, Granules, track
-from .benchmark_cases import KINDS, SPEED, BenchmarkCase, benchmark_case, resampled, shipped, travelling_wave
-from .curves import ERROR, CurvePoint, Ends, score, timed, times_faster, with_own
-from .foam_interpolant import FoamInterpolant, make_foam_interpolant
-from .foam_parcels import fly_parcels, start_up
+from ..tracking import Fate, Granules, Tracks, track
+from .curves import (
+    ERROR,
+    KINDS,
+    SPEED,
+    BenchmarkCase,
+    CurvePoint,
+    Ends,
+    benchmark_case,
+    resampled,
+    score,
+    shipped,
+    timed,
+    times_faster,
+    travelling_wave,
+)
+from .foam import FoamInterpolant, fly_parcels, make_foam_interpolant, start_up
 from .reference import Reference, fly_reference
 from .report import Report, Table, Tell
-from .rk4 import fly_explicit
+from .rk4 import ExplicitTracks, fly_explicit
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5)  # s, of the explicit tracker
@@ -60,13 +71,14 @@ def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: No
         )
         for kind in KINDS:
             case = benchmark_case(kind, "steady", scene, foam.field, COUNT)
-            rows += _steady(case, foam, Path(room, "run"), slow, tell)
+            reference, found = _ours_and_explicit(case, slow, tell)
+            rows += found + _peer(case, reference, foam, Path(room, "run"), slow, tell)
         wave = travelling_wave(foam.field, SPEED, scene.width)
         for kind in KINDS if slow else TIMED:
             rows += _ours_and_explicit(benchmark_case(kind, "synthetic wave", scene, wave, COUNT), slow, tell)[1]
     if slow:
         rows += _shedding(scene, foam, tell)
-    told = [asdict(row) | {"evaluation_rate": row.evaluation_rate, "rate": row.rate} for row in rows]
+    told = [asdict(row) | {"evaluation_rate": row.evaluation_rate, "rate": 1.0 / row.seconds} for row in rows]
     draw(told, folder / "tracker.png")
     times = times_faster(rows)
     tables = [
@@ -86,11 +98,6 @@ def _shedding(scene: Scene, foam: FoamInterpolant, tell: Tell) -> list[CurvePoin
     for kind in KINDS:
         rows += _ours_and_explicit(benchmark_case(kind, "vortex shedding", scene, field, COUNT), True, tell)[1]
     return rows
-
-
-def _steady(case: BenchmarkCase, foam: FoamInterpolant, folder: Path, slow: bool, tell: Tell) -> list[CurvePoint]:
-    reference, rows = _ours_and_explicit(case, slow, tell)
-    return rows + _peer(case, reference, foam, folder, slow, tell)
 
 
 def _ours_and_explicit(case: BenchmarkCase, slow: bool, tell: Tell) -> tuple[Reference, list[CurvePoint]]:
@@ -121,22 +128,15 @@ def _cost(case: BenchmarkCase, fly: Callable[[Granules], object], few: Granules,
 
 
 def _ours(case: BenchmarkCase, reference: Reference, few: Granules, tolerance: float) -> CurvePoint:
-    p = case.problem
-
-    def fly(grains: Granules) -> Any:
-        return track(
-            p.field, grains, until=p.until, tolerance=tolerance, length=p.length, forces=p.forces, drag=p.drag,
-            bodies=p.bodies, gravity=p.gravity,
-        )  # fmt: skip
+    def fly(grains: Granules) -> Tracks:
+        return track(case.problem.field, grains, tolerance=tolerance, **case.problem.arguments)
 
     tracks = fly(few)
     landed = (tracks.fate == Fate.ESCAPED) | (tracks.fate == Fate.BINNED)
-    evaluations = getattr(tracks, "evaluations", None)
     return score(
         case, reference, Ends(tracks.position, landed, tracks.impacts),
-        method="wakeflow", setting=f"tolerance {tolerance:.0e}",
-        **_cost(case, fly, few, LEAST), steps=float(tracks.steps.mean()),
-        evaluations=None if evaluations is None else float(evaluations.mean()),
+        method="wakeflow", setting=f"tolerance {tolerance:.0e}", **_cost(case, fly, few, LEAST),
+        steps=float(tracks.steps.mean()), evaluations=float(tracks.evaluations.mean()),
     )  # fmt: skip
 
 
@@ -150,13 +150,8 @@ def _steps(case: BenchmarkCase, slow: bool) -> list[float]:
 
 
 def _explicit(case: BenchmarkCase, reference: Reference, few: Granules, step: float) -> CurvePoint:
-    p = case.problem
-
-    def fly(grains: Granules) -> Any:
-        return fly_explicit(
-            p.field, grains, until=p.until, step=step, length=p.length, forces=p.forces, drag=p.drag, bodies=p.bodies,
-            gravity=p.gravity,
-        )  # fmt: skip
+    def fly(grains: Granules) -> ExplicitTracks:
+        return fly_explicit(case.problem.field, grains, step=step, **case.problem.arguments)
 
     tracks = fly(few)
     return score(
@@ -190,17 +185,19 @@ def _peer(
                 case, reference, ends[-1], method=f"OpenFOAM {scheme}", setting=f"{name}, maxCo {courant:g}",
                 seconds=max(seconds, 1e-6), cpu=max(seconds, 1e-6), steps=None, evaluations=None,
             ))  # fmt: skip
-        rows += with_own(found, _own(case, found, ends))
+        rows += _with_own(case, found, ends)
     return rows
 
 
-def _own(case: BenchmarkCase, rows: list[CurvePoint], ends: list[Ends]) -> list[float | None]:
-    """Median distance (body widths) of every setting's landings from those of the setting nearest to convergence."""
-    errors = [np.inf if row.median is None else row.median for row in rows]
-    finest = ends[int(np.argmin(errors))]
-    found: list[float | None] = []
-    for one in ends:
+def _with_own(case: BenchmarkCase, rows: list[CurvePoint], ends: list[Ends]) -> list[CurvePoint]:
+    """The rows with the median distance (body widths) of their landings from those of the setting nearest to
+    convergence.
+    """
+    finest = ends[int(np.argmin([np.inf if row.median is None else row.median for row in rows]))]
+    found = []
+    for row, one in zip(rows, ends, strict=True):
         both = one.landed & finest.landed
         distance = np.linalg.norm(one.position[both] - finest.position[both], axis=1) / case.problem.length
-        found.append(float(np.median(distance)) if len(distance) and one is not finest else None)
+        own = float(np.median(distance)) if len(distance) and one is not finest else None
+        found.append(replace(row, own_median=own))
     return found

@@ -1,4 +1,10 @@
-"""From where granules ended to one row of the table: errors, rates; and what an error costs on a curve of such rows."""
+"""What the compared trackers fly, and how one flight becomes a row: errors, rates, and what an error costs.
+
+Four kinds of granules, a steady and a time-resolved wake. Granules enter as in the shipped scene ``rhombus``. So that
+OpenFOAM's tracker can follow, the body is at rest afterwards and drag is Putnam's law for spheres: a fraction whose law
+carries a factor (a measured terminal velocity) gets that factor into its density instead, which is the same
+acceleration.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +17,154 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .benchmark_cases import BenchmarkCase
-from .reference import Reference
+from ..core.resources import scene_templates
+from ..field import FlowField
+from ..injection.feed import feedstock
+from ..injection.first_contact import motion_of
+from ..pipeline.cache import Listener
+from ..pipeline.pipeline import Pipeline
+from ..planning.make import make_plan
+from ..planning.plan import Plan
+from ..scene import Scene
+from ..tracking import Body, Granules
+from .reference import Reference, TrackingProblem, distance
 
 Array = NDArray[np.float64]
+KINDS = {  # name: (fraction of the scene, changes of the scene)
+    "heavy grain": ("wheat", {"feed.mode": "injected"}),
+    "chaff": ("chaff", {"feed.mode": "injected"}),
+    "dust 20 um": ("dust", {"feed.mode": "resolved", "fraction.dust.size": "20 um"}),
+    "dust 1 um": ("dust", {"feed.mode": "resolved", "fraction.dust.size": "1 um"}),
+}
+SPEED = 5.0  # m/s, of the air in the shipped scene
+STROUHAL = 0.18  # of the rhombus' diagonal
+SNAPSHOTS = 32
+PATIENCE = 20.0  # channel heights at air speed
+
+
+@dataclass(frozen=True)
+class BenchmarkCase:
+    """One kind of granule in one airflow; the first ``len(grains)`` of a stream, at rest bodies, edges of bins (m)."""
+
+    kind: str
+    air: str
+    problem: TrackingProblem
+    grains: Granules
+    bins: Array
+    replicate: NDArray[np.int64]  # which of the independent samples each granule belongs to
+
+    def some(self, count: int) -> Granules:
+        """A subject with ``count`` of its granules, spread evenly over all."""
+        return self.grains[np.linspace(0, len(self.grains) - 1, min(count, len(self.grains))).astype(int)]
+
+
+def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Pipeline]:
+    """The shipped scene, its plan and the stages that make its airflow (from the cache where they are there).
+
+    With the paper's granules: the trackers that it is compared with know no scatter.
+    """
+    scene = Scene.load(scene_templates()["rhombus"], {"fraction.*.impact": "paper"})
+    plan = make_plan(scene, rung=rung, force={"air-loading": False})
+    return scene, plan, Pipeline(scene, plan, listener)
+
+
+def benchmark_case(
+    kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, Any]] | None = None
+) -> BenchmarkCase:
+    """``count`` granules of a kind in a field that ends at the scene's floor; ``of`` a fraction of the scene with some
+    changes instead of those that the kind stands for.
+    """
+    fraction, changes = of or KINDS[kind]
+    changed = scene.replace({**changes, "feed.count": count, "numerics.rung": "draft"})
+    plan = make_plan(changed, force={"air-loading": False})
+    feed = feedstock(changed, plan, fraction, None)
+    grains = feed.granules
+    motion = motion_of(changed)
+    moved = np.where(feed.injected[:, None], motion.at(grains.time)[0], 0.0) if motion is not None else 0.0
+    grains = grains.replace(
+        position=grains.position - moved,  # from the body at rest, with the velocity that the moving one gave
+        density=grains.density / grains.drag_scale,
+        drag_scale=1.0,
+        sphericity=1.0,
+        inertia=None,  # points: OpenFOAM's parcels do not turn
+        spin=0.0,
+        time=_phases(field, len(grains)),
+    )
+    bodies = (*(Body(body.outline()) for body in changed.body.values()), *_side_walls(field))
+    assert changed.air is not None
+    height = changed.channel.top - changed.channel.bottom
+    until = PATIENCE * height / changed.air.speed
+    floor = [b for b in changed.bin.values() if b.on == "floor" and b.points is None]
+    edges = sorted({x for b in floor for x in (b.start, b.to) if x is not None})
+    problem = TrackingProblem(field, bodies, until, changed.width)
+    free = _free(grains, field, bodies)
+    return BenchmarkCase(kind, air, problem, grains[free], np.array(edges), feed.replicate[free])
+
+
+def _side_walls(field: FlowField) -> list[Body]:
+    """Walls along both sides of the field's box, over its whole height."""
+    (left, low), (right, high) = field.points.min(axis=0), field.points.max(axis=0)
+    thick = 0.05 * (right - left)
+    low, high = low - thick, high + thick
+    sides = ((left - thick, left), (right, right + thick))
+    return [Body(np.array([(a, low), (b, low), (b, high), (a, high)])) for a, b in sides]
+
+
+def _phases(field: FlowField, count: int) -> Array:
+    """Birth times (n,), spread evenly over the period of a time-resolved airflow (golden ratio sequence)."""
+    turns = np.arange(count, dtype=float) * 0.6180339887498949 % 1.0
+    return np.asarray(turns * (field.period or 0.0), dtype=np.float64)
+
+
+def _free(grains: Granules, field: FlowField, bodies: tuple[Body, ...]) -> NDArray[np.bool_]:
+    """Granules that begin in the mesh and in no wall."""
+    start = field.locate(grains.position) >= 0
+    for body in bodies:
+        start &= distance(body.outline, grains.position)[0] >= 0.5 * grains.diameter * (1.0 - 1e-9)
+    return start
+
+
+def travelling_wave(field: FlowField, speed: float, width: float, strength: float = 0.4) -> FlowField:
+    """A steady wake with an analytic wave on it, for a quick time-resolved field; it is not a computed airflow.
+
+    Stream function psi = s U D / (2 pi) sin(2 pi (y / L + t / P)) exp(-(x / 0.75 D)^2) behind the body, fading in over
+    two widths; P = D / (St U), L = 0.8 U P: what a vortex street looks like at first glance. ``strength`` s, ``speed``
+    U (m/s, downward), ``width`` D (m); 32 snapshots a period.
+    """
+    period = width / (STROUHAL * speed)
+    times = np.arange(SNAPSHOTS) * period / SNAPSHOTS
+    x, y = field.points.T
+
+    def psi(x: Array, y: Array, t: float) -> Array:
+        ramp = np.clip((-y / width - 0.5) / 2.0, 0.0, 1.0)
+        moving = np.sin(2 * np.pi * (y / (0.8 * speed * period) + t / period)) * np.exp(-((x / (0.75 * width)) ** 2))
+        return np.asarray(strength * speed * width / (2 * np.pi) * ramp**2 * (3 - 2 * ramp) * moving)
+
+    def wave(t: float) -> Array:
+        across = psi(x, y + eps, t) - psi(x, y - eps, t), psi(x - eps, y, t) - psi(x + eps, y, t)
+        return np.stack(across, axis=1) / (2 * eps)
+
+    eps = 1e-6 * width
+    shots = [field.velocity + wave(t) for t in times]
+    return replace(field, velocity=np.stack(shots), times=times, period=period, pressure=None, k=None, dissipation=None)
+
+
+def resampled(field: FlowField, onto: FlowField) -> FlowField:
+    """The velocity of a time-resolved ``field`` on the triangles of another, which end at the scene's floor."""
+    field = field.snapshots()
+    assert field.times is not None
+    from scipy.spatial import cKDTree
+
+    nearest = cKDTree(field.points).query(onto.points)[1]
+    shots = []
+    for number, t in enumerate(field.times):
+        value = field.sample(onto.points, t)[0]
+        outside = np.isnan(value).any(axis=1)  # boundary points, by round-off
+        value[outside] = field.velocity[number, nearest[outside]]
+        shots.append(value)
+    return replace(onto, velocity=np.stack(shots), times=field.times, period=field.period, pressure=None)
+
+
 ERROR = 1e-4  # body widths, where speeds are compared
 
 
@@ -48,11 +198,6 @@ class CurvePoint:
     steps: float | None  # per granule
     evaluations: float | None  # per granule
     own_median: float | None = None  # error against the method's own finest setting
-
-    @property
-    def rate(self) -> float:
-        """Granules a second."""
-        return 1.0 / self.seconds
 
     @property
     def evaluation_rate(self) -> float | None:
@@ -119,15 +264,10 @@ def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clo
     for value, seconds in points:  # from the smallest error on: only those cheaper than all more accurate ones
         if not envelope or seconds < envelope[-1][1]:
             envelope.append((value, seconds))
-    better = [point for point in envelope if point[0] <= error]
-    worse = [point for point in envelope if point[0] > error]
-    if not better:
+    if not envelope or error < envelope[0][0]:
         return None
-    if not worse:
-        return better[-1][1]
-    (e0, s0), (e1, s1) = better[-1], worse[0]
-    w = (np.log(error) - np.log(e0)) / (np.log(e1) - np.log(e0))
-    return float(np.exp((1 - w) * np.log(s0) + w * np.log(s1)))
+    errors, costs = np.log(envelope).T
+    return float(np.exp(np.interp(np.log(error), errors, costs)))
 
 
 def times_faster(rows: Sequence[CurvePoint]) -> list[dict[str, Any]]:
@@ -149,8 +289,3 @@ def times_faster(rows: Sequence[CurvePoint]) -> list[dict[str, Any]]:
                 ratios = {name: one / other if one and other else None for name, (one, other) in costs.items()}
                 found.append({"kind": kind, "air": air, "than": than, **ratios})
     return found
-
-
-def with_own(rows: Sequence[CurvePoint], own: Sequence[float | None]) -> list[CurvePoint]:
-    """The rows with their errors against the method's own finest setting."""
-    return [replace(row, own_median=value) for row, value in zip(rows, own, strict=True)]

@@ -1,30 +1,24 @@
-"""Rows of whole scenes that start no OpenFOAM: in a vacuum, and in channels whose air is known."""
+"""Rows of whole scenes that start no OpenFOAM: sorted in channels whose air is known, and refused."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..core.graded import Grade
 from ..core.resources import scene_templates
-from ..labyrinth import chain
 from ..laws.constants import STANDARD_AIR
 from ..laws.drag import terminal_velocity
 from ..pipeline.compilation import COMPILED
-from ..results.crowd_sources import SlabStep
 from ..results.result import Result
 from ..runs import run
 from ..scene import Scene
-from .extremes import Extreme, Happened, extremes
-
-__all__ = ["OUT", "happened_in", "shipped_scene"]
+from .extremes import Happened, add_row
 
 OUT = Path("runs", "verify", "extremes")  # each row's run has a folder there
 FEWEST = 16  # replicates, whose granules are a power of two: what feed.count is rounded up to
@@ -32,10 +26,6 @@ PLAIN = {"restitution": 0.5, "friction": 0.3}
 TRICKLE = 1e-9  # kg/s: a feed of granules each alone
 WATER = {"air.density": 998.2, "air.viscosity": 1.002e-3}
 Options = Mapping[str, Any]
-
-
-def _add(group: str, value: str, happens: Any, against: str = "", **more: Any) -> None:
-    extremes.add(f"{group}: {value}", Extreme(group, value, happens, against, **more))
 
 
 @lru_cache
@@ -49,43 +39,19 @@ def happened_in(scene: Scene, result: Result, error: float | None, note: str = "
     compilation of the tracker.
     """
     assert result.flights is not None
-    fates: dict[str, int] = {}
-    for counted in result.flights.fates.values():
-        for fate, number in counted.items():
-            fates[fate] = fates.get(fate, 0) + number
+    fates: Counter[str] = sum((Counter(counted) for counted in result.flights.fates.values()), Counter())
     fed = FEWEST * 2 ** math.ceil(math.log2(max(1.0, scene.feed.count / FEWEST)))
     shares = [[result.share(fraction, place) for place in (*scene.bin, "elsewhere")] for fraction in scene.fraction]
     numbers = np.array(shares)
     whole = np.allclose(numbers[..., 0].sum(axis=1), 1.0, atol=1e-9)
     finite = bool(np.isfinite(numbers).all() and whole)
     seconds = sum(stage.seconds for name, stage in result.seconds.items() if name != str(COMPILED))
-    ended = {fate: number for fate, number in fates.items() if number}
-    return Happened(fed * len(scene.fraction), ended, finite, error, None, seconds, note)
+    return Happened(fed * len(scene.fraction), +fates, finite, error, None, seconds, note)
 
 
-def _run(name: str, scene: Scene, **options: Any) -> Result:
+def run_in(name: str, scene: Scene, **options: Any) -> Result:
+    """Run a scene into the folder of its row."""
     return run(scene, OUT / name, report=False, **options)
-
-
-# -- in a vacuum, beside the chain -------------------------------------------------------------------------------------
-
-
-def _beside_the_chain(name: str, changes: Options) -> Happened:
-    """The tracker's shares beside those of ballistic flights from impact to impact, of the same granules."""
-    scene = shipped_scene("vacuum").replace({"feed.count": 1024, **changes})
-    result, alone = _run(name, scene), chain(scene)
-    errors = [abs(result.share(f, b)[0] - alone.share(f, b)[0]) for f in scene.fraction for b in scene.bin]
-    return happened_in(scene, result, max(errors))
-
-
-CHAIN = "the chain: parabolas from impact to impact, without the tracker"
-for _group, _value, _name, _changes in (
-    ("Gamma", "50, the scene `vacuum`", "gamma-50", {"vibration.amplitude": None, "vibration.gamma": 50.0}),
-    ("restitution", "0 and 1, the scene `vacuum`", "restitution",
-     {"fraction.soft.restitution": 0.0, "fraction.hard.restitution": 1.0}),
-    ("feed", "1 g/h, the scene `vacuum`", "one-gram", {"feed.rate": "1 g/hour"}),
-):  # fmt: skip
-    _add(_group, _value, partial(_beside_the_chain, _name, _changes), CHAIN, unit="share", allowed=1e-3)
 
 
 # -- in known air, sorted by terminal velocity -------------------------------------------------------------------------
@@ -101,7 +67,7 @@ def _classified(
     tables["fraction"] = {name: {**PLAIN, "mass_share": 1.0 / len(fractions), **one} for name, one in fractions.items()}
     tables["feed"] |= {"rate": TRICKLE, "count": 256}
     scene = Scene.parse(tables).replace(dict(changes))
-    result = _run(name, scene, **options)
+    result = run_in(name, scene, **options)
     errors = [abs(result.share(fraction, "heavy")[0] - share) for fraction, share in sinks.items()]
     return happened_in(scene, result, max(errors))
 
@@ -143,10 +109,10 @@ for _group, _value, _name, _falls, _rises, _changes in (
     ("air speed", "60 m/s, nothing stands in it", "storm-free", {}, {"all": _grain(5e-3, 1300.0)},
      {"air.speed": 60.0}),
 ):  # fmt: skip
-    _add(_group, _value, partial(_sorted, _name, _falls, _rises, _changes), BY_SPEED, unit="share", allowed=1e-3)
-_add("sizes", "1 um to 10 mm, one scene", _four_decades, "share of the mass that falls faster than the air rises",
+    add_row(_group, _value, partial(_sorted, _name, _falls, _rises, _changes), BY_SPEED, unit="share", allowed=1e-3)
+add_row("sizes", "1 um to 10 mm, one scene", _four_decades, "share of the mass that falls faster than the air rises",
      unit="share", allowed=0.01)  # fmt: skip
-_add("sizes", "1 nm, Brownian motion, one scene",
+add_row("sizes", "1 nm, Brownian motion, one scene",
      partial(_sorted, "nanometre", {}, {"all": _grain(1e-9, 1000.0)}, {"feed.count": 64}, force={"brownian": True}),
      BY_SPEED, unit="share", allowed=1e-3)  # fmt: skip
 
@@ -157,7 +123,7 @@ _add("sizes", "1 nm, Brownian motion, one scene",
 def _asked_for(template: str, changes: Options, force: Mapping[str, bool] | None = None) -> Happened:
     """A scene that must not run. Should it run all the same, the row is missed."""
     scene = shipped_scene(template).replace(dict(changes))
-    return happened_in(scene, _run("refused", scene, force=force), None)
+    return happened_in(scene, run_in("refused", scene, force=force), None)
 
 
 DENSE = {"feed.rate": "50 t/hour"}
@@ -188,39 +154,4 @@ _REFUSED: tuple[tuple[str, str, str, Options, Mapping[str, bool] | None], ...] =
     ("feed", "50 t/h, collisions forced on", "vacuum", DENSE, {"collisions": True}),
 )
 for _what, _how, _template, _asked, _force in _REFUSED:
-    _add(_what, _how, partial(_asked_for, _template, _asked, _force), refused=True)
-
-
-# -- a feed of 50 t/h --------------------------------------------------------------------------------------------------
-
-
-def _dense_feed() -> Happened:
-    """More than can be simulated one by one: collisions are left out, and the run says what that voids."""
-    scene = shipped_scene("vacuum").replace({"feed.count": 1024, **DENSE})
-    result, alone = _run("fifty-tonnes", scene), chain(scene)
-    errors = [abs(result.share(f, b)[0] - alone.share(f, b)[0]) for f in scene.fraction for b in scene.bin]
-    voids = (grade == Grade.VOID.value for grade in result.grades)
-    told = [text for text, void in zip(result.warnings, voids, strict=True) if void]
-    return happened_in(scene, result, max(errors) if told else math.inf, "; ".join(told))
-
-
-def _dense_slab() -> Happened:
-    """Over a machine of 5 m, where a slab of five diameters can be simulated; beside itself in steps twice as long."""
-    changes = {"feed.count": 16, **DENSE, "feed.depth": "5 m", "collisions.depth": "10 mm"}
-    scene = shipped_scene("vacuum").replace(changes)
-    result = _run("fifty-tonnes-slab", scene)
-    parts = [part for row in result.budget if row.quantity.startswith("share.") for part in row.parts]
-    errors = [part.error for part in parts if part.source == SlabStep.name and part.error is not None]
-    assert result.landings is not None
-    assert result.landings.slab is not None
-    slab = result.landings.slab
-    met = ", ".join(f"{name} {number:.0f}" for name, number in slab.meetings.items())
-    note = "; ".join([f"meetings of a granule: {met}", *result.warnings])
-    ended: Counter[str] = sum((Counter(counted) for counted in slab.fates.values()), Counter())
-    return replace(happened_in(scene, result, max(errors), note), injected=sum(slab.granules.values()), fates=ended)
-
-
-_add("feed", "50 t/h, the scene `vacuum`", _dense_feed, f"{CHAIN}; and a warning that it voids the shares",
-     unit="share", allowed=1e-3)  # fmt: skip
-_add("feed", "50 t/h over 5 m, a slab of 10 mm", _dense_slab, "the run's budget: steps twice as long", unit="share",
-     allowed=0.03, slow=True)  # fmt: skip
+    add_row(_what, _how, partial(_asked_for, _template, _asked, _force), refused=True)

@@ -12,7 +12,7 @@ import re
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from typing import Any
 
@@ -40,7 +40,7 @@ class Happened:
     none), and the run time (``seconds``) of the program alone, without that of the answer it is compared with.
     """
 
-    injected: int
+    injected: int | None
     fates: Mapping[str, int]
     finite: bool
     error: float | None
@@ -73,6 +73,11 @@ class Extreme:
 extremes: Registry[Extreme] = Registry("extreme")
 
 
+def add_row(group: str, value: str, happens: Callable[[], Happened], against: str = "", **more: Any) -> None:
+    """Register a row."""
+    extremes.add(f"{group}: {value}", Extreme(group, value, happens, against, **more))
+
+
 def what_happened(tracks: Tracks, seconds: float, error: float | None, note: str = "") -> Happened:
     """What happened to ``tracks``, whose flight took ``seconds``."""
     numbers = (tracks.position, tracks.velocity, tracks.time, tracks.spin)
@@ -102,12 +107,9 @@ def fly_extreme(name: str) -> dict[str, Any]:
     return {
         "name": name, "group": row.group, "value": row.value, "against": row.against, "unit": row.unit,
         "allowed": None if row.refused or not row.against else row.allowed, "slow": row.slow,
-        "injected": None if happened is None else happened.injected,
-        "fates": {} if happened is None else dict(happened.fates),
-        "error": None if happened is None else happened.error, "steps": None if happened is None else happened.steps,
-        "seconds": time.monotonic() - begun if happened is None else happened.seconds,
-        "with_answer": time.monotonic() - begun, "note": "" if happened is None else happened.note,
-        "stops": row.stops, "refusal": refusal, "traceback": crash, "verdict": MISSED if why else good, "why": why,
+        **asdict(happened or Happened(None, {}, True, None, None, time.monotonic() - begun)),
+        "with_answer": time.monotonic() - begun, "stops": row.stops, "refusal": refusal, "traceback": crash,
+        "verdict": MISSED if why else good, "why": why,
     }  # fmt: skip
 
 

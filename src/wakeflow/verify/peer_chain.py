@@ -21,9 +21,8 @@ from ..planning.bounds import LOADING
 from ..planning.make import make_plan
 from ..scene import RESERVED_BIN, Scene
 from ..tracking import Tracks, track
-from .benchmark_cases import BenchmarkCase, benchmark_case
-from .foam_interpolant import FoamInterpolant, make_foam_interpolant
-from .foam_parcels import FINE_PARCELS, fly_parcels
+from .curves import BenchmarkCase, benchmark_case
+from .foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
 
 Array = NDArray[np.float64]
 PEER = "OpenFOAM's parcels"
@@ -85,12 +84,9 @@ def _shares(
 
 def flown_here(case: BenchmarkCase, scene: Scene, air: FlowField) -> Tracks:
     """The case's granules flown by this tracker through ``air`` down to the scene's floor."""
-    p, half = case.problem, scene.channel.width
+    half = scene.channel.width
     floor = np.array([(-half, scene.channel.bottom), (half, scene.channel.bottom)])
-    return track(
-        air, case.grains, until=p.until, tolerance=TOLERANCE, length=p.length, forces=p.forces, drag=p.drag,
-        bodies=p.bodies, lines=(floor,), gravity=p.gravity,
-    )  # fmt: skip
+    return track(air, case.grains, tolerance=TOLERANCE, lines=(floor,), **case.problem.arguments)
 
 
 def landed_time(tracks: Tracks) -> Array:

@@ -18,13 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field import FlowField
-from ..field.splines import POWERS
 from ..laws.collision import collide
 from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws
 from ..tracking import Body, Granules
-
-__all__ = ["Reference", "TrackingProblem", "fly_reference"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -47,6 +44,12 @@ class TrackingProblem:
     forces: tuple[str, ...] = ("drag", "gravity", "buoyancy")
     gravity: tuple[float, float] = (0.0, -GRAVITY)
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Those of ``track`` and ``fly_explicit``, but for the field, granules and accuracy."""
+        names = ("until", "length", "drag", "forces", "bodies", "gravity")
+        return {name: getattr(self, name) for name in names}
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -67,6 +70,7 @@ class _Flight:
 
     def __init__(self, problem: TrackingProblem, grains: Granules) -> None:
         self.problem, self.grains, self.field = problem, grains, problem.field
+        assert problem.field.times is None or problem.field.period is not None  # steady, or it repeats
         field, count = problem.field, len(grains)
         self.y = np.concatenate([grains.position, grains.velocity], axis=1)
         self.t = grains.time.copy()
@@ -76,12 +80,10 @@ class _Flight:
         self.state = np.where(self.tri >= 0, FLYING, UNFINISHED)
         self.h = np.full(count, np.inf)
         self.aim = np.full(count, np.inf)
-        self.t_end = np.full(count, -np.inf if field.times is not None else np.inf)
-        self.origin = np.zeros((count, 2))
-        self.powers = np.zeros((4, count, 3, 4))  # of the interval's time: value, d/dx, d/dy of u, v, ax, ay
-        self.velocity, self.pull_of_pressure = self._drawn(field.velocity), self._drawn(field.pressure_gradient)
+        self.t_from, self.t_end, self.origin = np.zeros(count), np.zeros(count), np.zeros((count, 2))
         self.degrees = 1 if field.times is None else (2 if field.coefficients is None else 4)
-        self.t_from, self.per = np.zeros(count), np.zeros(count)
+        self.span = 0.0 if field.times is None else float(field.times[-1] - field.times[0])
+        self.powers = np.zeros((self.degrees, count, 3, 4))  # of the time: value, d/dx, d/dy of u, v, ax, ay
         viscous = "drag" in problem.forces
         self.stokes = viscous * grains.drag_scale * 18.0 * field.viscosity / (grains.density * grains.diameter**2)
         self.per_slip = field.density * grains.diameter / field.viscosity
@@ -94,77 +96,34 @@ class _Flight:
 
     # -- the field -----------------------------------------------------------------------------------------------------
 
-    def _drawn(self, nodal: Array | None) -> Array | None:
-        """Nodal values: those of snapshots as they are, those of modes as coefficients of splines at the knots."""
-        shares = self.field.coefficients
-        return nodal if shares is None or nodal is None else np.tensordot(shares, nodal, axes=1)
-
-    def _nodal(self, i: Index, snapshot: Index | None) -> Array:
-        """Velocity and acceleration at the three corners, (n, 3, 4)."""
-        corner = self.field.triangles[self.tri[i]]
-        at: Any = corner if snapshot is None else (snapshot[:, None], corner)
-        value = np.zeros((len(i), 3, 4))
-        assert self.velocity is not None
-        value[:, :, :2] = self.velocity[at]
-        value[:, :, 2:] = self.pull[i, None]
-        if "pressure-gradient" in self.problem.forces:
-            assert self.pull_of_pressure is not None
-            value[:, :, 2:] -= self.pull_of_pressure[at] / self.grains.density[i, None, None]
-        return value
-
     def load_triangles(self, i: Index) -> None:
-        """The affine field in the triangle and between the snapshots that hold granules ``i`` now."""
-        gradient = self.field.gradients[self.tri[i]]
-        self.origin[i] = self.field.points[self.field.triangles[self.tri[i], 0]]
+        """The affine field in the triangle that holds granules ``i`` now, as polynomials of the time from now on."""
+        field, forces = self.field, self.problem.forces
+        corner, gradient = field.triangles[self.tri[i]], field.gradients[self.tri[i]]
+        self.origin[i] = field.points[corner[:, 0]]
+        near = 1e-12 * (np.abs(self.t[i]) + self.span)  # on a snapshot, not just before it
+        pieces = [field.polynomial(t) for t in self.t[i] + near]
+        self.t_from[i], self.t_end[i] = [piece[0] for piece in pieces], [piece[1] for piece in pieces]
+        shares = np.array([piece[2] for piece in pieces]).reshape(len(i), self.degrees, -1)
 
-        def affine(value: Array) -> Array:
-            return np.concatenate([value[:, :1], np.einsum("nkd,nkm->ndm", gradient, value)], axis=1)
+        def drawn(nodal: Array) -> Array:
+            """The coefficients (P, n, 3, 2) of nodal values in the corners."""
+            parts = nodal[None] if field.times is None else nodal
+            return np.asarray(np.einsum("npr,rnkc->pnkc", shares, parts[:, corner]))
 
-        if self.field.times is None:
-            self.powers[0, i] = affine(self._nodal(i, None))
-            return
-        if self.field.coefficients is not None:
-            place = self._knots(i)
-            cubic = np.tensordot(POWERS, np.stack([affine(self._nodal(i, j)) for j in place]), axes=1)
-            self.powers[:, i] = cubic
-            return
-        first, second, begin, end = self._snapshots(self.t[i])
-        one = self._nodal(i, first)
-        self.powers[0, i], self.powers[1, i] = affine(one), affine(self._nodal(i, second) - one)
-        self.t_from[i], self.t_end[i] = begin, end
-        self.per[i] = np.where(first != second, 1.0 / (end - begin), 0.0)
-
-    def _knots(self, i: Index) -> list[Index]:
-        """The four coefficients around the clocks of granules ``i``; notes their intervals."""
-        times, period = self.field.times, self.field.period
-        assert times is not None
-        assert period is not None
-        per = len(times) / period
-        place = (self.t[i] - times[0]) * per
-        first = np.floor(place + 1e-12 * (np.abs(place) + 1.0))
-        self.t_from[i], self.t_end[i], self.per[i] = times[0] + first / per, times[0] + (first + 1.0) / per, per
-        return [((first + shift) % len(times)).astype(np.int64) for shift in (-1, 0, 1, 2)]
-
-    def _snapshots(self, t: Array) -> tuple[Index, Index, Array, Array]:
-        times, period = self.field.times, self.field.period
-        assert times is not None
-        since, span = t - times[0], times[-1] - times[0]
-        near = 1e-12 * (np.abs(t) + span)
-        shift = times[0] + (np.floor((since + near) / period) * period if period else 0.0)
-        places = times - times[0]
-        j = np.searchsorted(places, t - shift + near, side="right") - 1
-        last = len(times) - 1
-        ends = np.append(places, period if period else np.inf)
-        begin, end = shift + np.where(j >= 0, places[np.maximum(j, 0)], -np.inf), shift + ends[j + 1]
-        second = np.where(j < last, j + 1, 0 if period else last)
-        return np.maximum(j, 0), np.where(j < 0, 0, second), begin, end
+        value = np.concatenate([drawn(field.velocity), np.zeros((self.degrees, len(i), 3, 2))], axis=3)
+        value[0, :, :, 2:] = self.pull[i, None]
+        if "pressure-gradient" in forces:
+            assert field.pressure_gradient is not None
+            value[..., 2:] -= drawn(field.pressure_gradient) / self.grains.density[i, None, None]
+        self.powers[:, i] = np.concatenate([value[:, :, :1], np.einsum("nkd,pnkm->pndm", gradient, value)], axis=2)
 
     def rhs(self, i: Index, t: Array, y: Array) -> Array:
         """d(x, v)/dt (n, 4) of granules ``i``."""
         away = y[:, :2] - self.origin[i]
-        w, value = ((t - self.t_from[i]) * self.per[i])[:, None], np.zeros((len(i), 4))
-        for now in self.powers[self.degrees - 1 :: -1, i] if self.degrees > 1 else self.powers[:1, i]:
-            value = w * value + now[:, 0] + away[:, :1] * now[:, 1] + away[:, 1:] * now[:, 2]
+        since, value = (t - self.t_from[i])[:, None], np.zeros((len(i), 4))
+        for now in self.powers[::-1, i]:
+            value = since * value + now[:, 0] + away[:, :1] * now[:, 1] + away[:, 1:] * now[:, 2]
         slip = value[:, :2] - y[:, 2:]
         reynolds = self.per_slip[i] * np.hypot(slip[:, 0], slip[:, 1])
         rate = self.stokes[i] * drag_laws[self.problem.drag].factor(reynolds, self.grains.sphericity[i])
@@ -209,8 +168,9 @@ class _Flight:
         self.tri[j[stay]] = onward[stay]
         turn = i[(self.t[i] >= self.t_end[i]) & (self.state[i] == FLYING)]
         fresh = np.union1d(j[stay], turn)
-        self.load_triangles(fresh)
         self.aim[fresh] = np.inf
+        if len(fresh):
+            self.load_triangles(fresh)
 
     def _bounce(self, i: Index, which: Index) -> None:
         for number, body in enumerate(self.problem.bodies):

@@ -26,15 +26,13 @@ from ..tracking.bodies import Body
 from ..tracking.granules import Granules
 from ..tracking.kernel import layout as at
 from ..tracking.kernel.forces import drag_rate
-from ..tracking.kernel.jit import compiled, entry
+from ..tracking.kernel.jit import compiled, entry, inlined
 from ..tracking.kernel.locate import anywhere, barycentric, walk
 from ..tracking.kernel.restitution import restitution_of
 from ..tracking.kernel.walls import grasp, inside, overlap
 from ..tracking.pack import pack_granules, pack_tables
 from ..tracking.pack_air import pack_air
 from ..tracking.pack_walls import pack_lines, pack_walls
-
-__all__ = ["ExplicitTracks", "fly_explicit"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -79,27 +77,27 @@ def _snapshots(air, t):
     return low, low + 1, (t - times[low]) / (times[low + 1] - times[low])
 
 
+@inlined
+def _between(air, tri, one, two, a, b, w, m):
+    """Value ``m`` of the nodes at barycentric coordinates ``one`` and ``two``, between snapshots a and b."""
+    i, j, k = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
+    v, zero = air.values, 1.0 - one - two
+    value = zero * v[a, i, m] + one * v[a, j, m] + two * v[a, k, m]
+    if b != a:
+        value += w * (zero * v[b, i, m] + one * v[b, j, m] + two * v[b, k, m] - value)
+    return value
+
+
 @compiled
 def _acceleration(air, grain, table, tri, x, y, vx, vy, a, b, w):
     """Acceleration in triangle ``tri`` between snapshots a and b."""
     one, two = barycentric(air.geometry, tri, 1, x, y), barycentric(air.geometry, tri, 2, x, y)
-    zero = 1.0 - one - two
-    i, j, k = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
-    v = air.values
-    ux = zero * v[a, i, at.NODE_U] + one * v[a, j, at.NODE_U] + two * v[a, k, at.NODE_U]
-    uy = zero * v[a, i, at.NODE_V] + one * v[a, j, at.NODE_V] + two * v[a, k, at.NODE_V]
-    if b != a:
-        ux += w * (zero * v[b, i, at.NODE_U] + one * v[b, j, at.NODE_U] + two * v[b, k, at.NODE_U] - ux)
-        uy += w * (zero * v[b, i, at.NODE_V] + one * v[b, j, at.NODE_V] + two * v[b, k, at.NODE_V] - uy)
+    sx = _between(air, tri, one, two, a, b, w, at.NODE_U) - vx
+    sy = _between(air, tri, one, two, a, b, w, at.NODE_V) - vy
     fx, fy = grain[at.GX], grain[at.GY]
     if grain[at.PRESSURE] != 0.0:
-        px = zero * v[a, i, at.NODE_PX] + one * v[a, j, at.NODE_PX] + two * v[a, k, at.NODE_PX]
-        py = zero * v[a, i, at.NODE_PY] + one * v[a, j, at.NODE_PY] + two * v[a, k, at.NODE_PY]
-        if b != a:
-            px += w * (zero * v[b, i, at.NODE_PX] + one * v[b, j, at.NODE_PX] + two * v[b, k, at.NODE_PX] - px)
-            py += w * (zero * v[b, i, at.NODE_PY] + one * v[b, j, at.NODE_PY] + two * v[b, k, at.NODE_PY] - py)
-        fx, fy = fx + grain[at.PRESSURE] * px, fy + grain[at.PRESSURE] * py
-    sx, sy = ux - vx, uy - vy
+        fx += grain[at.PRESSURE] * _between(air, tri, one, two, a, b, w, at.NODE_PX)
+        fy += grain[at.PRESSURE] * _between(air, tri, one, two, a, b, w, at.NODE_PY)
     rate = drag_rate(grain, table, sx * sx + sy * sy)
     return fx + rate * sx, fy + rate * sy
 

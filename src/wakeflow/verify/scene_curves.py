@@ -1,8 +1,13 @@
-"""``wakeflow verify SCENE``: error against run time, for each knob of a scene alone and for a target error."""
+"""``wakeflow verify SCENE``: error against run time, for each knob of a scene alone and for a target error.
+
+The error is that of the bin shares against a reference of its own: other random numbers, sixteen times the granules, a
+hundredth of the tolerance. It is compared with what a run says of itself, its half width by computing alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -10,18 +15,24 @@ from typing import Any
 from .. import runs
 from ..core.process import cores
 from ..pipeline.compilation import COMPILED
+from ..pipeline.pipeline import Pipeline
 from ..planning.make import make_plan
 from ..refining.knobs import applied, knobs, own_settings
+from ..results.landing_results import Separation
 from ..results.refinement import KnobSettings
 from ..results.result import Result
+from ..results.separation import separate
 from ..scene import Scene
 from .peer_chain import PEER, peer_rows, why_no_peer
 from .report import Report, Table, Tell
-from .settings import BinShares, bin_shares, largest_error, largest_half, reference_shares
 
 STEPS = {"granules": -2, "tolerance": -2, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
 POINTS = {"granules": 4, "tolerance": 4, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
 TARGETS = (0.05, 0.03)  # half widths of every bin share
+BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
+MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of the reference, times the settings it is for
+MORE_MEETING = 4  # the same of granules that meet, which cost the most
+OTHER_SEED = 1009  # added to the scene's: the reference is another sample
 LED = "--target-error"
 COLUMNS = {
     "knob": "{knob}", "setting": "{setting}", "error, points": "{error:.2g*100}",
@@ -92,3 +103,42 @@ def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str,
 def _note(rung: str | None, *, slow: bool) -> str:
     air = "" if rung is None and not slow else f"rung {rung or 'of the scene'}; "
     return f"{air}errors against other random numbers, 16 times the granules, a hundredth of the tolerance, finer cells"
+
+
+def reference_shares(scene: Scene, settings: KnobSettings, rung: str | None = None) -> BinShares:
+    """The shares of another sample of ``scene``, far finer than ``settings``, on cells of half the edge: of granules
+    that meet where they do.
+    """
+    mesh, slab = settings.mesh_scale, settings.slab
+    finer = replace(
+        settings,
+        granules=(MORE_GRANULES if slab is None else 1) * settings.granules,
+        slab=None if slab is None else MORE_MEETING * slab,
+        tolerance=FINER_STEPS * settings.tolerance,
+        mesh_scale=None if mesh is None else max(FINER_MESH * mesh, knobs["mesh"].finest),
+    )
+    other = applied(scene, finer).replace({"feed.seed": scene.feed.seed + OTHER_SEED})
+    plan = make_plan(other, rung=rung)
+    pipeline = Pipeline(plan.airflow.flown(other), plan)
+    crowd = pipeline.crowd()
+    return _shares(separate(other, pipeline.tracks().landings if crowd is None else crowd.landings))
+
+
+def bin_shares(result: Result) -> BinShares:
+    """The shares of a finished run."""
+    assert result.landings is not None
+    return _shares(result.landings.separation)
+
+
+def _shares(found: Separation) -> BinShares:
+    return {(name, place): share.value for name, row in found.fractions.items() for place, share in row.items()}
+
+
+def largest_error(shares: BinShares, truth: BinShares) -> float:
+    """The largest error of a bin share against the ``truth``."""
+    return max(abs(shares[place] - share) for place, share in truth.items())
+
+
+def largest_half(result: Result) -> float:
+    """The largest half width of a bin share by computing alone."""
+    return max((row.total.numerical or 0.0 for row in result.budget), default=0.0)

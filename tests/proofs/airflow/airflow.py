@@ -7,8 +7,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from proofs.airflow.dust import RESIDENCE, estimate_without, within_estimate
-from proofs.airflow.measured import QuantityValue, SolvedAirflow, measured, quantities
+from proofs.airflow.measured import (
+    RESIDENCE,
+    QuantityValue,
+    SolvedAirflow,
+    estimate_without,
+    measured,
+    quantities,
+    within_estimate,
+)
 from proofs.airflow.published import Case, Published, cases, verification_scenes
 from proofs.report import NOTHING, Column, Report, Table, Tell, cell
 from wakeflow.core.errors import FoamError, MeshError, SceneError

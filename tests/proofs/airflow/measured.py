@@ -1,25 +1,89 @@
-"""The numbers of a solved airflow that published values are compared with: a registry of quantities."""
+"""What is measured in a solved airflow: quantities by name, among them how long the near wake keeps fine dust, and
+lines of the wake that were measured by others.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from datetime import date
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.airflow.dust import RESIDENCE, DustyWake, dusty_wake
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.number import Number
 from wakeflow.core.registry import Registry
+from wakeflow.field import FlowField
+from wakeflow.field.blend import blended_wake
+from wakeflow.foam.case import read_parameters
 from wakeflow.foam.cost import core_seconds
+from wakeflow.laws.best_estimate import WakeEstimate, best_estimate, wakes
 from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.tracking.residence import ResidenceTime, residence_time
 
-__all__ = ["Quantity", "QuantityValue", "SolvedAirflow", "measured", "quantities"]
+RESIDENCE = "residence_time"  # the quantity, here and in the wakes' data
+
+
+@dataclass(frozen=True, eq=False)
+class DustyWake:
+    """The ``air`` round the first body of a scene, read where it is needed, the body's ``outline`` (k, 2) m, and where
+    and how fast (m/s) the air flows.
+    """
+
+    air: Callable[[], Realisations]
+    outline: NDArray[np.float64]
+    direction: Literal["down", "up"]
+    speed: float
+
+    def residence(self) -> ResidenceTime:
+        """The near-wake residence time; its interval is over the realisations, or the cycles of the only one."""
+        air = self.air()
+        fields = [made for number in range(len(air)) if (made := air.make(number)) is not None]
+        return residence_time(fields, self.outline, self.direction, self.speed, sheddings=air.cycles)
+
+    def between(self, steady: DustyWake, theta: float, strength: float) -> DustyWake:
+        """The wake between ``steady`` and this one in time, see :func:`wakeflow.field.blend.blended_wake`."""
+
+        def blended() -> Realisations:
+            air, end = self.air(), steady.air().field
+            assert air.field is not None
+            assert end is not None
+            return Realisations(blended_wake(air.field, end, theta, strength), cycles=air.cycles)
+
+        return replace(self, air=blended)
+
+
+def dusty_wake(pipeline: Pipeline) -> DustyWake | None:
+    """The air round the first body of a pipeline's scene; None without a body."""
+    scene = pipeline.scene
+    if scene.air is None or scene.first_outline is None:
+        return None
+    return DustyWake(lambda: pipeline.kind.realisations, scene.first_outline, scene.air.direction, scene.air.speed)
+
+
+def estimate_without(quantity: str, family: str, blockage: float, reynolds: float) -> WakeEstimate:
+    """The best estimate of ``family``'s wake from all data but those of ``quantity``, which it is to be judged by."""
+    return best_estimate(family, blockage, reynolds, [entry for entry in wakes() if entry.quantity != quantity])
+
+
+def within_estimate(resolved: DustyWake, steady: DustyWake, estimate: WakeEstimate) -> Iterator[ResidenceTime]:
+    """The residence time at the estimate itself, and at both ends of the range of theta and of the strength."""
+    theta, strength = estimate.theta, estimate.strength
+    for share, fluctuation in (
+        (theta.value, strength.value),
+        (theta.low, strength.value),
+        (theta.high, strength.value),
+        (theta.value, strength.low),
+        (theta.value, strength.high),
+    ):
+        yield resolved.between(steady, share, fluctuation).residence()
+
 
 HISTORY_CD, HISTORY_CL = 1, 3  # columns of OpenFOAM's coefficient.dat
 
@@ -143,3 +207,69 @@ for _name, _label, _of in (
     (RESIDENCE, "residence time U / D of dust", _residence),
 ):
     quantities.add(_name, Quantity(_label, _of))
+
+
+Array = NDArray[np.float64]
+REACH = 3.0  # widths behind the rear within which the fastest reversed air is looked for: near wakes end there
+STEP = 0.01  # widths between the places that are looked at
+ACROSS = 1.2  # widths to either side, as far as the profiles were measured
+STATIONS = (0.95, 3.75, 9.4)  # widths behind the rear: where the Volvo rig's profiles were measured
+
+
+@cache
+def _mean(case: Path) -> tuple[FlowField, Array, Array, float, float]:
+    """The mean field of a solved case; where the first body's axis leaves it (m), the unit vector along the air, the
+    inlet's mean speed (m/s) and the body's width (m).
+    """
+    given = read_parameters(case)
+    rear, along = (
+        np.array(given[name].strip("()").split()[:2], dtype=float) for name in ("basePoint", "flowDirection")
+    )
+    field = FlowField.from_openfoam(case, "mean" if (case / "loop.json").exists() else "latest")
+    return field, rear, along, float(given["inletSpeed"]), float(given["bodyWidth"])
+
+
+def mean_axial(case: Path, behind: Array, across: Array) -> Array:
+    """Mean velocity along the air over the inlet's mean speed, at places (n,) behind the first body's rear and across
+    its axis, both in its widths; NaN outside of the mesh. On half a domain the other half is its mirror image.
+    """
+    field, rear, along, speed, width = _mean(case)
+    beside = width * across
+    if field.points[:, 0].min() > rear[0] - 1e-6 * width:  # only x >= 0 was meshed
+        beside = np.abs(beside)
+    places = rear + width * behind[:, None] * along + beside[:, None] * np.array([1.0, 0.0])
+    return np.asarray(field.sample(places)[0] @ along / speed)
+
+
+def _exact(value: float) -> QuantityValue | None:
+    return QuantityValue(value, value, value) if np.isfinite(value) else None
+
+
+def _reversed(airflow: SolvedAirflow, *, where: bool) -> QuantityValue | None:
+    behind = np.arange(STEP, REACH, STEP)
+    values = mean_axial(airflow.case, behind, np.zeros_like(behind))
+    if np.isnan(values).all():
+        return None
+    fastest = int(np.nanargmin(values))
+    return _exact(float(behind[fastest] if where else values[fastest]))
+
+
+def _on_axis(airflow: SolvedAirflow, station: float) -> QuantityValue | None:
+    return _exact(float(mean_axial(airflow.case, np.array([station]), np.zeros(1))[0]))
+
+
+def _fastest_beside(airflow: SolvedAirflow, station: float) -> QuantityValue | None:
+    across = np.arange(-ACROSS, ACROSS + STEP, STEP)
+    values = mean_axial(airflow.case, np.full_like(across, station), across)
+    return None if np.isnan(values).any() else _exact(float(values.max()))
+
+
+def _add(name: str, label: str, of: Callable[[SolvedAirflow], QuantityValue | None]) -> None:
+    quantities.add(name, Quantity(label, of))
+
+
+_add("axis_least", "least mean u on the axis", partial(_reversed, where=False))
+_add("axis_least_at", "its place behind the rear / D", partial(_reversed, where=True))
+for _station in STATIONS:
+    _add(f"axis_{_station:g}", f"mean u on the axis at {_station:g} D", partial(_on_axis, station=_station))
+    _add(f"beside_{_station:g}", f"largest mean u at {_station:g} D", partial(_fastest_beside, station=_station))

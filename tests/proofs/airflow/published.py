@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from proofs.airflow import wake_lines  # noqa: F401  its quantities are registered when it is imported
 from proofs.airflow.measured import quantities
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.best_estimate import WAKE_FAMILIES, blocked

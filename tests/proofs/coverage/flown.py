@@ -33,8 +33,6 @@ from wakeflow.results.source import Flights
 from wakeflow.results.total import totalled
 from wakeflow.scene import Scene
 
-__all__ = ["Predicted", "Truth", "chance_of", "pipeline_of", "predicted", "with_bins"]
-
 Array = NDArray[np.float64]
 FEW = 64  # granules a fraction that show where bins are wanted
 FINE = 0.1  # of the scene's tolerance: that of the truth

@@ -13,9 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from proofs.coverage.counted import Counted
+from proofs.coverage.counted import Counted, numerical_alone
 from proofs.coverage.flown import predicted
-from proofs.coverage.parts import numerical_alone
 from proofs.coverage.scenes import SINGLE, VariedScene
 from wakeflow.core.files import write_json
 from wakeflow.core.store import Store, cache_root
@@ -24,8 +23,6 @@ from wakeflow.planning.make import make_plan
 from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.scene.uncertainty import OF_FRACTION, OF_SCENE
-
-__all__ = ["NAMES", "compute_references", "laminar_rows", "laminar_scene", "references"]
 
 FILE = Path(__file__).with_name("laminar.json")
 WIDTH, BLOCKED = 0.01, 8.0  # m, of the bodies; channel widths over it

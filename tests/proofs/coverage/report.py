@@ -7,10 +7,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from proofs.coverage.counted import Counted, HeldTally, counted, of_kind, tally_of
+from proofs.coverage.counted import (
+    Bounded,
+    Counted,
+    HeldTally,
+    bounded,
+    counted,
+    inputs_alone,
+    left_out_wakes,
+    numerical_alone,
+    of_kind,
+    sampling_alone,
+    tally_of,
+)
 from proofs.coverage.flown import Predicted, predicted, with_bins
 from proofs.coverage.laminar import laminar_rows, references
-from proofs.coverage.parts import Bounded, bounded, inputs_alone, left_out_wakes, numerical_alone, sampling_alone
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.report import Report, Table, Tell
 from wakeflow.core.store import Store, cache_root

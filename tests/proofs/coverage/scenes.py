@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from proofs.coverage.stored_air import StoredFlow, oval
 from wakeflow.scene import Scene
 
-__all__ = ["GROUPS", "SINGLE", "VariedScene", "divided", "varied_scenes"]
-
 Array = NDArray[np.float64]
 SEED = 7
 WIDTH = 0.05  # m, of the bodies

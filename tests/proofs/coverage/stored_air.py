@@ -25,8 +25,6 @@ from wakeflow.planning.airflow import AirflowPlan
 from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene
 
-__all__ = ["StoredFlow", "StoredPipeline", "oval", "plan_in", "stream"]
-
 Array = NDArray[np.float64]
 Stream = Callable[[Array], Array]
 DISPERSION = "dispersion"

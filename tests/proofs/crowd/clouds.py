@@ -23,9 +23,7 @@ from wakeflow.field import FlowField
 from wakeflow.foam.case import INSTALL, environment
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.tracking import Collisions, Granules, track
-from wakeflow.verify.foam_interpolant import write_file
-
-__all__ = ["CASE", "CloudFlight", "fly_clouds", "fly_foam_clouds", "two_clouds"]
+from wakeflow.verify.foam import write_file
 
 Array = NDArray[np.float64]
 CASE = Path(__file__).with_name("meeting_clouds")

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from wakeflow.results.spread import student
 from wakeflow.tracking import Body, Collisions, Granules, track
 
-__all__ = ["Gas", "cooling_coefficients", "cooling_row"]
-
 Array = NDArray[np.float64]
 DIAMETER, DENSITY, SPEED = 4e-3, 1000.0, 1.0  # m, kg/m3, and the rms of v_x and v_y at the beginning, m/s
 WALL = 0.02  # m: thickness of the box's walls

@@ -28,8 +28,6 @@ from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.hertz import contact_time
 from wakeflow.tracking import Granules
 
-__all__ = ["SoftSpheres", "fly_liggghts"]
-
 Array = NDArray[np.float64]
 SCRIPT = Path(__file__).with_name("machine.liggghts")
 FAST = 3.0  # m/s: the quickest collision that the step resolves; all fall through half a metre

@@ -25,8 +25,6 @@ from wakeflow.planning.variation import Variation
 from wakeflow.scene import Scene
 from wakeflow.tracking import Collisions, Granules, track
 
-__all__ = ["Flown", "Machine", "fed", "fly_machine", "the_machine"]
-
 Array = NDArray[np.float64]
 DEPTH = 0.06  # m: 15 diameters, the plan's own
 RESTITUTION, FRICTION = 0.5, 0.3

@@ -1,27 +1,139 @@
-"""``wakeflow verify crowd``: the slab beside LIGGGHTS, OpenFOAM's clouds and kinetic theory, as one report."""
+"""``wakeflow verify crowd``: the slab next to LIGGGHTS, OpenFOAM's clouds and kinetic theory, as one report.
+
+The machine in a vacuum by the slab and by LIGGGHTS: bin shares, their intervals and paired differences. What other
+programs flew is kept in the cache.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.crowd.beside import compare_machine
 from proofs.crowd.clouds import CASE, CloudFlight, fly_clouds, fly_foam_clouds, two_clouds
 from proofs.crowd.cooling import Gas, cooling_row
-from proofs.crowd.kept import kept_flight
-from proofs.crowd.liggghts import SoftSpheres
-from proofs.crowd.machine import the_machine
-from proofs.report import NOTHING, Column, Report, Row, Table, Tell
+from proofs.crowd.liggghts import SoftSpheres, fly_liggghts
+from proofs.crowd.machine import Flown, Machine, fed, fly_machine, the_machine
+from proofs.report import Column, Report, Row, Table, Tell, cell
 from proofs.rows import Interval, mean_interval, plus_minus
+from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.foam.version import openfoam_version
 from wakeflow.funnel.engine import liggghts_version
 from wakeflow.planning.unknowns import SIGMAS
+from wakeflow.results.separation import share_interval
+from wakeflow.scene import RESERVED_BIN
 from wakeflow.tracking import Granules
+
+FILE = "found.npz"
+HERE = Path(__file__).parent
+
+
+def kept_flight(
+    peer: str,
+    sources: Sequence[str],
+    grains: Granules,
+    settings: Any,
+    work: Callable[[Path], tuple[NDArray[Any], float]],
+) -> tuple[NDArray[Any], float]:
+    """What ``work(folder)`` found for each granule, and processor seconds: from the cache, or computed.
+
+    Kept by the ``peer``'s name, its ``sources`` in this folder, the granules, and JSON-able ``settings``.
+    """
+
+    def make(folder: Path) -> None:
+        found, seconds = work(folder)
+        np.savez(folder / FILE, found=found, seconds=np.array(seconds))
+
+    key = content_key(peer, settings, _fingerprint(grains), digest_files([HERE / name for name in sources]))
+    folder, _ = Store(cache_root()).make("verify-crowd", key, make)
+    with np.load(folder / FILE) as data:
+        return data["found"], float(data["seconds"])
+
+
+def _fingerprint(grains: Granules) -> str:
+    total = hashlib.sha256()
+    for name in ("position", "velocity", "time", "depth", "diameter", "density", "restitution", "friction"):
+        total.update(np.ascontiguousarray(getattr(grains, name), dtype=float).tobytes())
+    return total.hexdigest()
+
+
+Array = NDArray[np.float64]
+SOURCES = ("machine.py", "liggghts.py", "machine.liggghts")
+
+
+def compare_machine(
+    machine: Machine, replicates: int, soft: Mapping[str, SoftSpheres], tell: Tell = lambda _: None
+) -> dict[str, Any]:
+    """Fly ``replicates`` of the machine's feed by the slab and by LIGGGHTS' ``soft`` spheres, the first of which is
+    the one compared and the others its variants. Raises ProgramError as LIGGGHTS does.
+
+    The report's ``rows``: a bin's share by both and the paired difference, (value, low, high) with 95 % intervals over
+    the replicates. ``variants``: the same differences from the first kind of soft spheres, and the seconds of each.
+    """
+    ways: dict[str, list[Flown]] = {name: [] for name in ("slab", *soft)}
+    counted, step = [], None
+    for replicate in range(replicates):
+        grains, steady = fed(machine, replicate)
+        counted.append(steady)
+        tell(f"replicate {replicate + 1} of {replicates}: the slab")
+        flown, step = fly_machine(machine, grains, replicate, step)
+        ways["slab"].append(flown)
+        for name, spheres in soft.items():
+            tell(f"replicate {replicate + 1} of {replicates}: LIGGGHTS, {name}")
+            ways[name].append(_by_liggghts(machine, grains, spheres))
+    shares = {name: _shares(flights, counted, len(machine.scene.bin)) for name, flights in ways.items()}
+    total = int(sum(steady.sum() for steady in counted))
+    first, *others = soft
+    names = [*machine.scene.bin, RESERVED_BIN]
+    return {
+        "granules": total,
+        "replicates": replicates,
+        "step": step,
+        "rows": _rows(names, shares["slab"], shares[first], total),
+        "variants": [{"name": name, "rows": _rows(names, shares[first], shares[name], total)} for name in others],
+        "seconds": {name: sum(flown.seconds for flown in flights) for name, flights in ways.items()},
+    }
+
+
+def _by_liggghts(machine: Machine, grains: Granules, spheres: SoftSpheres) -> Flown:
+    def work(folder: Path) -> tuple[NDArray[np.int64], float]:
+        flown = fly_liggghts(machine, grains, spheres, folder)
+        return flown.place, flown.seconds
+
+    how = asdict(spheres) | {"restitution": machine.restitution, "friction": machine.friction}
+    settings = [how, machine.scene.model_dump(mode="json"), machine.depth, liggghts_version()]
+    return Flown(*kept_flight("liggghts", SOURCES, grains, settings, work))
+
+
+def _shares(flights: list[Flown], counted: list[NDArray[np.bool_]], bins: int) -> Array:
+    """Shares (replicates, bins + 1) of what came in steady operation; the last: elsewhere."""
+    found = [
+        np.bincount(flown.place[steady] % (bins + 1), minlength=bins + 1) / steady.sum()
+        for flown, steady in zip(flights, counted, strict=True)
+    ]
+    return np.stack(found)
+
+
+def _rows(names: list[str], ours: Array, theirs: Array, total: int) -> list[dict[str, Any]]:
+    found = []
+    for number, name in enumerate(names):
+        own, other = ours[:, number], theirs[:, number]
+        if own.any() or other.any():
+            difference = mean_interval(other - own, 0.5 / total)
+            found.append({
+                "bin": name,
+                "ours": share_interval(own, total),
+                "theirs": share_interval(other, total),
+                "difference": difference,
+                "agree": bool(difference[1] <= 0.0 <= difference[2]),
+            })  # fmt: skip
+    return found
+
 
 BASE = SoftSpheres()
 VARIANTS = {  # of LIGGGHTS
@@ -145,11 +257,11 @@ def crowd_tables(facts: Row) -> list[Table]:
 
 
 def _variant_table(machine: Row) -> Table:
+    none = {row["bin"]: None for row in machine["rows"]}
     rows = [
-        {"name": one["name"], "seconds": machine["seconds"][one["name"]]}
-        | {row["bin"]: plus_minus("difference", factor=100)(row) for row in one["rows"]}
+        {"name": one["name"], "seconds": machine["seconds"][one["name"]], **none}
+        | {row["bin"]: cell(plus_minus("difference", factor=100), row) for row in one["rows"]}
         for one in machine["variants"]
     ]
-    bins: dict[str, Column] = {row["bin"]: lambda r, bin=row["bin"]: r.get(bin, NOTHING) for row in machine["rows"]}
-    columns: dict[str, Column] = {"variant": "{name}", **bins, "seconds": "{seconds:.0f}"}
+    columns = {"variant": "{name}", **{name: f"{{{name}}}" for name in none}, "seconds": "{seconds:.0f}"}
     return Table("LIGGGHTS varied: its shares less those above, points of %", columns, rows)

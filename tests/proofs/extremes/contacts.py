@@ -14,9 +14,7 @@ from proofs.extremes.flying import TOLERANCE, against_answer, timed_flight
 from proofs.problems.exact import G, Setting, box, field_on, of_tau
 from proofs.problems.flights import two_modes
 from wakeflow.tracking import Body, Fate, Granules, Motion
-from wakeflow.verify.extremes import Extreme, Happened, extremes, what_happened
-
-__all__: list[str] = []
+from wakeflow.verify.extremes import Happened, add_row, what_happened
 
 Array = NDArray[np.float64]
 RADIUS = 1e-3  # m
@@ -24,10 +22,6 @@ FREQUENCY = 30.0  # Hz, of the table
 SCAN = 500  # looks a period for the moment at which a ball meets the table
 FLOOR = np.array([[-9.0, -0.5], [9.0, -0.5], [9.0, 0.0], [-9.0, 0.0]])  # m, its top is y = 0
 VACUUM: dict[str, Any] = {"forces": ("gravity",), "length": 1.0}
-
-
-def _add(group: str, value: str, happens: Any, against: str = "", **more: Any) -> None:
-    extremes.add(f"{group}: {value}", Extreme(group, value, happens, against, **more))
 
 
 def _point_masses(position: Any, velocity: Any, restitution: float, friction: float) -> Granules:
@@ -73,7 +67,7 @@ def _thrown_and_caught(size: float, omega: float, until: float) -> float:
 
 
 for _gamma in (1.001, 10.0, 50.0):
-    _add("Gamma", f"{_gamma:g}, a ball of no restitution", partial(_on_a_table, _gamma),
+    add_row("Gamma", f"{_gamma:g}, a ball of no restitution", partial(_on_a_table, _gamma),
          "parabolas from event to event, roots by scipy")  # fmt: skip
 
 
@@ -98,7 +92,7 @@ def _on_a_slope(degrees: float, friction: float = 0.3) -> Happened:
 
 
 for _degrees in (0.0, 0.01, 45.0, 89.0):
-    _add("slope", f"{_degrees:g} deg", partial(_on_a_slope, _degrees), "eq. (2) and uniform acceleration")
+    add_row("slope", f"{_degrees:g} deg", partial(_on_a_slope, _degrees), "eq. (2) and uniform acceleration")
 
 
 def _touching(degrees: float, friction: float) -> Happened:
@@ -128,7 +122,7 @@ def _dropped(restitution: float) -> Happened:
 
 
 for _restitution in (0.0, 1.0):
-    _add("restitution", f"{_restitution:g}", partial(_dropped, _restitution), "parabolas")
+    add_row("restitution", f"{_restitution:g}", partial(_dropped, _restitution), "parabolas")
 
 
 def _for_ever() -> Happened:
@@ -138,7 +132,9 @@ def _for_ever() -> Happened:
     return what_happened(tracks, seconds, None, f"{tracks.impacts[0]} impacts")
 
 
-_add("restitution", "1, for 1e4 s", _for_ever, stops="an elastic ball bounces for ever; a track may have 5000 impacts")
+add_row(
+    "restitution", "1, for 1e4 s", _for_ever, stops="an elastic ball bounces for ever; a track may have 5000 impacts"
+)
 
 
 # -- places of birth ---------------------------------------------------------------------------------------------------
@@ -146,7 +142,7 @@ _add("restitution", "1, for 1e4 s", _for_ever, stops="an elastic ball bounces fo
 for _degrees, _friction, _what in (
     (0.0, 0.0, "no friction"), (30.0, 0.1, "slides"), (30.0, 0.6, "is held"), (89.0, 0.3, "slides"),
 ):  # fmt: skip
-    _add("born on a wall", f"slope of {_degrees:g} deg, {_what}", partial(_touching, _degrees, _friction),
+    add_row("born on a wall", f"slope of {_degrees:g} deg, {_what}", partial(_touching, _degrees, _friction),
          "uniform acceleration")  # fmt: skip
 
 
@@ -185,10 +181,10 @@ def _on_corners() -> Happened:
     return against_answer(setting, np.stack([end.real, end.imag], axis=1))
 
 
-_add("born on a wall", "half inside it", _overlapping, "pushed out, it lies on the floor")
-_add("born", "inside a body", _inside, "where it was born", stops="born inside a body")
-_add("born", "outside the mesh", _outside, "escapes without a step", unit="granules", allowed=0.0)
-_add("born", "on nodes and edges of the mesh", _on_corners, "closed form")
+add_row("born on a wall", "half inside it", _overlapping, "pushed out, it lies on the floor")
+add_row("born", "inside a body", _inside, "where it was born", stops="born inside a body")
+add_row("born", "outside the mesh", _outside, "escapes without a step", unit="granules", allowed=0.0)
+add_row("born", "on nodes and edges of the mesh", _on_corners, "closed form")
 
 
 # -- lines that touch --------------------------------------------------------------------------------------------------
@@ -206,7 +202,7 @@ def _between_bins() -> Happened:
     return what_happened(tracks, seconds, float(np.mean(~known)))
 
 
-_add("bins", "ends that touch", _between_bins, "one of the two bins at that place", unit="granules", allowed=0.0)
+add_row("bins", "ends that touch", _between_bins, "one of the two bins at that place", unit="granules", allowed=0.0)
 
 
 # -- how many ----------------------------------------------------------------------------------------------------------
@@ -225,6 +221,6 @@ def _many(count: int) -> Happened:
     return against_answer(Setting(field, of_tau(tau, start, speed), until, {"drag": "stokes"}), end)
 
 
-_add("granules", "1", partial(_many, 1), "closed form")
-_add("granules", "1e5", partial(_many, 100_000), "closed form, every granule")
-_add("granules", "1e7", partial(_many, 10_000_000), "closed form, every granule", slow=True)
+add_row("granules", "1", partial(_many, 1), "closed form")
+add_row("granules", "1e5", partial(_many, 100_000), "closed form, every granule")
+add_row("granules", "1e7", partial(_many, 10_000_000), "closed form, every granule", slow=True)

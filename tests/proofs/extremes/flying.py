@@ -14,8 +14,6 @@ from wakeflow.laws.drag import drag_laws
 from wakeflow.tracking import Granules, Tracks, track
 from wakeflow.verify.extremes import Happened, what_happened
 
-__all__ = ["TOLERANCE", "against_answer", "falls_in_uniform_air", "timed_flight"]
-
 Array = NDArray[np.float64]
 TOLERANCE = 1e-6  # of the row's length: the tracker's default
 RTOL = 1e-12  # of the reference

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +15,7 @@ from wakeflow.field import FlowField
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.turbulence import brownian_diffusivity
 from wakeflow.tracking import Granules
-from wakeflow.verify.extremes import Extreme, Happened, extremes, what_happened
-
-__all__: list[str] = []
+from wakeflow.verify.extremes import Happened, add_row, what_happened
 
 Array = NDArray[np.float64]
 AIR = (DENSITY, VISCOSITY)
@@ -28,10 +25,6 @@ START, SPEED = np.array([0.23, 0.71]), np.array([0.8, -0.3])  # m, m/s, of a gra
 SUBMERGED = ("drag", "gravity", "buoyancy", "added-mass")
 SWARM = 1024  # granules whose variance is compared; two directions: standard deviation 1 / sqrt(SWARM)
 FORMULA = "scipy's DOP853 or Radau with the drag law's own formula"
-
-
-def _add(group: str, value: str, happens: Any, against: str, **more: Any) -> None:
-    extremes.add(f"{group}: {value}", Extreme(group, value, happens, against, **more))
 
 
 def uniform(air: ArrayLike, fluid: tuple[float, float] = AIR, half: float = 1.0) -> FlowField:
@@ -80,10 +73,10 @@ def _vacuum(tau: float) -> Happened:
 
 
 for _tau in (1e-9, 1e-6, 1e-3, 1.0, 1e3):
-    _add("relaxation time", f"{_tau:g} s, air that turns", partial(_in_rotation, _tau), "closed form")
-    _add("relaxation time", f"{_tau:g} s, curved air", partial(_in_cells, _tau), "scipy on the same interpolant")
-_add("relaxation time", "1e-09 s, no slip", _tracer, "limit: the air's own path, a circle")
-_add("relaxation time", "1000 s, still air", partial(_vacuum, 1e3), "limit: a parabola, to 1e-3")
+    add_row("relaxation time", f"{_tau:g} s, air that turns", partial(_in_rotation, _tau), "closed form")
+    add_row("relaxation time", f"{_tau:g} s, curved air", partial(_in_cells, _tau), "scipy on the same interpolant")
+add_row("relaxation time", "1e-09 s, no slip", _tracer, "limit: the air's own path, a circle")
+add_row("relaxation time", "1000 s, still air", partial(_vacuum, 1e3), "limit: a parabola, to 1e-3")
 
 
 # -- Reynolds number of the slip ---------------------------------------------------------------------------------------
@@ -118,10 +111,10 @@ def _begins_to_slip() -> Happened:
     return against_answer(Setting(uniform(air), grains, 0.3), end)
 
 
-_add("granule's Reynolds number", "0, and it stays 0", _no_slip, "the air's own path")
-_add("granule's Reynolds number", "0 at birth, then it falls", _begins_to_slip, FORMULA)
+add_row("granule's Reynolds number", "0, and it stays 0", _no_slip, "the air's own path")
+add_row("granule's Reynolds number", "0 at birth, then it falls", _begins_to_slip, FORMULA)
 for _reynolds in (1e-3, 1.0, 1e3, 1e5, 2e5):
-    _add("granule's Reynolds number", f"{_reynolds:g}", partial(_thrown, _reynolds), FORMULA)
+    add_row("granule's Reynolds number", f"{_reynolds:g}", partial(_thrown, _reynolds), FORMULA)
 
 
 # -- density over that of air or water ---------------------------------------------------------------------------------
@@ -136,9 +129,9 @@ def _of_density(ratio: float, fluid: tuple[float, float], diameter: float) -> Ha
 
 
 for _ratio in (0.5, 1.0, 2.0, 1e2, 1e4):
-    _add("density over the air's", f"{_ratio:g}", partial(_of_density, _ratio, AIR, 1e-3), FORMULA)
+    add_row("density over the air's", f"{_ratio:g}", partial(_of_density, _ratio, AIR, 1e-3), FORMULA)
 for _ratio in (0.5, 1.0, 2.65, 11.3):
-    _add("density over water's", f"{_ratio:g}", partial(_of_density, _ratio, WATER, 2e-3), FORMULA)
+    add_row("density over water's", f"{_ratio:g}", partial(_of_density, _ratio, WATER, 2e-3), FORMULA)
 
 
 # -- shape and size ----------------------------------------------------------------------------------------------------
@@ -153,7 +146,7 @@ def _of_shape(sphericity: float, law: str) -> Happened:
 
 
 for _law in ("haider-levenspiel", "ganser"):
-    _add("sphericity", f"0.1, {_law}", partial(_of_shape, 0.1, _law), FORMULA)
+    add_row("sphericity", f"0.1, {_law}", partial(_of_shape, 0.1, _law), FORMULA)
 
 
 def _four_decades() -> Happened:
@@ -193,8 +186,8 @@ def _kicked_by_molecules() -> Happened:
     return what_happened(tracks, seconds, abs(float(np.mean(tracks.position**2)) / spread**2 - 1.0))
 
 
-_add("sizes", "1 um to 10 mm at once", _four_decades, "scipy on the same interpolant")
+add_row("sizes", "1 um to 10 mm at once", _four_decades, "scipy on the same interpolant")
 for _diameter, _name in ((1e-9, "1 nm"), (1e-6, "1 um"), (1e-3, "1 mm"), (5e-2, "50 mm")):
-    _add("sizes", f"{_name} falls", partial(_settles, _diameter), f"{FORMULA}, over the way")
-_add("sizes", "1 nm, Brownian motion", _kicked_by_molecules, "Einstein's 2 D t, 4 standard deviations",
+    add_row("sizes", f"{_name} falls", partial(_settles, _diameter), f"{FORMULA}, over the way")
+add_row("sizes", "1 nm, Brownian motion", _kicked_by_molecules, "Einstein's 2 D t, 4 standard deviations",
      unit="relative", allowed=4.0 / SWARM**0.5)  # fmt: skip

@@ -21,8 +21,6 @@ from proofs.problems.ensembles import number
 from proofs.problems.exact import G
 from wakeflow.tracking import Body, Granules, Motion, Tracks, track
 
-__all__ = ["RESTITUTIONS", "doubling", "first"]
-
 Array = NDArray[np.float64]
 RESTITUTIONS = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95])
 TABLE = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])

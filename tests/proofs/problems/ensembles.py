@@ -14,8 +14,6 @@ from wakeflow.field import FlowField
 from wakeflow.laws.turbulence import brownian_diffusivity, lifetime
 from wakeflow.tracking import Body, Fate, Granules, track
 
-__all__: list[str] = []
-
 Array = NDArray[np.float64]
 
 

@@ -20,23 +20,6 @@ from wakeflow.core.registry import Registry
 from wakeflow.field import FlowField
 from wakeflow.tracking import Granules, Tracks, track
 
-__all__ = [
-    "TAGS",
-    "Answer",
-    "ExactNumber",
-    "ExactProblem",
-    "Setting",
-    "accepts",
-    "box",
-    "exact_numbers",
-    "exact_problems",
-    "field_on",
-    "fly",
-    "of_tau",
-    "problem",
-    "ring",
-]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Flow = Callable[[Array], Array]

@@ -13,8 +13,6 @@ from proofs.problems.reference_all_terms import Plane, reference_end_states
 from wakeflow.laws.drag import drag_table, table_factor
 from wakeflow.tracking import Body, Fate, Granules
 
-__all__ = ["modes", "taylor_green", "two_modes"]
-
 Array = NDArray[np.float64]
 DRAG_ONLY = {"forces": ("drag",), "drag": "stokes"}
 

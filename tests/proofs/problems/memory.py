@@ -20,8 +20,6 @@ from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.laws.forces.history_force import MEMORIES, history_time, memories_of
 from wakeflow.tracking import Body, Granules, track
 
-__all__ = ["flown_with_all_of_the_past"]
-
 Array = NDArray[np.float64]
 KINEMATIC = VISCOSITY / DENSITY
 WITH_MEMORY = ("drag", "gravity", "buoyancy", "added-mass", "basset-history")

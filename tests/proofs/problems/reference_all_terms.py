@@ -24,8 +24,6 @@ from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
 from wakeflow.laws.forces import Granule, Instant, forces
 
-__all__ = ["Plane", "reference_end_states"]
-
 Array = NDArray[np.float64]
 MOST_PIECES = 20_000
 

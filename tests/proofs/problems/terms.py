@@ -13,8 +13,6 @@ from proofs.problems.reference_all_terms import reference_end_states
 from wakeflow.laws.rotation import magnus_factor
 from wakeflow.tracking import Granules
 
-__all__: list[str] = []
-
 Array = NDArray[np.float64]
 DOWN = np.array([0.0, -G])
 MAXEY_RILEY = "Maxey, M.R. & Riley, J.J. 1983, Phys. Fluids 26, 883; Auton, Hunt & Prud'homme 1988, J. Fluid Mech. 197"

@@ -15,18 +15,6 @@ from proofs.problems import bouncing, ensembles, flights, memory, terms
 from proofs.problems.exact import Answer, accepts, exact_numbers, exact_problems, fly
 from wakeflow.core.errors import SceneError
 
-__all__ = [
-    "FLOOR",
-    "TOLERANCES",
-    "FlightErrors",
-    "exact_numbers",
-    "exact_problems",
-    "fly_at_tolerances",
-    "order_in_steps",
-    "run_numbers",
-    "run_problems",
-]
-
 Array = NDArray[np.float64]
 FLOOR = 1e-12  # m: errors below it are round-off of coordinates of about 1 m, added up over steps
 COLUMNS = {

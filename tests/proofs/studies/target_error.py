@@ -7,14 +7,23 @@ left out. --air adds three scenes whose air OpenFOAM solves on coarse meshes. do
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.verify.settings import best_fixed, reference_shares, to_target
+from wakeflow.planning.make import make_plan
+from wakeflow.refining.knobs import applied, cheapest, knobs, own_settings
+from wakeflow.results.refinement import KnobSettings
+from wakeflow.scene import Scene
+from wakeflow.verify.scene_curves import BinShares, bin_shares, largest_error, largest_half, reference_shares
 
 from .common import Row, compile_tracker, show, with_one_fraction
 
@@ -29,6 +38,80 @@ COLUMNS = {
     "error": "{error:.2g*100}", "s": "{led.seconds:.1f}", "best fixed, s": "{best:.1f}", "times": "{times:.2f}",
 }  # fmt: skip
 Scenes = Iterator[tuple[str, wf.Scene]]
+
+
+@dataclass(frozen=True)
+class TimedRun:
+    """One run: its ``settings``, the ``shares`` that it found, its own largest ``half`` width by computing alone, and
+    the processor time (s) that it took, with all programs that it started, in how many ``rounds``.
+    """
+
+    settings: KnobSettings
+    shares: BinShares
+    half: float
+    seconds: float
+    rounds: int = 1
+
+    def error(self, truth: BinShares) -> float:
+        """The largest error of a bin share against the ``truth``."""
+        return largest_error(self.shares, truth)
+
+
+def at_settings(scene: Scene, settings: KnobSettings, rung: str | None = None) -> TimedRun:
+    """A run of ``scene`` with fixed ``settings`` in an empty cache."""
+    return _timed(applied(scene, settings), None, rung)
+
+
+def to_target(scene: Scene, target: float, rung: str | None = None) -> TimedRun:
+    """A run of ``scene`` with a target error in an empty cache."""
+    return _timed(scene, target, rung)
+
+
+def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: str | None = None) -> TimedRun:
+    """The quickest of fixed settings whose own half width meets the ``target``: at each of the ``tolerances`` the
+    granules are doubled until it does, from the fewest on that can.
+    """
+    found: list[TimedRun] = []
+    own = own_settings(scene, make_plan(scene, rung=rung))
+    for tolerance in tolerances:
+        settings = replace(own, granules=cheapest(own, target).granules, tolerance=tolerance)
+        while (point := at_settings(scene, settings, rung)).half > target:
+            further = knobs["granules"].next(settings)
+            assert further is not None
+            settings = further
+        found.append(point)
+    return min(found, key=lambda point: point.seconds)
+
+
+def _timed(scene: Scene, target: float | None, rung: str | None) -> TimedRun:
+    with _empty_cache() as folder:
+        started = processor_seconds()
+        result = wf.run(scene, folder / "run", rung=rung, target_error=target, report=False)
+        seconds = processor_seconds() - started
+    table = result.refinement
+    settings = own_settings(scene, make_plan(scene, rung=rung)) if table is None else table.rounds[-1].settings
+    rounds = 1 if table is None else len(table.rounds)
+    return TimedRun(settings, bin_shares(result), largest_half(result), seconds, rounds)
+
+
+def processor_seconds() -> float:
+    """Processor time (s) of this process and all that it waited for: what else the machine does disturbs it least."""
+    return sum(os.times()[:4])
+
+
+@contextmanager
+def _empty_cache() -> Iterator[Path]:
+    """A cache in which nothing stands, for the time of a run; its folder. The compiled tracker is in memory."""
+    before = os.environ.get("WAKEFLOW_CACHE")
+    with TemporaryDirectory(prefix="wakeflow-") as folder:
+        os.environ["WAKEFLOW_CACHE"] = folder
+        try:
+            yield Path(folder)
+        finally:
+            if before is None:
+                del os.environ["WAKEFLOW_CACHE"]
+            else:
+                os.environ["WAKEFLOW_CACHE"] = before
 
 
 def scenes() -> Scenes:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...field.derived import vorticity
 from ...laws.momentum import momentum_pressure
-from ..air import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
+from ..air import SUCTION_LEVEL, TOUCHING, air_in, as_flown, pressure_coefficient, trace_streamlines, window_round_body
 from ..canvas import (
     INK,
     MM,
@@ -115,9 +115,8 @@ def _scale(levels: Array, limit: float) -> Any:
 
 def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Mapping[str, str]) -> None:
     """Name the pressing and the suction zone at the side, with a line to each, ``numbers`` before the names."""
-    assert scene.air is not None
     outline, width = first_outline(scene), scene.width
-    upstream = 1.0 if scene.air.direction == "down" else -1.0
+    upstream = 1.0 if air_in(scene).direction == "down" else -1.0
     cp = np.ma.filled(grid.values[2], np.nan)
     x, y = np.meshgrid(grid.x - outline[:, 0].mean(), upstream * grid.y)
     if "body" in numbers:
@@ -188,11 +187,10 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
 
     Among several bodies the title names it: the others are not drawn.
     """
-    assert scene.air is not None
     mean, outline = as_flown(field.mean(), scene), first_outline(scene)
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
-    model = momentum_pressure(outline, scene.air.direction)
+    model = momentum_pressure(outline, air_in(scene).direction)
     axes = new_axes(6.4, 3.6, paper)
     axes.plot(MM * arc, cp, ".-", ms=3, lw=1.2, color=COLOURS[0], label="computed, mean")
     for i, (value, lit) in enumerate(zip(model.cp, model.lit, strict=True)):
@@ -220,11 +218,10 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     """Draw the vorticity times D / U round the first body: of a field in time at its first moment and in the mean."""
     from matplotlib.ticker import MaxNLocator
 
-    assert scene.air is not None
     window = window_round_body(scene, airflow)
     now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
     shown = {**now, "mean": as_flown(field.mean(), scene)}
-    scaled = {name: vorticity(one) * scene.width / scene.air.speed for name, one in shown.items()}
+    scaled = {name: vorticity(one) * scene.width / air_in(scene).speed for name, one in shown.items()}
     here = inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])

@@ -131,14 +131,8 @@ def _budget(outcome: Outcome) -> tuple[Sequence[BudgetRow]] | None:
 
 
 add_figure(
-    "inputs",
-    "What to measure next: what each number that is not known exactly moves a share by.",
-    draw_tornado,
-    _moves,
+    "inputs", "What to measure next: what each number that is not known exactly moves a share by.", draw_tornado, _moves
 )
 add_figure(
-    "cost",
-    "What each source adds to the error of a share, and the run time that knowing it took.",
-    draw_cost,
-    _budget,
+    "cost", "What each source adds to the error of a share, and the run time that knowing it took.", draw_cost, _budget
 )

@@ -61,14 +61,15 @@ def draw_landing(
     figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1), paper)
     panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
     colours = fraction_colours(names)
-    table = _Table()
+    cells: list[tuple[Any, ...]] = []  # of all panels, one below the other
     for row, name in enumerate(names):
         shares = _shares(scene, name, landings[name], separation)
         peak = 0.0
         for axes, wall in zip(panels[row], walls, strict=True):
             edges, share = _histogram(wall, scene, landings[name])
             peak = max(peak, _draw_histogram(axes, wall, edges, share, colours[name]))
-            table.add(name, wall.title, edges, share)
+            names_of = [name] * len(share), [wall.title.replace("(mm)", "").strip()] * len(share)
+            cells.append((*names_of, edges[:-1], edges[1:], share))
             _write_shares(axes, wall, scene, shares, wide)
         axes = panels[row][0]
         axes.set_ylim(0.0, HEADROOM * peak if peak > 0 else 1.0)
@@ -82,7 +83,9 @@ def draw_landing(
     for axes, wall in zip(panels[-1], walls, strict=True):
         axes.set_xlabel(wall.title)
     figure.suptitle("Where each fraction lands, in percent of its mass", fontsize=9)
-    save(figure, paper, table.columns())
+    heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
+    columns = (np.concatenate(column) for column in zip(*cells, strict=True))
+    save(figure, paper, dict(zip(heads, columns, strict=True)))
     return panels
 
 
@@ -150,21 +153,6 @@ def _draw_histogram(axes: Axes, wall: _Wall, edges: Array, share: Array, colour:
     axes.set_xlim(MM * wall.span[0], MM * wall.span[1])
     axes.tick_params(labelsize=8)
     return float(height.max(initial=0.0))
-
-
-class _Table:
-    """The cells of all panels, one below the other."""
-
-    def __init__(self) -> None:
-        self.parts: list[tuple[list[str], list[str], Array, Array, Array]] = []
-
-    def add(self, fraction: str, wall: str, edges: Array, share: Array) -> None:
-        names = [fraction] * len(share), [wall.replace("(mm)", "").strip()] * len(share)
-        self.parts.append((*names, edges[:-1], edges[1:], share))
-
-    def columns(self) -> dict[str, Array]:
-        heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
-        return {head: np.concatenate(column) for head, column in zip(heads, zip(*self.parts, strict=True), strict=True)}
 
 
 def _shares(scene: Scene, name: str, landing: Landed, separation: Separation | None) -> dict[str, str]:

@@ -16,6 +16,7 @@ from ...core.quantities import say, speaking
 from ...results.landing_results import BudgetPart, BudgetRow, PartitionCurve
 from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
+from .. import words
 from ..canvas import bins_across
 from ..colours import fraction_colours
 from ..figures import captions
@@ -23,32 +24,8 @@ from ..film import film_in, film_section
 from ..pictures import found
 from ..sketch import UNITS
 from ..tables import impact_cells
-from ..words import (
-    NO_VALUE,
-    UNKNOWN_ERROR,
-    change_of,
-    condensed,
-    error_text,
-    expected,
-    holds,
-    percent,
-    source_seconds,
-)
+from . import rows
 from .live import live_data
-from .rows import (
-    airflow_rows,
-    end_rows,
-    funnel_rows,
-    machine_rows,
-    material_rows,
-    measured_text,
-    number,
-    percentage_points,
-    proofs_of,
-    scene_in_full,
-    seconds,
-    source_of,
-)
 
 if TYPE_CHECKING:
     from ...results.result import Result
@@ -110,7 +87,7 @@ def render(
         canvas=_canvas(scene),
         grades=_grades(result),
         plan=result.plan,
-        dash=NO_VALUE,
+        dash=words.NO_VALUE,
         **_asked(result, scene),
         **_shares(result, scene),
         **_air(result),
@@ -150,21 +127,21 @@ def page_template(name: str) -> Any:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        percent=percent,
-        points=percentage_points,
-        number=number,
-        seconds=seconds,
+        percent=words.percent,
+        points=rows.percentage_points,
+        number=rows.number,
+        seconds=rows.seconds,
         between=_between,
         cells="{} cells".format,
     )
-    environment.globals.update(change_of=change_of)
+    environment.globals.update(change_of=words.change_of)
     return environment.get_template(name)
 
 
 def _between(row: Number) -> str:
     """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
     if not row.known:
-        return NO_VALUE
+        return words.NO_VALUE
     return f"{100 * row.low:.3g} to {100 * row.high:.3g}"
 
 
@@ -183,12 +160,12 @@ def _grades(result: Result) -> list[tuple[str, list[str]]]:
 def _asked(result: Result, scene: Scene) -> dict[str, Any]:
     """What the page says of the machine, the materials, the rung, and where the answer comes from."""
     return {
-        "machine": machine_rows(scene),
-        "materials": material_rows(scene),
-        "proofs": proofs_of(result.plan.rung),
+        "machine": rows.machine_rows(scene),
+        "materials": rows.material_rows(scene),
+        "proofs": rows.proofs_of(result.plan.rung),
         "rung_about": rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
         "origin": _origin(result),
-        "scene": scene_in_full(scene, result.options),
+        "scene": rows.scene_in_full(scene, result.options),
         "colours": fraction_colours(list(scene.fraction)),
     }
 
@@ -215,8 +192,8 @@ def _shares(result: Result, scene: Scene) -> dict[str, Any]:
         "cuts": [] if landings is None else [_cut(curve) for curve in landings.separation.cut],
         "answers": list(_answers(result)),
         "targets": {name: result.targets(name) for name in result.scene["fraction"]},
-        "expected": lambda place: expected(result, place),
-        "holds": holds(result),
+        "expected": lambda place: words.expected(result, place),
+        "holds": words.holds(result),
     }
 
 
@@ -229,10 +206,10 @@ def _answers(result: Result) -> Iterator[tuple[str, Number, tuple[str, ...]]]:
 def _cut(curve: PartitionCurve) -> tuple[str, ...]:
     """A row of the partition curves' cuts; sizes in mm."""
     scale, unit = (1e3, "mm") if curve.by == "size" else (1.0, curve.unit)
-    cut, told = curve.cut, [NO_VALUE] * 3
+    cut, told = curve.cut, [words.NO_VALUE] * 3
     if cut is not None:
-        sharp = number(None if curve.ep is None else scale * curve.ep)
-        told = [f"{measured_text(cut, scale)} {unit}", sharp, number(curve.imperfection)]
+        sharp = rows.number(None if curve.ep is None else scale * curve.ep)
+        told = [f"{rows.measured_text(cut, scale)} {unit}", sharp, rows.number(curve.imperfection)]
     return (" or ".join(curve.product), curve.by, *told, curve.why or "")
 
 
@@ -240,14 +217,18 @@ def _air(result: Result) -> dict[str, Any]:
     """What the page says of the air, the feed funnel, what was left out, first impacts and fates."""
     flights, airflow = result.flights, result.airflow
     impact = None if flights is None else flights.impact
+
+    def told(bound: float | None) -> str:
+        return words.NO_VALUE if bound is None else f"{bound:.2g}"
+
     return {
-        "airflow": airflow_rows(airflow, result.mesh),
-        "ends": end_rows(airflow),
-        "funnel": funnel_rows(result.funnel),
+        "airflow": rows.airflow_rows(airflow, result.mesh),
+        "ends": rows.end_rows(airflow),
+        "funnel": rows.funnel_rows(result.funnel),
         "grids": () if airflow is None else airflow.grids or (),
         "left_out": [
-            (" · ".join(filter(None, (row.name, row.fraction))), NO_VALUE if row.bound is None else f"{row.bound:.2g}",
-             row.why) for row in result.plan.left_out
+            (" · ".join(filter(None, (row.name, row.fraction))), told(row.bound), row.why)
+            for row in result.plan.left_out
         ],
         "impact": impact,
         "impacts": impact_cells(impact),
@@ -257,15 +238,15 @@ def _air(result: Result) -> dict[str, Any]:
 
 def _budget(result: Result) -> dict[str, Any]:
     """What the page says of the budget."""
-    rows = condensed(result.budget)
-    known = {part.source: part for row in rows for part in row.parts}
-    spent = source_seconds(rows)
+    shown = words.condensed(result.budget)
+    known = {part.source: part for row in shown for part in row.parts}
+    spent = words.source_seconds(shown)
     return {
-        "budget": rows,
+        "budget": shown,
         "made_of": _made_of,
-        "sources": [(name, _how(part), seconds(spent[name])) for name, part in known.items()],
-        "error_text": error_text,
-        "notes": list(dict.fromkeys(row.total.note for row in rows if row.total.note)),  # most rows share theirs
+        "sources": [(name, _how(part), rows.seconds(spent[name])) for name, part in known.items()],
+        "error_text": words.error_text,
+        "notes": list(dict.fromkeys(row.total.note for row in shown if row.total.note)),  # most rows share theirs
     }
 
 
@@ -273,8 +254,8 @@ def _made_of(row: BudgetRow) -> str:
     """The parts of an error in words, the largest first, those that are zero left out, unknown ones last."""
     known = sorted((part for part in row.parts if part.error), key=lambda part: -(part.error or 0.0))
     unknown = [part for part in row.parts if part.error is None]
-    told = [f"{part.source} {error_text(row, part.error)}" for part in known]
-    return ", ".join([*told, *(f"{part.source} {UNKNOWN_ERROR}" for part in unknown)])
+    told = [f"{part.source} {words.error_text(row, part.error)}" for part in known]
+    return ", ".join([*told, *(f"{part.source} {words.UNKNOWN_ERROR}" for part in unknown)])
 
 
 def _how(part: BudgetPart) -> str:
@@ -293,11 +274,11 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
         for place, effects in places.items():
             for key, effect in effects.items():
                 moves[key].append((-effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
-    rows = []
+    shown = []
     for key, one in landings.inputs.items():
         most = sorted(moves[key], key=lambda move: move[0])[:MOST_MOVED]
         with speaking(UNITS):
             ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
         told = ", ".join(text for _, text in most)
-        rows.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), told)))
-    return [row for _, row in sorted(rows, key=lambda one: one[0])]
+        shown.append((most[0][0] if most else 0.0, (key, *ends, rows.source_of(key, one.why), told)))
+    return [row for _, row in sorted(shown, key=lambda one: one[0])]

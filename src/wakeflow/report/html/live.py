@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,23 +95,18 @@ def _wakes(result: Result) -> dict[str, Any]:
     landings = result.landings
     if landings is None:
         return {"answer": {}, "interval": {}, "others": {}}
-    fractions = landings.separation.fractions
-    rows = landings.bracket or {}
-    names = dict.fromkeys(wake for places in rows.values() for found in places.values() for wake in found)
+    fractions, others = landings.separation.fractions, dict[str, dict[str, dict[str, float]]]()
+    for name, places in (landings.bracket or {}).items():
+        for place, found in places.items():
+            for wake, share in found.items():
+                others.setdefault(wake, {}).setdefault(name, {})[place] = 100 * share
     return {
         "answer": {name: {place: 100 * one.value for place, one in row.items()} for name, row in fractions.items()},
         "interval": {
             name: {place: [100 * one.low, 100 * one.high] for place, one in row.items()}
             for name, row in fractions.items()
         },
-        "others": {wake: _of_wake(rows, wake) for wake in names},
-    }
-
-
-def _of_wake(rows: Mapping[str, Mapping[str, Mapping[str, float]]], wake: str) -> dict[str, dict[str, float]]:
-    return {
-        name: {place: 100 * found[wake] for place, found in places.items() if wake in found}
-        for name, places in rows.items()
+        "others": others,
     }
 
 

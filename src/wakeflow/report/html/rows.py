@@ -193,9 +193,7 @@ SUCTION = (
     ("reversal_length", "length of the reversed flow on the axis", "mm"),
 )
 ENDS: Lines = (  # attribute, name, unit: of a best estimate beside its ends
-    ("cd", "drag coefficient of the body", ""),
-    ("cl_rms", "lift coefficient, root mean square", ""),
-    ("cp_base", "base pressure coefficient", ""),
+    *(line for line in AIRFLOW if line[0] in ("cd", "cl_rms", "cp_base")),
     ("residence_time", "near-wake residence time, times U / D", ""),
 )
 FUNNEL = (

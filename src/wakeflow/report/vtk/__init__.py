@@ -5,7 +5,7 @@ Nothing is drawn here, so no OpenGL is needed.
 """
 
 from .air import link_field, write_field
-from .machine import write_machine
+from .files import write_machine
 from .tracks import write_landings, write_moving, write_tracks
 
 __all__ = [
