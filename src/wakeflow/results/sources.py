@@ -54,7 +54,7 @@ __all__ = [
 Parts = Mapping[str, Sequence[BudgetPart]]
 # Of what the force moves: the error of taking the steady end's change for that of both ends, of granules that follow
 # the air (approach Stokes number below FOLLOWS) and of others. Measured in the shipped rhombus
-# (cases/studies/air_loading.py --both): 1.2 for dust (1.4), 0.1 for chaff (16) and wheat (98), of which three times
+# (study air_loading --both): 1.2 for dust (1.4), 0.1 for chaff (16) and wheat (98), of which three times
 OTHER_WAKE, OWN_WAY, FOLLOWS = 1.2, 0.3, 5.0
 AIR_SPEED = "air.speed"  # the unknown that stands for what the air beside a body that vibrates does
 WEIGHTY, MOST_TOLD = 0.1, 3  # part of the variance from which an unknown is told, and how many are
