@@ -139,7 +139,7 @@ def flow_of(case: Case, mesh: MeshSpec) -> FlowSpec:
     """The case's airflow, with the turbulence model that the plan would choose."""
     flow = FlowSpec(mesh, SPEED, DENSITY, DENSITY * SPEED * D / case["reynolds"], turbulence="laminar")
     model = "laminar" if case["reynolds"] < LAMINAR_BELOW else "kOmegaSST"
-    return replace(flow, turbulence=model, stepping=case["stepping"], accuracy=ACCURACY)  # type: ignore[arg-type]
+    return replace(flow, turbulence=model, stepping=case["stepping"], accuracy=ACCURACY)
 
 
 @contextmanager

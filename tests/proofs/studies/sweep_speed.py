@@ -88,8 +88,8 @@ def feeds(tiny: bool) -> None:
 
 def solved(scene: wf.Scene, folder: Path, near: Path | None = None) -> tuple[int, float, float]:
     """Iterations, the solver's seconds, and Cd of a scene's steady airflow."""
-    table = wf.run(scene, folder, rung="draft", until="airflow", near=near).table
-    return table["airflow"]["steps"], table["seconds"]["airflow"]["seconds"], table["airflow"]["cd"]["value"]
+    found = wf.run(scene, folder, rung="draft", until="airflow", near=near)
+    return found.airflow.steps, found.seconds["airflow"].seconds, found.airflow.cd.value
 
 
 def _neighbours(tiny: bool, place: Path) -> Iterator[Row]:
