@@ -11,9 +11,9 @@ bin=$root/.venv/bin
 export WAKEFLOW_TEST_CACHE="${WAKEFLOW_TEST_CACHE:-$root/runs/.test-cache}"
 compiling=
 trap 'test -z "$compiling" || kill $compiling 2>/dev/null' EXIT
-for kernel in tracks.compile_tracker crowd_flight.compile_slab; do
+for kernel in tracker slab; do
     WAKEFLOW_CACHE=$WAKEFLOW_TEST_CACHE "$bin/python" -c \
-        "from wakeflow.pipeline import ${kernel%.*}; ${kernel%.*}.${kernel#*.}()" &
+        "from wakeflow.pipeline import compilation; compilation.compile_$kernel()" &
     compiling="$compiling $!"
 done
 "$bin/ruff" check src tests cases

@@ -19,7 +19,7 @@ from wakeflow.scene import Scene
 def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(cases / "rhombus.toml"), "--json"]) == 0
     plan = json.loads(capsys.readouterr().out)
-    assert plan["rung"] == "standard"
+    assert plan["airflow"]["rung"] == "standard"
     assert plan["fractions"]["wheat"]["mode"] == "resolved"  # the air before the body moves it by more than 1 % allows
     met = {name: row["impaction"]["efficiency"] for name, row in plan["fractions"].items()}
     assert met["wheat"] > 0.9 > met["chaff"] > 0.8 > met["dust"]

@@ -18,7 +18,7 @@ from support import ROOT
 from wakeflow.cli import app
 from wakeflow.laws.forces import forces
 from wakeflow.planning.bounds import bounds
-from wakeflow.terminal.plan import PARTS
+from wakeflow.planning.stages import OTHER_MESHES, stages
 
 SOURCE = ROOT / "src" / "wakeflow"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -149,5 +149,6 @@ def test_help_begins_with_a_screen_and_shows_no_addresses() -> None:
 def test_the_glossary_has_the_words_of_the_output() -> None:
     text = (ROOT / "docs" / "glossary.md").read_text()
     rungs = ["none", "analytic", "given", "draft", "standard", "reference"]
-    words = [*(fate.name.lower() for fate in wakeflow.Fate), *rungs, *forces, *bounds, *PARTS]
+    headings = {OTHER_MESHES, *(stages[name].heading for name in stages)}
+    words = [*(fate.name.lower() for fate in wakeflow.Fate), *rungs, *forces, *bounds, *headings]
     assert not [word for word in words if f"*{word}*" not in text]

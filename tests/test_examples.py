@@ -1,4 +1,4 @@
-"""What README, docs and docstrings show in Python runs, and docstrings give what they say."""
+"""What README, docs and docstrings show in Python runs; so do the scripts that make families of scenes."""
 
 from __future__ import annotations
 

@@ -59,8 +59,8 @@ def check_contract(result: wf.Result) -> None:
         assert fates["stopped"] == 0
         shares = table["separation"]["fractions"][name]
         assert set(shares) == {*table["scene"]["bin"], "elsewhere"}
-        assert sum(row["share"] for row in shares.values()) == pytest.approx(1.0, abs=1e-12)
-        assert all(0 <= row["low"] <= row["share"] <= row["high"] <= 1 for row in shares.values())
+        assert sum(row["value"] for row in shares.values()) == pytest.approx(1.0, abs=1e-12)
+        assert all(0 <= row["low"] <= row["value"] <= row["high"] <= 1 for row in shares.values())
     scene = Scene.parse(table["scene"])
     assert sum(table["separation"]["throughput"].values()) == pytest.approx(3600 * scene.feed.mass_flow)
     for name, how in table["plan"]["fractions"].items():
@@ -123,7 +123,7 @@ def test_a_symmetric_scene_separates_symmetrically(rhombus_run: wf.Result) -> No
         for left, right in (("inner-left", "inner-right"), ("outer-left", "outer-right")):
             a, b = (rhombus_run.separation["fractions"][name][place] for place in (left, right))
             half = 0.5 * (a["high"] - a["low"] + b["high"] - b["low"])
-            assert abs(a["share"] - b["share"]) <= 1.5 * half + 2 / COUNT
+            assert abs(a["value"] - b["value"]) <= 1.5 * half + 2 / COUNT
 
 
 @pytest.mark.openfoam

@@ -32,7 +32,6 @@ from .core.lazy import loaded
 if TYPE_CHECKING:
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
-    from .labyrinth import chain
     from .laws.collision import impact
     from .laws.granule_layer import layer, layers
     from .laws.restitution import Restitution
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from .report.views import Result
     from .results.dividers import dividers
     from .runs import run
+    from .runs.chain import chain
     from .scene import Scene
     from .searching.designs import Search, search
     from .sweeps.comparison import compare
@@ -60,17 +60,16 @@ LAYERS = (
     "foam",
     "field",
     "tracking",
-    "ballistics",
     "injection",
     "pipeline",
     "results",
+    "budget",
     "report",
     "refining",
     "progress",
     "runs",
     "sweeps",
     "searching",
-    "labyrinth",
     "verify",
     "doctor",
     "terminal",

@@ -23,6 +23,7 @@ from .core.errors import ProgramError
 from .core.process import capture, cores
 from .core.store import cache_root
 from .funnel import engine
+from .planning.machine_rates import is_compiled
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -106,7 +107,7 @@ def examine() -> list[Finding]:
     looks += [partial(_package, name, use) for name, use in PACKAGES.items()]
     looks += [_gmsh_starts]
     looks += [partial(_program, name, use) for name, use in PROGRAMS.items()]
-    looks += [_funnel, _setpriv, _graphics, _cores, _memory, _disk, _cache]
+    looks += [_funnel, _setpriv, _graphics, _cores, _memory, _disk, _cache, _kernels]
     with ThreadPoolExecutor(4) as pool:  # most of the time goes into waiting for probes
         return [pending.result() for pending in [pool.submit(look) for look in looks]]
 
@@ -303,6 +304,14 @@ def _cache() -> Finding:
         mend = "export WAKEFLOW_CACHE=/a/folder/you/may/write"
         return Finding("cache", f"{folder}: {problem.strerror}", False, "finished stages", mend)
     return Finding("cache", f"{cache_root()} is writable", True, "finished stages")
+
+
+def _kernels() -> Finding:
+    """The tracker's kernels: set-up compiles them, else the first run does."""
+    use = "flights at once; else the first run waits half a minute for them"
+    if is_compiled(cache_root()):
+        return Finding("compiled tracker", "in the cache", True, use, optional=True)
+    return Finding("compiled tracker", None, False, use, SETUP, optional=True)
 
 
 def _existing(path: Path) -> Path:

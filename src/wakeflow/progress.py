@@ -19,8 +19,9 @@ from .core.quantities import duration
 from .core.store import cache_root
 from .pipeline.cache import Listener, silent
 from .planning.cost import wall_seconds
-from .planning.machine_rates import kind_of_work, on_this_machine
-from .planning.plan import Plan, StageCost
+from .planning.machine_rates import on_this_machine
+from .planning.plan import Plan
+from .planning.stages import StageCost
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -80,25 +81,25 @@ class RunProgress:
         if not self.expected:
             return None
         paces = self._paces()
-        ahead = [replace(one, seconds=one.seconds * paces[kind_of_work(one.name)]) for one in self._ahead()]
+        ahead = [replace(one, seconds=one.seconds * paces[one.key.stage.work]) for one in self._ahead()]
         return wall_seconds(ahead, self.cores)
 
     def _paces(self) -> dict[str, float]:
         """By kind of work: seconds that its stages take over those expected of them."""
-        sums = {kind_of_work(one.name): [TRUSTED, TRUSTED] for one in self.expected}
-        for name, taken, expected in self._seen():
-            both = sums[kind_of_work(name)]
+        sums = {one.key.stage.work: [TRUSTED, TRUSTED] for one in self.expected}
+        for one, taken, expected in self._seen():
+            both = sums[one.key.stage.work]
             both[0], both[1] = both[0] + taken, both[1] + expected
         return {kind: taken / expected for kind, (taken, expected) in sums.items()}
 
-    def _seen(self) -> Iterator[tuple[str, float, float]]:
+    def _seen(self) -> Iterator[tuple[StageCost, float, float]]:
         """Stages that are done or overdue, with the seconds that they took so far and those expected of them."""
         now = self.clock()
         for one in self.expected:
             if one.name in self.took:
-                yield one.name, self.took[one.name], self.done[one.name] * one.seconds
+                yield one, self.took[one.name], self.done[one.name] * one.seconds
             if now - self.under_way.get(one.name, now) > one.seconds:
-                yield one.name, now - self.under_way[one.name], one.seconds
+                yield one, now - self.under_way[one.name], one.seconds
 
     def _ahead(self) -> list[StageCost]:
         """The stages with what they were expected to take still."""

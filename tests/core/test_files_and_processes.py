@@ -1,4 +1,4 @@
-"""Nothing half-written passes for finished; no child outlives its parent."""
+"""Nothing half-written passes for finished; no child outlives its parent; two threads at work end together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers with a unit: what is read means what it says, what may mean two things is refused, the unit comes back."""
+"""Numbers with a unit mean what they say, or are refused; boxes, brackets of roots, grades of messages."""
 
 from __future__ import annotations
 

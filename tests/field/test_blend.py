@@ -1,6 +1,4 @@
-"""The wake between its two ends: each end is its solution, between them it is linear, keeps its volume and its mirror
-image, and walls and inlets are met; on a swinging mesh too.
-"""
+"""Fields made of fields: the wake between its two ends, the change by a force, a record that is made periodic."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""FlowField: what is linear is exact, gradients are second order up to the boundary, mirrors are mirrors, bad input
-is named.
-"""
+"""FlowField: linear is exact, gradients are second order, mirrors are mirrors; vorticity and stream function."""
 
 from __future__ import annotations
 

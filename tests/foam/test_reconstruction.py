@@ -1,4 +1,4 @@
-"""Cell values to node values: linear fields to round-off everywhere, second order on curved fields, walls exact."""
+"""Cell values to node values: linear fields exact, curved ones second order, walls have p itself, divergence goes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Feed, vibration phase and impact: granules enter the field where, when and as fast as the model says."""
+"""Granules enter the field where, when and as fast as the model says; the slab's feed has the true rate and sizes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one collision function: published cases, stick and slip, conservation, and that it never makes energy."""
+"""Collisions with walls, of pairs, with scatter, of spheres with dust: published cases, and no energy made."""
 
 from __future__ import annotations
 

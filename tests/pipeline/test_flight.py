@@ -1,4 +1,4 @@
-"""From the feed to the landing: walls and ends of a scene, mirror-image ensembles, fractions that are kept."""
+"""From the feed to the landing: walls, ends, mirror images, what is kept, what is drawn of the unknown, and a film."""
 
 from __future__ import annotations
 

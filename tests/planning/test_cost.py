@@ -1,4 +1,4 @@
-"""What a plan expects to take: by stage, on idle cores, and on the machine whose earlier runs are known."""
+"""What a plan expects to take, by stage and on the machine whose earlier runs are known; a plan that is sent."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from support import CASES, shipped
-from wakeflow.planning.cost import wall_seconds
-from wakeflow.planning.machine_rates import COMPILE, STARTS, kind_of_work, learn, on_this_machine
+from wakeflow.planning.cost import COMPILE, wall_seconds
+from wakeflow.planning.machine_rates import STARTS, learn, on_this_machine
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.plan import Plan, StageCost
+from wakeflow.planning.plan import Plan
+from wakeflow.planning.stages import OWN, AirLabel, StageCost, StageKey, error_sources
 
 # Seconds of the stages of `wakeflow run cases/rhombus.toml` on two idle cores; loading: of all its passes.
 MEASURED = {"mesh": 3.3, "draft mesh": 1.9, "draft airflow": 23.0, "airflow": 101.4, "tracks": 17.6, "slab": 50.5,
@@ -39,33 +40,41 @@ def test_what_needs_no_airflow_is_done_beside_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stage", "work"),
-    [("draft loaded-airflow", "airflow"), ("grid x 1.5 mesh", "mesh"), ("slab longer steps", "slab"),
-     ("time-resolved wake", "flights"), ("draws", "flights"), ("coarser-steps", "flights")],
+    ("label", "stage", "text", "work", "heading"),
+    [(AirLabel(draft=True), "loaded-airflow", "draft loaded-airflow", "airflow", "air loading"),
+     (AirLabel(grid=1.5), "mesh", "grid x 1.5 mesh", "mesh", "other meshes"),
+     (AirLabel(grid=1.5, draft=True), "field", "grid x 1.5 draft field", "field", "other meshes"),
+     (AirLabel(neighbour=True), "airflow", "neighbour airflow", "airflow", "airflow"),
+     (OWN, "slab longer steps", "slab longer steps", "slab", "slab"),
+     (OWN, "thinner slab", "thinner slab", "slab", "slab"),
+     (OWN, "time-resolved wake", "time-resolved wake", "flights", "companions"),
+     (OWN, "draws", "draws", "flights", "draws")],
 )  # fmt: skip
-def test_a_stage_is_one_kind_of_work(stage: str, work: str) -> None:
-    assert kind_of_work(stage) == work
+def test_a_stage_is_one_kind_of_work(label: AirLabel, stage: str, text: str, work: str, heading: str) -> None:
+    list(error_sources)  # which register the slab's
+    key = pickle.loads(pickle.dumps(StageKey(label, stage)))  # as a plan travels to another process
+    assert (key, key.stage.work, key.heading) == (text, work, heading)
 
 
 def test_a_machine_is_known_by_its_runs(plan: Plan, tmp_path: Path) -> None:
     fresh, runs = on_this_machine(plan, tmp_path)
     assert runs == 0
-    assert [stage for stage in fresh if stage.name != COMPILE] == list(plan.stages)
+    assert [stage for stage in fresh if stage.name != COMPILE.name] == list(plan.stages)
 
-    twice = {stage.name: 2.0 * stage.seconds for stage in plan.stages if kind_of_work(stage.name) == "flights"}
+    twice = {stage.name: 2.0 * stage.seconds for stage in plan.stages if stage.key.stage.work == "flights"}
     for slower in (2.0, 1.0, 40.0):  # the last one beside other programs: the median leaves it out
         learn(tmp_path, plan.stages, {name: slower / 2.0 * seconds for name, seconds in twice.items()})
     here, runs = on_this_machine(plan, tmp_path)
     assert runs == 3
     meant = sum(twice.values()) / 2.0
     rate = (2.0 * meant + STARTS) / (meant + STARTS)  # a little below two: programs start, too
-    for stage, own in zip([one for one in here if one.name != COMPILE], plan.stages, strict=True):
+    for stage, own in zip([one for one in here if one.name != COMPILE.name], plan.stages, strict=True):
         assert stage.seconds == pytest.approx(own.seconds * (rate if own.name in twice else 1.0), rel=1e-3)
 
 
 def test_a_run_of_seconds_tells_little_of_one_of_minutes(plan: Plan, tmp_path: Path) -> None:
     """Of coarse runs starting the programs is the most: five times as long as expected is none of a full one's pace."""
-    air = [stage for stage in plan.stages if kind_of_work(stage.name) == "airflow"]
+    air = [stage for stage in plan.stages if stage.key.stage.work == "airflow"]
     coarse = [replace(stage, seconds=0.01 * stage.seconds) for stage in air]
     for _ in range(4):
         learn(tmp_path, coarse, {stage.name: 5.0 * stage.seconds for stage in coarse})
@@ -76,7 +85,7 @@ def test_a_run_of_seconds_tells_little_of_one_of_minutes(plan: Plan, tmp_path: P
 
 
 def _of_air(plan: Plan, root: Path) -> float:
-    return sum(one.seconds for one in on_this_machine(plan, root)[0] if kind_of_work(one.name) == "airflow")
+    return sum(one.seconds for one in on_this_machine(plan, root)[0] if one.key.stage.work == "airflow")
 
 
 @pytest.mark.parametrize("text", ['{"mesh": [1.2, 0.9]}', '{"mesh": []}', "[]", "{"])
@@ -99,9 +108,9 @@ def test_a_machine_keeps_its_last_runs(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_the_compilation_is_expected_until_it_is_done(plan: Plan, tmp_path: Path) -> None:
-    assert [stage.when for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE] == ["beside"]
+    assert [stage.when for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE.name] == ["beside"]
     (tmp_path / "numba" / "586f" / "kernel").mkdir(parents=True)
-    assert not [stage for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE]
+    assert not [stage for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE.name]
 
 
 SCENES = [path.stem for path in sorted(CASES.glob("*.toml")) if "[channel]" in path.read_text()]

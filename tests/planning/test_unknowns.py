@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,17 @@ from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds, unknowns,
 OFF = {"collisions": False, "air-loading": False}
 
 
+@cache
+def _shipped() -> dict[str, Unknown]:
+    return _unknowns(shipped("rhombus"))
+
+
 def _unknowns(scene: wf.Scene, rung: str | None = None) -> dict[str, Unknown]:
     return {one.key: one for one in unknowns(scene, make_plan(scene, rung=rung, force=OFF))}
 
 
 def test_every_input_of_the_shipped_rhombus_that_can_be_off_is_drawn() -> None:
-    found = _unknowns(shipped("rhombus"))
+    found = _shipped()
     shared = {"feed.width", "feed.position", "air.speed", "air.turbulence", "dispersion", "wake.theta", "wake.strength"}
     assert shared <= set(found)
     wheat = {key.rpartition(".")[2] for key in found if key.startswith("fraction.wheat.")}
@@ -53,7 +59,7 @@ def test_the_scene_says_how_well_a_number_is_known(said: object, half: float) ->
 
 
 def test_an_interval_ends_where_the_number_cannot_go_on() -> None:
-    found = _unknowns(shipped("rhombus"))
+    found = _shipped()
     dust, position = found["fraction.dust.restitution"], found["feed.position"]
     assert dust.low > dust.value
     assert dust.ends == (0.0, pytest.approx(dust.value + dust.high))
@@ -71,7 +77,7 @@ def test_nothing_is_drawn_of_what_is_exact() -> None:
 
 
 def test_defaults_go_by_the_confidence_of_the_materials_number() -> None:
-    found = _unknowns(shipped("rhombus"))
+    found = _shipped()
     margin = default_margins()["restitution"]
     for name in ("wheat", "chaff"):
         confidence = materials[name].evidence["restitution"].confidence

@@ -7,13 +7,15 @@ from typing import Any
 
 import pytest
 
+from wakeflow.budget.inputs import DRAWN
+from wakeflow.budget.source import budget_sources
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow
-from wakeflow.planning.cost import airflow_cost
-from wakeflow.planning.flights_again import times_again
+from wakeflow.planning.cost import EACH_STAGE, airflow_cost, flown_again
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.plan import COMPARED, REPLICATES
+from wakeflow.planning.plan import COMPARED, DRAWS, REPLICATES
+from wakeflow.planning.stages import Workload
 from wakeflow.planning.wake import Wake, family_of, wake_of, wakes_beside
 from wakeflow.scene import Scene
 
@@ -104,10 +106,14 @@ def test_only_a_turbulent_wake_in_time_is_estimated(
     assert found.kind == kind
     assert (found.wake is not None) == (kind == "best-estimate")
     assert len(found.wakes_beside) == beside
-    again = times_again(found)
-    assert again["draws"] == REPLICATES / COMPARED  # as many granules as the answer
-    assert sum(stage.endswith(" wake") for stage in again) == beside
-    assert sum(stage.startswith("grid x ") for stage in again) == len(found.scales) - 1
+    work = Workload(rhombus, found, None, 1, 1.0)
+    again = {name: list(budget_sources[name].costs(work)) for name in budget_sources}
+    assert [cost.key.name for cost in again["inputs"]] == ["draws"]
+    assert len(again["airflow-model"]) == beside
+    assert [cost.key.label.grid for cost in again["mesh"]] == list(found.scales[1:])
+    once = flown_again(work, "once", 1.0).seconds - EACH_STAGE
+    (draws,) = again["inputs"]  # as many granules as the answer
+    assert draws.seconds == pytest.approx(EACH_STAGE + DRAWS * DRAWN + once * REPLICATES / COMPARED)
 
 
 def test_the_other_wakes_are_the_ends() -> None:

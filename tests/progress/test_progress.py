@@ -10,7 +10,7 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.planning.plan import StageCost
+from wakeflow.planning.stages import StageCost
 from wakeflow.progress import FROM_CACHE, RunProgress, live
 
 STAGES = (

@@ -16,10 +16,9 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.pipeline.stages import StageTime
 from wakeflow.planning.make import make_plan
-from wakeflow.refining.choice import choose, choose_surely, reachable
+from wakeflow.refining.choice import choose, choose_surely, expected_half, expected_part, reachable
 from wakeflow.refining.cost import expected_seconds
 from wakeflow.refining.knobs import applied, cheapest, finer, finest_of, knobs, own_settings
-from wakeflow.refining.prediction import expected_half, expected_part
 from wakeflow.refining.unmet import told_unmet
 from wakeflow.results.landing_results import NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.results.refinement import KnobSettings, Refinement
@@ -40,7 +39,7 @@ def sampling(error: float) -> BudgetPart:
 
 
 def steps(changed: int, granules: int) -> BudgetPart:
-    """What ``results.sources`` says where so many of the granules that fly again land in another bin."""
+    """What ``budget.steps`` says where so many of the granules that fly again land in another bin."""
     flown = granules // 4
     limit = binomtest(changed, flown).proportion_ci(0.95, method="wilson").high
     return BudgetPart("integration", float(limit), 1.0, "companion")

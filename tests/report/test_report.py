@@ -141,6 +141,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         {"source": "sampling", "error": 0.0043, "seconds": 1.5, "how": "measured"},
         {"source": "airflow-model", "error": None, "seconds": 0.0, "how": "unknown"},
     ]
+    total = {"error": None, "seconds": 1.5}
     return {
         "schema": 2,
         "scene": scene.tables(),
@@ -169,12 +170,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         "key": "k",
         "fates": {name: {"binned": 480 + i, "escaped": 20 - i} for i, name in enumerate(scene.fraction)},
         "budget": [
-            {
-                "quantity": f"share.{name}.{bins[0]}",
-                "unit": None,
-                "parts": parts,
-                "total": {"error": None, "seconds": 1.5},
-            }
+            {"quantity": f"share.{name}.{bins[0]}", "unit": None, "parts": parts, "total": total}
             for name in scene.fraction
         ],
         "seconds": {"mesh": {"seconds": 1.25, "cached": True}, "tracks": {"seconds": 200.0, "cached": False}},
@@ -501,7 +497,7 @@ def test_shares_in_the_landing_picture_are_the_results(rhombus: Scene, drawn: li
     for axes, shares in zip(panels, result["separation"]["fractions"].values(), strict=True):
         told = {t.get_text() for t in axes.texts}
         for place, row in shares.items():
-            text = percent(Number(row["share"], row["low"], row["high"])).replace(" ", "\n", 1) + " %"
+            text = percent(Number(row["value"], row["low"], row["high"])).replace(" ", "\n", 1) + " %"
             assert (f"elsewhere\n{text}" if place == "elsewhere" else text) in told
 
 
@@ -555,7 +551,7 @@ def test_csv_columns_carry_units_and_the_numbers(scene: Scene, tmp_path: Path) -
     for row in rows:
         name, place = row["fraction"], row["bin"]
         share = separation["fractions"][name][place]
-        assert float(row["share (%)"]) == pytest.approx(100 * share["share"])
+        assert float(row["share (%)"]) == pytest.approx(100 * share["value"])
         assert float(row["share low (%)"]) == pytest.approx(100 * share["low"])
         assert float(row["share high (%)"]) == pytest.approx(100 * share["high"])
         assert float(row["bin throughput (kg/h)"]) == separation["throughput"][place]

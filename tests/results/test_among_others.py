@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from support import shipped
+from wakeflow.budget.bin_ends import MOST, AmongOthers
 from wakeflow.pipeline.landings import Landings
-from wakeflow.results.among_others import MOST, AmongOthers
 from wakeflow.scene import Scene
 
 COUNT = 2**14

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,16 +12,31 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from wakeflow.budget.comparison import Comparison
+from wakeflow.budget.model import MODEL
+from wakeflow.budget.source import FractionResults, Parts, Source, add, budget_sources
+from wakeflow.budget.total import remedies
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.pipeline.landings import Tracked
 from wakeflow.pipeline.pipeline import Companion, Pipeline
-from wakeflow.planning.flights_again import flights_again, times_again
+from wakeflow.pipeline.stages import StageTime
+from wakeflow.planning.cost import flown_again
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.stages import StageCost, Workload
 from wakeflow.planning.wake import Wake
-from wakeflow.results.companions import Comparison
-from wakeflow.results.landing_results import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart
-from wakeflow.results.source import FractionResults, Source, budget_sources
-from wakeflow.results.sources import MODEL
+from wakeflow.refining.choice import expected_half, expected_part
+from wakeflow.refining.cost import expected_seconds
+from wakeflow.refining.unmet import told_unmet
+from wakeflow.results.landing_results import (
+    CALIBRATED,
+    COMPANION,
+    MEASURED,
+    UNKNOWN,
+    BudgetPart,
+    BudgetRow,
+    BudgetTotal,
+)
+from wakeflow.results.refinement import KnobSettings
 from wakeflow.scene import Scene
 
 
@@ -28,28 +44,32 @@ class CoarserSteps(Source[Tracked]):
     """Granules flown again at ten times the tolerance: an example of a source, as docs/extending.md shows it."""
 
     name, how, place = "coarser-steps", COMPANION, 70
+    if_unknown = "numerics.tolerance = 1e-3"
+    if_large = "fly by hand"
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        return [flown_again(work, self.name, 0.5)]  # half as long as the granules of a comparison
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
         return pipeline.tracks(Companion(self.name, tolerance=10 * pipeline.scene.numerics.tolerance))
 
-    def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
-        coarse = fraction.flights.of(self)
+    def shares(self, fraction: FractionResults) -> Parts:
+        coarse, bins = fraction.flights.of(self), len(fraction.pipeline.scene.bin)
         assert coarse is not None
-        bins = len(fraction.pipeline.scene.bin)
         moved = coarse.landings[fraction.name].counts(bins) - fraction.compared.counts(bins)
-        errors = np.abs(moved.mean(axis=0))
-        seconds = fraction.pipeline.spent(self.name)
+        errors, seconds = np.abs(moved.mean(axis=0)), fraction.pipeline.spent(self.name)
         return {place: [self.part(float(error), seconds)] for place, error in zip(fraction.shares, errors, strict=True)}
+
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        return (part.error or 0.0) * then.tolerance / now.tolerance
 
 
 @pytest.fixture
-def coarser() -> Iterator[CoarserSteps]:
+def coarser() -> Iterator[Source[Tracked]]:
     """The example, registered as any source is, and taken out again."""
-    source = budget_sources.add(CoarserSteps.name, CoarserSteps())
-    flights_again.add(source.name, lambda airflow: {source.name: 1.0})
+    source = add(CoarserSteps())
     yield source
-    del budget_sources._entries[source.name]
-    del flights_again._entries[source.name]
+    budget_sources.remove(source.name)
 
 
 def test_a_new_source_stands_in_the_budget_of_a_run(coarser: CoarserSteps, cases: Path, tmp_path: Path) -> None:
@@ -70,10 +90,30 @@ def test_a_new_source_stands_in_the_budget_of_a_run(coarser: CoarserSteps, cases
 def test_a_new_source_that_flies_again_is_in_the_plans_cost(cases: Path, request: pytest.FixtureRequest) -> None:
     scene = Scene.load(cases / "vacuum.toml")
     before = make_plan(scene)
-    times = times_again(before.airflow)
     request.getfixturevalue("coarser")
-    assert times_again(before.airflow) == {**times, "coarser-steps": 1.0}
-    assert make_plan(scene).estimate["seconds"] > before.estimate["seconds"]
+    after = make_plan(scene)
+    (added,) = set(after.stages) - set(before.stages)
+    assert (added.name, added.when, added.key.stage.work, added.key.heading) == (
+        "coarser-steps", "after", "flights", "companions"
+    )  # fmt: skip
+    assert after.estimate["seconds"] == pytest.approx(before.estimate["seconds"] + added.seconds)
+
+
+@pytest.mark.usefixtures("coarser")
+def test_a_new_source_is_refined_and_has_a_remedy(cases: Path) -> None:
+    now = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
+    finer = replace(now, tolerance=1e-4)
+    part = BudgetPart("coarser-steps", 0.2, 1.0, COMPANION)
+    assert expected_part(part, now, finer) == pytest.approx(0.02)
+    row = BudgetRow("share.wheat.left", None, (part,), BudgetTotal(0.2, 1.0, 0.0, 1.0, 0.2))
+    assert expected_half(row, now, finer) == pytest.approx(0.02)
+    spent = {"coarser-steps": StageTime(5.0, False)}
+    assert expected_seconds(spent, now, replace(now, granules=4096)) == pytest.approx(0.4 + 4.0 * 4.6)
+    assert remedies(["coarser-steps"]) == ["numerics.tolerance = 1e-3"]
+    scene = Scene.load(cases / "vacuum.toml")
+    (line,) = told_unmet([row], now, 1e-9, scene, make_plan(scene))
+    assert line.startswith("wheat in left: coarser-steps stays at")
+    assert line.endswith(": fly by hand")
 
 
 @pytest.mark.parametrize("name", list(budget_sources))
@@ -86,7 +126,7 @@ def test_a_source_says_what_it_is(name: str) -> None:
 
 def test_every_source_that_flies_granules_again_is_in_the_plans_cost() -> None:
     flying = {name for name in budget_sources if type(budget_sources[name]).fly is not Source.fly}
-    assert flying == set(flights_again)
+    assert flying == {name for name in budget_sources if type(budget_sources[name]).costs is not Source.costs}
     assert {name for name in flying if budget_sources[name].how != COMPANION} == set()
 
 

@@ -8,25 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from wakeflow.budget.comparison import Comparison, compared, differences
+from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.core.store import Store
 from wakeflow.foam.statistics import student
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.stages import StageKey
 from wakeflow.pipeline.track_stage import Companion
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.planning.wake import Wake
-from wakeflow.results.companions import (
-    Comparison,
-    Grid,
-    compared,
-    difference_noise,
-    differences,
-    mesh_error,
-    shedding_noise,
-)
 from wakeflow.scene import Scene
 
 Array = NDArray[np.int64]
@@ -45,7 +37,7 @@ def test_a_companion_flies_the_first_replicates_granules_again(pipeline: Pipelin
         assert len(again.bin) == len(whole.landings[name].bin) * COMPARED // REPLICATES
         for column in ("position", "bin", "replicate", "diameter", "time"):
             np.testing.assert_array_equal(getattr(first, column), getattr(again, column))
-    assert {StageKey("", "tracks"), StageKey("", "again")} <= set(pipeline.seconds)
+    assert {"tracks", "again"} <= set(pipeline.seconds)
     assert pipeline.spent("again") > 0.0
 
 

@@ -91,7 +91,7 @@ def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path) ->
     assert drag[1] == pytest.approx(drag[0], rel=2e-3)
     for name, row in rest.separation["fractions"].items():
         for place, share in row.items():
-            assert near.separation["fractions"][name][place]["share"] == pytest.approx(share["share"], abs=0.02)
+            assert near.separation["fractions"][name][place]["value"] == pytest.approx(share["value"], abs=0.02)
     assert near.key != rest.key
     options: dict[str, Any] = json.loads((tmp_path / "near" / "result.json").read_text())["options"]
     assert options["near"] == str(tmp_path / "first")

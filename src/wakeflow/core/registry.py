@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from typing import Generic, TypeVar
 
 from .errors import SceneError
@@ -25,7 +26,8 @@ def did_you_mean(name: object, known: list[str]) -> str:
 
 
 class Registry(Generic[Entry]):
-    """A named collection of ``Entry``; ``kind`` is the word for one of them in messages.
+    """A named collection of ``Entry``; ``kind`` is the word for one of them in messages. ``home``: the package that
+    registers its own entries, imported when one is first asked for: of those that a lower layer knows by protocol only.
 
     >>> laws = Registry[float]("drag law")
     >>> laws.add("stokes", 24.0)
@@ -34,8 +36,8 @@ class Registry(Generic[Entry]):
     (24.0, ['stokes'])
     """
 
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
+    def __init__(self, kind: str, home: str | None = None) -> None:
+        self.kind, self._home = kind, home
         self._entries: dict[str, Entry] = {}
 
     def add(self, name: str, entry: Entry) -> Entry:
@@ -63,10 +65,15 @@ class Registry(Generic[Entry]):
         return self._entries[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._entries)
+        return iter(self._known())
 
     def __len__(self) -> int:
-        return len(self._entries)
+        return len(self._known())
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and name in self._entries
+        return isinstance(name, str) and name in self._known()
+
+    def _known(self) -> dict[str, Entry]:
+        if self._home is not None:
+            import_module(self._home)
+        return self._entries

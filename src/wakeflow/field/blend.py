@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from .flow import NODAL, FlowField
 from .splines import fit
 from .triangles import Triangles
@@ -112,20 +112,17 @@ def _with_boundary(resolved: FlowField, still: dict[str, Array], mean: Array) ->
 
 def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
     """The ``field`` with ``share`` of what the swing of its mesh does to the steady air ``still`` (N, 2) m/s."""
-    assert field.motion is not None
-    assert field.times is not None
-    assert field.period is not None
-    amplitude = np.array(field.motion[:2])
+    amplitude = np.array(known(field.motion)[:2])
     along = amplitude / np.linalg.norm(amplitude)
     width, height = np.ptp(field.points, axis=0)
     through = float(field.area @ still[field.triangles, 1].mean(axis=1)) / (width * height)  # the same at every height
     pushed = along - still * float(along[1]) / through
     if field.coefficients is None:
-        speed = field.motion.velocity(field.times) @ along
+        speed = known(field.motion).velocity(known(field.times)) @ along
         return replace(field, velocity=field.velocity + share * speed[:, None, None] * pushed)
-    count = len(field.times)
-    times = field.times[0] + np.arange(SAMPLES * count) * (field.period / (SAMPLES * count))
-    found = fit(times, (field.motion.velocity(times) @ along)[:, None], field.period, count)
+    count = len(known(field.times))
+    times = known(field.times)[0] + np.arange(SAMPLES * count) * (known(field.period) / (SAMPLES * count))
+    found = fit(times, (known(field.motion).velocity(times) @ along)[:, None], known(field.period), count)
     nodal = {name: values for name in NODAL if (values := getattr(field, name)) is not None}
     more = {name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal.items()}
     more["velocity"][-1] = share * pushed

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FoamError, MeshError
+from ..core.errors import FoamError, MeshError, known
 from ..core.files import atomic_write
 from ..core.process import tail
 from .case import FlowSpec, axis_points, write_case, write_parameters
@@ -51,8 +51,7 @@ def extrude(spec: FlowSpec, plane: Path, folder: Path) -> None:
 
 def _depth(spec: FlowSpec) -> float:
     """Of the span (m)."""
-    assert spec.span is not None
-    return spec.span.depth * spec.mesh.projected_width
+    return known(spec.span).depth * spec.mesh.projected_width
 
 
 def span_parameters(spec: FlowSpec) -> dict[str, str | float | int]:
@@ -61,13 +60,12 @@ def span_parameters(spec: FlowSpec) -> dict[str, str | float | int]:
     The span begins where the layer ended. Its coefficients are those of the whole depth; the base pressure is recorded
     at places along it.
     """
-    assert spec.span is not None
     depth, low = _depth(spec), spec.mesh.thickness
     middle, _, rear = axis_points(spec)
     heights = low + depth * (np.arange(BASE_POINTS) + 0.5) / BASE_POINTS
     return {
         "layer": "cyclic",
-        "layers": spec.span.layers,
+        "layers": known(spec.span).layers,
         "spanDepth": depth,
         "bodyArea": spec.mesh.projected_width * depth,
         "basePoint": " ".join(f"({middle:.9g} {spec.along * rear:.9g} {z:.9g})" for z in heights),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.number import Number
 from .airflow_result import AirflowResult, SpanwiseMotion
 from .case import FlowSpec, axis_points
@@ -71,8 +72,7 @@ def measure_span(
     Raises FoamError for a run that has not come so far.
     """
     if begin is None:
-        assert spec.span is not None
-        begin = spec.span.start_up * spec.convective_time
+        begin = known(spec.span).start_up * spec.convective_time
     rows = history_of(spec, deep)
     late = rows[rows[:, 0] >= begin]
     means = span_means(spec, record, begin)

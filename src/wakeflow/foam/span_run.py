@@ -13,6 +13,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+from ..core.errors import known
 from ..core.files import write_json
 from ..laws.turbulence_models import USUAL
 from ..planning.span import CADENCE, Span
@@ -49,7 +50,6 @@ def run_span(
     ``start``: any solved plane case that the plane wake starts from. ``timeout`` (s) bounds each program. Raises
     MeshError for a mesh that checkMesh refuses, AirflowFailure where a program fails or no Courant number serves.
     """
-    assert spec.span is not None
     flat = replace(spec, turbulence=USUAL, span=None, ranks=1)
     check = prepare_case(flat, msh, folder)
     _plane_wake(flat, folder, start, listener, timeout)
@@ -58,7 +58,7 @@ def run_span(
         extrude(spec, folder, deep)
         start_span(spec, folder, deep)
         write_json(phase, {"phase": "span", "courant": COURANT})
-    _record(spec, spec.span, folder, listener, timeout)
+    _record(spec, known(spec.span), folder, listener, timeout)
     return check
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.files import atomic_write
 from .case import FlowSpec, axis_points
 from .case_fields import CaseFields
@@ -47,11 +48,10 @@ def start_span(spec: FlowSpec, plane: Path, folder: Path) -> None:
 
 def span_modes(spec: FlowSpec, places: Array) -> Array:
     """The disturbance (n, 3) m/s at ``places`` (n, 3) m: waves along the span with random phases in the plane."""
-    assert spec.span is not None
     middle, _, rear = axis_points(spec)
     size, random = spec.mesh.projected_width, np.random.default_rng(SEED)
     x, y = (places[:, 0] - middle) / size, (spec.along * places[:, 1] - rear) / size
-    depth = spec.span.depth * size
+    depth = known(spec.span).depth * size
     envelope = np.exp(-((x / REACH[0]) ** 2) - ((y - PLACE) / REACH[1]) ** 2)
     waves = np.zeros((len(places), 3))
     for component in range(3):

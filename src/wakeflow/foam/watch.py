@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.errors import known
 from ..core.process import tail
 from .case import read_parameters
 from .failure import AirflowFailure, Cause
@@ -131,8 +132,7 @@ class Watch:
 
     def _left(self) -> float | None:
         """Wall seconds left at the pace so far; None where that cannot be told."""
-        assert self.first is not None
-        covered = self.covered + self.now - self.first
+        covered = self.covered + self.now - known(self.first)
         if not (covered > 0 and self.now < self.expected):  # past it: no idea
             return None
         return (self.expected - self.now) * (self.spent + time.monotonic() - self.started) / covered

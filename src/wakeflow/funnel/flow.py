@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.record import save
 from ..laws.constants import GRAVITY
 from ..laws.discharge import beverloo, cone_factor
@@ -61,8 +62,7 @@ def _whole(funnel: Funnel, time: float) -> float:
     """The next whole number of periods above ``time`` (s); at rest ``time`` itself."""
     if not funnel.amplitude:
         return time
-    assert funnel.frequency is not None
-    return math.ceil(time * funnel.frequency - 1e-9) / funnel.frequency
+    return math.ceil(time * known(funnel.frequency) - 1e-9) / known(funnel.frequency)
 
 
 def _timing(funnel: Funnel, steps: Steps, closed: int, level: float) -> dict[str, float | int | str]:

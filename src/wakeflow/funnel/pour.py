@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..laws.constants import GRAVITY
 from ..laws.hertz import contact_time
 from ..scene import Funnel
@@ -54,8 +55,7 @@ def steps_of(funnel: Funnel) -> Steps:
     contact = contact_time(funnel.low, funnel.bead_density, funnel.youngs_modulus, speed, POISSON)
     dt = contact / funnel.steps_per_contact
     if funnel.amplitude:
-        assert funnel.frequency is not None
-        dt = 1 / (funnel.frequency * math.ceil(1 / (funnel.frequency * dt)))
+        dt = 1 / (known(funnel.frequency) * math.ceil(1 / (known(funnel.frequency) * dt)))
     return Steps(dt, contact)
 
 

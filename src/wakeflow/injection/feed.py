@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tracking
+from ..core.errors import known
 from ..core.geometry import edges, normals
 from ..core.roots import halved
 from ..field import FlowField
@@ -144,11 +145,9 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
 
 def _dead_point(scene: Scene) -> float:
     """Time (s) within the first period at which the vibrating body stands still at its lowest along the vibration."""
-    motion = motion_of(scene)
-    assert motion is not None
-    assert scene.vibration is not None
-    period, along = scene.vibration.period, scene.vibration.along
-    if scene.vibration.samples is None:
+    motion = known(motion_of(scene))
+    period, along = known(scene.vibration).period, known(scene.vibration).along
+    if known(scene.vibration).samples is None:
         return 0.75 * period
     times = np.linspace(0.0, period, 4097)
     lowest = int(np.argmin(motion.at(times)[0] @ along))
@@ -215,17 +214,16 @@ def feedstock(
     diameter = grains.diameter
     if not scene.body:
         return Feedstock(entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
-    assert scene.first_outline is not None
     level, speed = fall_start(scene, 0.5 * diameter)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
     if scene.feed.start == "resting":
-        lying = grains.replace(position=_lying(scene, scene.first_outline, x, diameter / 2), time=time)
+        lying = grains.replace(position=_lying(scene, known(scene.first_outline), x, diameter / 2), time=time)
         return Feedstock(lying, replicate, injected)
     position, velocity = _released(scene, fraction_plan, grains, x, level, speed)
     came = velocity.copy()
     if fraction_plan.mode == "injected":
-        height, normal = contact_points(scene.first_outline, x, diameter / 2)
+        height, normal = contact_points(known(scene.first_outline), x, diameter / 2)
         meets = np.isfinite(height)
         if fraction_plan.impaction is not None:
             meets &= fraction_plan.impaction.meets(diameter, x - axis(scene))

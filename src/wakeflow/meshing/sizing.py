@@ -24,7 +24,7 @@ RESOLUTION = {
 # no-slip side walls
 SHARES = {"edge": 1 / 6, "gap": 1 / 8, "across": 1 / 40, "wall": 1 / 40}
 # Distance from the bodies to inlet and outlet, in widths of the widest: the least and the most; between them what
-# LEFT asks for in the channel's width. Chosen; the study domain shows what they leave.
+# LEFT asks for in the channel's width. Chosen; tests/proofs/studies/domain.py shows what they leave.
 UPSTREAM, DOWNSTREAM = (3.0, 10.0), (8.0, 20.0)
 # What the ends may send back to a body, over what the body does to the air there. Between slip walls W apart the
 # slowest disturbance of a potential flow, cos(pi (x + W/2)/W) exp(-pi y/W), falls by exp(-pi d/W) over the distance d:

@@ -92,8 +92,7 @@ class AirLoading:
 
     @cached_property
     def _unloaded(self) -> tuple[str, FlowField]:
-        assert self.steady.field is not None
-        return self.steady.field
+        return known(self.steady.field)
 
     @cached_property
     def _before(self) -> tuple[str, FlowField]:
@@ -116,8 +115,7 @@ class AirLoading:
     @property
     def least(self) -> float:
         """Force density (N/m3) below which none is given to the air."""
-        assert self.scene.air is not None
-        return LEAST * self.scene.air.density * self.scene.air.speed**2 / self.scene.width
+        return LEAST * self.scene.airstream.density * self.scene.airstream.speed**2 / self.scene.width
 
     @property
     def summary(self) -> AirLoadingSummary:
@@ -207,10 +205,9 @@ class AirLoading:
 
     def field_in(self, folder: Path) -> FlowField:
         """The steady airflow of the pass whose ``folder`` that is."""
-        assert self.scene.air is not None
         case = folder / "case"
         time = known(load(Airflow, case / "airflow.json").field_time)
-        return case_field(case, time, self.scene.air.density, half=self.steady.half)
+        return case_field(case, time, self.scene.airstream.density, half=self.steady.half)
 
 
 def _digest(force: ForceDensity) -> str:

@@ -50,6 +50,7 @@ class AirflowKind(ABC):
     grid: int
     steady: Callable[[], CaseAir]
     neighbour: Callable[[], CaseAir | None] = field(default=lambda: None, kw_only=True)
+    means: ClassVar[str] = ""  # what granules fly in, in words
     at_once: ClassVar[bool] = False  # known without meshing, solving or reading files
 
     @abstractmethod
@@ -114,7 +115,7 @@ class AirflowKind(ABC):
         return ()
 
 
-airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow")
+airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow", home="wakeflow.pipeline.pipeline")
 
 
 class CaseAir(AirflowKind):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..field import FlowField
 from ..laws.turbulence_models import OMEGA, entering_energy
 from ..scene import Scene
@@ -54,9 +55,8 @@ def duct_field(scene: Scene, *, turbulent: bool) -> FlowField:
         pressure = 12.0 * air.viscosity * air.speed / channel.width**2 * sign * (end - points[:, 1])
     k = dissipation = None
     if turbulent:
-        assert OMEGA.entering is not None
         k0 = entering_energy(air.turbulence, air.speed)
-        omega = OMEGA.entering(k0, channel.width)  # as a solved airflow enters
+        omega = known(OMEGA.entering)(k0, channel.width)  # as a solved airflow enters
         k, dissipation = decaying(k0, omega, sign * (points[:, 1] - start) / air.speed)
     velocity = np.stack([np.zeros(len(points)), sign * speed], axis=1)
     return FlowField.from_arrays(

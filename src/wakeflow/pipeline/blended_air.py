@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..core.lazy import cached_property
 from .airflow import Airflow, ResidenceTimes
 from .airflow_kinds import airflow_kinds
@@ -22,11 +23,12 @@ __all__ = ["BestEstimateAir"]
 class BestEstimateAir(TimeResolvedAir):
     """The wake between the steady one and the one in time, as much of each as the plan's best estimate says."""
 
+    means = "a best estimate between the steady wake and the one in time"
+
     @property
     def estimate(self) -> WakeEstimate:
         """The plan's."""
-        assert self.plan.airflow.wake is not None
-        return self.plan.airflow.wake
+        return known(self.plan.airflow.wake)
 
     def make_field(self) -> tuple[str, FlowField]:
         return self.between(self.estimate.theta.value, self.estimate.strength.value)

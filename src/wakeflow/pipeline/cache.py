@@ -18,31 +18,13 @@ from ..core.beside import heed
 from ..core.files import write_json
 from ..core.sources import code_key
 from ..core.store import Store
-from .stages import StageKey, StageTime
+from ..planning.stages import OWN, AirLabel, StageKey, stages
+from .stages import StageTime
 
-__all__ = ["CODE", "Listener", "StageCache", "code_of", "in_turn", "silent", "version_of"]
+__all__ = ["Listener", "StageCache", "code_of", "in_turn", "silent", "version_of"]
 
 SECONDS = "seconds.json"  # in a stage's folder: what it took
 Listener = Callable[[str, str], None]  # (stage, text): hears of progress
-# What computes each stage: its key covers these modules and everything that they import.
-CODE = {
-    "mesh": ("wakeflow.meshing.build",),
-    "airflow": ("wakeflow.foam.airflow",),
-    "span": ("wakeflow.foam.span_airflow",),
-    "given": ("wakeflow.foam.user_case",),
-    "field": ("wakeflow.pipeline.case_field",),
-    "blend": ("wakeflow.field.blend",),
-    "layers": ("wakeflow.pipeline.span_field",),
-    "loaded-airflow": ("wakeflow.foam.loaded_airflow",),
-    "momentum": ("wakeflow.pipeline.gather",),
-    "change": ("wakeflow.field.change",),
-    "duct": ("wakeflow.pipeline.analytic",),
-    "residence": ("wakeflow.tracking.residence",),
-    "tracks": ("wakeflow.pipeline.tracks", "wakeflow.pipeline.landings"),
-    "draws": ("wakeflow.pipeline.draws", "wakeflow.field.varied"),
-    "film": ("wakeflow.pipeline.film_stage", "wakeflow.pipeline.crowd_flight", "wakeflow.pipeline.gather"),
-    "crowd": ("wakeflow.pipeline.crowd_flight", "wakeflow.pipeline.landings"),
-}
 
 
 def silent(stage: str, text: str) -> None:
@@ -61,8 +43,8 @@ def in_turn(listener: Listener) -> Listener:
 
 
 def code_of(stage: str) -> str:
-    """sha256 (hex) of all sources that compute a stage of :data:`CODE`."""
-    return code_key(*CODE[stage])
+    """sha256 (hex) of all sources that compute a registered stage."""
+    return code_key(*stages[stage].code)
 
 
 def version_of(package: str) -> str:
@@ -76,19 +58,18 @@ def version_of(package: str) -> str:
 class StageCache:
     """The stages of one airflow of a run; ``seconds`` is shared by all airflows of the run.
 
-    ``label`` tells the stages of another airflow of the same scene apart in ``seconds`` and to the listener; it is
-    empty for the answer's own.
+    ``label`` tells the stages of another airflow of the same scene apart in ``seconds`` and to the listener.
     """
 
     store: Store
     listener: Listener
-    seconds: dict[StageKey, StageTime]
-    label: str = ""
+    seconds: dict[str, StageTime]
+    label: AirLabel = OWN
 
     def tell(self, stage: str, text: str) -> None:
         """Let the listener hear of a stage; ends here where what runs beside has failed."""
         heed()
-        self.listener(f"{self.label}{stage}", text)
+        self.listener(StageKey(self.label, stage), text)
 
     def make(self, stage: str, key: str, work: Callable[[Path], Any]) -> Path:
         """The folder of a stage, from the cache or by ``work(folder)``; the seconds it took to compute are noted."""

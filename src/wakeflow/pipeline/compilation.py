@@ -1,4 +1,4 @@
-"""The tracker's compilation, which a run waits for at most once."""
+"""The compilation of the tracker's two kernels: by set-up, in the background of a run, or where granules first fly."""
 
 from __future__ import annotations
 
@@ -8,15 +8,52 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Thread
 
+import numpy as np
+
+from .. import tracking
 from ..core.errors import ProgramError
 from ..core.process import call_in_child, cores
+from ..core.store import cache_root
+from ..planning.machine_rates import is_compiled
+from ..planning.stages import OWN, StageKey
 from .cache import StageCache
-from .stages import StageKey, StageTime
+from .stages import StageTime
 
-__all__ = ["COMPILED", "Compilation"]
+__all__ = ["COMPILED", "Compilation", "compile_ahead", "compile_slab", "compile_tracker"]
 
-COMPILED = StageKey("", "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+COMPILED = StageKey(OWN, "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+TRACKER, SLAB = "compile_tracker", "compile_slab"  # functions of this module that a child process calls
 _here, _slab_here = Event(), Event()  # this process has the tracker; and the slab's kernel
+
+
+def compile_tracker(_: None = None) -> None:
+    """Have the tracker compiled, or read from its cache, before time is taken; by one process for all that ask."""
+    _fly_once("tracker", None)
+
+
+def compile_slab(_: None = None) -> None:
+    """Have the slab's kernel compiled, or read from its cache, before it is needed; by one process for all that ask."""
+    _fly_once("slab", tracking.Collisions(depth=0.1, step=1e-4))
+
+
+def compile_ahead() -> None:
+    """Have both kernels compiled side by side, where the cache has not got them yet: for set-up."""
+    if not is_compiled(cache_root()):
+        children = [_in_child(function, cache_root() / f"log.{function}") for function in (TRACKER, SLAB)]
+        for child in children:
+            child.join()
+
+
+def _fly_once(kernel: str, collisions: tracking.Collisions | None) -> None:
+    """Fly two granules for a moment; other processes that compile this ``kernel`` are waited for."""
+    from filelock import FileLock
+
+    place, speed = np.array([[0.0, 0.0], [0.0, 1.0]]), np.zeros((2, 2))
+    still = tracking.Granules(position=place, velocity=speed, diameter=1e-3, density=1e3)
+    root = cache_root()
+    root.mkdir(parents=True, exist_ok=True)
+    with FileLock(root / f"compile-{kernel}.lock"):
+        tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",), collisions=collisions)
 
 
 @dataclass
@@ -31,9 +68,9 @@ class Compilation:
         is free for them and this process has not got it yet.
         """
         if not self.children and cores() > 1 and not (_slab_here if slab else _here).is_set():
-            self.children.append(_in_child("tracks:compile_tracker", log))
+            self.children.append(_in_child(TRACKER, log))
             if slab:
-                self.of_the_slab.append(_in_child("crowd_flight:compile_slab", log.with_name(f"{log.name}-slab")))
+                self.of_the_slab.append(_in_child(SLAB, log.with_name(f"{log.name}-slab")))
 
     def finish_slab(self) -> None:
         """Wait for the slab's kernel, where another process compiles it."""
@@ -43,10 +80,9 @@ class Compilation:
 
     def finish(self, cache: StageCache) -> None:
         """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
-        from .tracks import compile_tracker
-
         started = time.monotonic()
-        cache.tell("compile", "the tracker is compiled, once for each version of it")
+        known = "read from the cache" if is_compiled(cache_root()) else "compiled: half a minute, once for each version"
+        cache.tell("compile", f"the tracker is {known}")
         for child in self.children:
             child.join()
         compile_tracker()
@@ -57,12 +93,12 @@ class Compilation:
 
 
 def _in_child(function: str, log: Path) -> Thread:
-    """A thread that waits for another process to call a ``function`` of this package."""
+    """A thread that waits for another process to call a ``function`` of this module."""
 
     def wait() -> None:
         log.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(ProgramError):  # only time is lost: a kernel compiles where it is first used
-            call_in_child(f"wakeflow.pipeline.{function}", None, log=log)
+            call_in_child(f"{__name__}:{function}", None, log=log)
 
     thread = Thread(target=wait, daemon=True)
     thread.start()

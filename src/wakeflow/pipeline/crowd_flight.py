@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tracking
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.files import atomic_write
 from ..core.process import cores
 from ..field import FlowField
@@ -27,7 +27,7 @@ from .landings import Landings
 from .realisations import Realisations
 from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
 
-__all__ = ["SlabFlight", "SlabFlown", "compile_slab", "load_crowd", "steady_after", "step_of"]
+__all__ = ["SlabFlight", "SlabFlown", "load_crowd", "steady_after", "step_of"]
 
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
@@ -112,7 +112,6 @@ class SlabFlight:
         tracks = self._track(field, stream, number)
         kept = stream.counted
         bin_, fate = tracks.ends(len(self.scene.bin))
-        assert tracks.meetings is not None
         assert tracks.crowd is not None
         return {
             "step": np.array([tracks.crowd.step, tracks.crowd.step_error]),
@@ -129,7 +128,7 @@ class SlabFlight:
             "realisation": np.full(int(kept.sum()), realisation, dtype=np.uint8),
             "cycle": self.airs.cycle_of(stream.granules.time)[kept],
             "weight": stream.mass[kept],
-            "meetings": tracks.meetings[kept].astype(np.int32),
+            "meetings": known(tracks.meetings)[kept].astype(np.int32),
             "drag": stream.granules.drag_scale[kept].astype(np.float32),
         }
 
@@ -178,19 +177,9 @@ class SlabFlight:
         )
 
 
-def compile_slab(_: None = None) -> None:
-    """Have the slab's kernel compiled, or read from its cache, before it is needed."""
-    place, speed = np.array([[0.0, 0.0], [0.0, 1.0]]), np.zeros((2, 2))
-    still = tracking.Granules(position=place, velocity=speed, diameter=1e-3, density=1e3)
-    tracking.track(
-        None, still, until=1e-3, length=1.0, forces=("gravity",), collisions=tracking.Collisions(depth=0.1, step=1e-4)
-    )
-
-
 def steady_after(plan: Plan, landings: Mapping[str, Landings]) -> float:
     """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one."""
-    crowd = plan.crowd
-    assert crowd is not None
+    crowd = known(plan.crowd)
     real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
     return max(float(np.quantile(landings[name].time, LATE)) for name in real)
 

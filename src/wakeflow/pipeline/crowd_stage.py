@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.crowd import CrowdPlan
@@ -73,8 +74,7 @@ class CrowdStage:
     @property
     def crowd(self) -> CrowdPlan:
         """What the plan says of the slab. The plan must have one."""
-        assert self.plan.crowd is not None
-        return self.plan.crowd
+        return known(self.plan.crowd)
 
     @cached_property
     def start_up(self) -> float:
@@ -95,7 +95,7 @@ class CrowdStage:
         feed, crowd = self.scene.feed, self.crowd
         fed = feed.mass_flow, feed.depth, self.scene.mass_shares(), repr(self.scene.collisions)
         flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("crowd"))
+        return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("slab"))
 
     def fly(self, companion: CrowdCompanion | None = None) -> SlabFound:
         """The slab; under a ``companion``'s change some of its replicates."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.process import cores
@@ -151,8 +152,7 @@ class DrawStage:
 
         found = self.tracks.airs
         if air.theta is not None or air.strength is not None:
-            wake = self.tracks.plan.airflow.wake
-            assert wake is not None
+            wake = known(self.tracks.plan.airflow.wake)
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
             found = self.tracks.realised(Companion("draws", wake=(theta, strength)))

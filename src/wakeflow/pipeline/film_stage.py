@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.files import write_json
 from ..core.lazy import cached_property
 from ..core.store import content_key
@@ -107,8 +108,7 @@ class FilmStage:
     def _slab(self, span: float) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
         from .crowd_flight import SlabFlight
 
-        crowd = self.plan.crowd
-        assert crowd is not None
+        crowd = known(self.plan.crowd)
         depth = crowd.depth * max(THINNEST, min(1.0, IN_VIEW / max(sum(crowd.in_flight.values()), 1.0)))
         tell = partial(self.cache.tell, "film")
         tell(f"granules meet in a slab of {1e3 * depth:.3g} mm")

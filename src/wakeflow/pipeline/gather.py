@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.boxes import Boxes, ForceDensity
+from ..core.errors import known
 from ..core.files import atomic_write, write_json
 from ..field import FlowField
 from ..injection.feed import feedstock
@@ -87,9 +88,8 @@ def _lost(tracks: Tracks, grains: Granules, air_density: float, forces: tuple[st
     """Velocity (2,) m/s that a granule gave to the air on its whole way, mean over all: what gravity gave it less what
     all but walls did, told from the ends of the tracks alone.
     """
-    assert tracks.recorded is not None
-    gain = np.array([path[-1, 5:7] - path[0, 5:7] for path in tracks.recorded])
-    lasted = np.array([path[-1, 0] - path[0, 0] for path in tracks.recorded])
+    gain = np.array([path[-1, 5:7] - path[0, 5:7] for path in known(tracks.recorded)])
+    lasted = np.array([path[-1, 0] - path[0, 0] for path in known(tracks.recorded)])
     lift = air_density / grains.density if "buoyancy" in forces else 0.0
     fallen = -GRAVITY * (1.0 - lift) * lasted
     return np.asarray(np.stack([-gain[:, 0], fallen - gain[:, 1]], axis=1).mean(axis=0))

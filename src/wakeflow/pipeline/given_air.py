@@ -18,11 +18,11 @@ __all__ = ["GivenAir"]
 class GivenAir(CaseAir):
     """A solved OpenFOAM case of the user's: it is measured, not solved."""
 
+    means = "a solved case of yours"
+
     @property
     def case(self) -> Path:
-        assert self.scene.air is not None
-        assert self.scene.air.case is not None
-        return Path(self.scene.air.case)
+        return Path(known(self.scene.airstream.case))
 
     @property
     def half(self) -> bool:
@@ -32,8 +32,7 @@ class GivenAir(CaseAir):
         """Its files are in the key: a new solution counts."""
         from ..foam.user_case import case_files, measure_given
 
-        assert self.scene.air is not None
-        time = self.scene.air.time or "latest"
+        time = self.scene.airstream.time or "latest"
         files = digest_files(case_files(self.case, time))
         key = content_key("given", repr(self.flow_spec), time, files, code_of("given"))
 

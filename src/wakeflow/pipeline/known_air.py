@@ -21,6 +21,7 @@ __all__ = ["AnalyticAir", "NoAir"]
 class NoAir(AirflowKind):
     """No air: granules fly in a vacuum."""
 
+    means = "left out, granules fly in parabolas from impact to impact"
     at_once = True
 
     def make_field(self) -> None:
@@ -34,6 +35,7 @@ class NoAir(AirflowKind):
 class AnalyticAir(AirflowKind):
     """The air of a channel in which nothing stands; made in no time, so not kept."""
 
+    means = "known everywhere, since nothing stands in it"
     at_once = True
 
     def make_field(self) -> tuple[str, FlowField]:

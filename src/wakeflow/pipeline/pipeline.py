@@ -11,13 +11,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.store import Store, cache_root, content_key
 from ..funnel import compute as compute_funnel
 from ..funnel.delivered import FunnelSummary
 from ..planning.make import Planner
 from ..planning.plan import Plan
+from ..planning.stages import OWN, AirLabel, StageKey
 from ..scene import Scene
 from . import blended_air, given_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
 from .air_loading import AirLoading
@@ -28,7 +29,7 @@ from .compilation import Compilation
 from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound
 from .draws import Draws, DrawStage
 from .film_stage import Film, FilmStage
-from .stages import StageKey, StageTime
+from .stages import StageTime
 from .track_stage import Companion, TrackStage
 
 if TYPE_CHECKING:
@@ -57,9 +58,9 @@ class Pipeline:
     listener: Listener = silent
     workers: int | None = None
     store: Store = field(default_factory=lambda: Store(cache_root()))
-    seconds: dict[StageKey, StageTime] = field(default_factory=dict)
+    seconds: dict[str, StageTime] = field(default_factory=dict)
     grid: int = 0
-    label: str = ""
+    label: AirLabel = OWN
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
     neighbour: Pipeline | None = None
@@ -174,16 +175,14 @@ class Pipeline:
     @cached_property
     def draft(self) -> Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
-        assert self.planner is not None
-        plan = self.planner.at(self.scene).plan("draft")
+        plan = known(self.planner).at(self.scene).plan("draft")
         grid = min(self.grid, len(plan.airflow.scales) - 1)
-        return replace(self, plan=plan, grid=grid, label=f"{self.label}draft ")
+        return replace(self, plan=plan, grid=grid, label=self.label._replace(draft=True))
 
     def on_grid(self, grid: int) -> Pipeline:
         """The same scene on another of the plan's grids; the same one whenever it is asked for."""
         if grid not in self._grids:
-            scale = self.plan.airflow.scales[grid]
-            other = replace(self, grid=grid, label=f"{self.label}grid x {scale:.2g} ")
+            other = replace(self, grid=grid, label=self.label._replace(grid=self.plan.airflow.scales[grid]))
             self._grids[grid], other._grids = other, self._grids
         return self._grids[grid]
 

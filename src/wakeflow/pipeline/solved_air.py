@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.record import load
@@ -100,6 +101,8 @@ class SolvedAir(CaseAir):
 class SteadyAir(SolvedAir):
     """One steady solution: the flow itself where the wake does not shed."""
 
+    means = "one steady wake"
+
     def start(self) -> Path | None:
         """The steady airflow of a neighbour, where the scene has one."""
         near = self.neighbour()
@@ -113,6 +116,8 @@ class SteadyAir(SolvedAir):
 @airflow_kinds.register("time-resolved")
 class TimeResolvedAir(SolvedAir):
     """A solution in time: whole periods of the shedding wake, repeated."""
+
+    means = "the wake in time"
 
     def start(self) -> Path | None:
         """The steady wake."""
@@ -132,8 +137,7 @@ class TimeResolvedAir(SolvedAir):
         key, resolved = self.resolved
         if resolved.times is None or theta == strength == 1.0:  # it came to rest, or is asked for as it is
             return self.resolved
-        steady = self.steady().field
-        assert steady is not None
+        steady = known(self.steady().field)
         made = content_key("blend", key, steady[0], theta, strength, code_of("blend"))
         return made, blended_wake(resolved, steady[1], theta, strength)
 

@@ -29,6 +29,8 @@ __all__ = ["SpanAir"]
 class SpanAir(SolvedAir):
     """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
 
+    means = "the wake in three dimensions"
+
     def start(self) -> Path:
         return self.steady().case
 
@@ -44,8 +46,7 @@ class SpanAir(SolvedAir):
 
     @property
     def cells(self) -> int:
-        assert self.flow_spec.span is not None
-        return super().cells * self.flow_spec.span.layers
+        return super().cells * known(self.flow_spec.span).layers
 
     @cached_property
     def layers(self) -> tuple[str, Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..core.errors import known
 from ..field import FlowField
 from ..field.cross_fade import cross_faded
 from ..foam.case import FlowSpec
@@ -23,13 +24,11 @@ def layer_file(folder: Path, number: int) -> Path:
 def save_layers(case: Path, folder: Path, spec: FlowSpec, flown: Sequence[int]) -> None:
     """Write the periodic fields of the layers that are ``flown`` into ``folder``, one at a time."""
     record = SpanRecord(case, CaseFields(case))
-    assert spec.span is not None
-    begin = spec.span.start_up * spec.convective_time
+    begin = known(spec.span).start_up * spec.convective_time
     for number, layer in enumerate(flown):
         (arrays,) = read_layers(record, [layer], begin, spec.density)
         field = FlowField.from_arrays(**arrays)
-        assert field.times is not None
-        cross_faded(field, lead_of(spec, field.times)).save(layer_file(folder, number))
+        cross_faded(field, lead_of(spec, known(field.times))).save(layer_file(folder, number))
 
 
 def layer_field(folder: Path, number: int) -> FlowField:

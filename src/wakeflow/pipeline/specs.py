@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..laws.turbulence_models import USUAL, turbulence_models
 from ..planning.plan import Plan
 from ..scene import Scene
@@ -45,13 +46,12 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     air, how = scene.air, plan.airflow
     amplitude, omega = scene.motion
     assert air is not None
-    assert how.turbulence is not None
     return FlowSpec(
         mesh=mesh,
         speed=air.speed,
         density=air.density,
         viscosity=air.viscosity,
-        turbulence=how.turbulence if how.turbulence in turbulence_models else USUAL,
+        turbulence=known(how.turbulence) if known(how.turbulence) in turbulence_models else USUAL,
         stepping=how.stepping or "steady",
         intensity=air.turbulence,
         profile=air.profile,

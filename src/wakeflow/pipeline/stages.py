@@ -1,23 +1,10 @@
-"""The stages of a pipeline by name, and the run time that each took."""
+"""The run time that a stage took."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from ..core.record import column
-
-__all__ = ["StageKey", "StageTime"]
-
-
-class StageKey(NamedTuple):
-    """A ``stage`` of one pipeline; ``label`` tells the pipelines of a scene's airflows apart, "" for the answer's."""
-
-    label: str
-    stage: str
-
-    def __str__(self) -> str:
-        return self.label + self.stage
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..planning.plan import COMPARED, REPLICATES, Plan
@@ -71,7 +72,7 @@ class TrackStage:
         versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
-        flown = self.plan.flown_by, mirrored, len(airs), airs.cycles
+        flown = mirrored, len(airs), airs.cycles
         if self.loading is not None:
             upstream = content_key(upstream, self.loading.key)
         return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
@@ -119,8 +120,7 @@ class TrackStage:
         found = self.airs if change.loaded else self.air.realisations
         if change.wake is None or found.field is None:
             return found
-        other = self.air.between(*change.wake)
-        assert other is not None
+        other = known(self.air.between(*change.wake))
         only = replace(self.air.realisations, field=other[1], others=())
         return only if self.loading is None or not change.loaded else only.mapped(self.loading.apply)
 
@@ -132,6 +132,5 @@ class TrackStage:
 
     def finish_compiling(self, stage: str, key: str) -> None:
         """Wait for the tracker's compilation where a stage will be flown by it, for the first time in this run."""
-        first = self.plan.flown_by == "tracker" and COMPILED not in self.cache.seconds
-        if first and not self.cache.store.holds(stage, key):
+        if COMPILED not in self.cache.seconds and not self.cache.store.holds(stage, key):
             self.compilation.finish(self.cache)

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tracking
-from ..ballistics import follow
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.files import atomic_write
 from ..field import FlowField
 from ..injection.feed import Feedstock, feedstock
@@ -27,8 +26,6 @@ from ..scene.pictures import DRAWN
 from ..tracking import Body, Granules, Tracks
 from .drawn import paths_of, save_drawn_tracks
 from .realisations import Realisations
-
-__all__ = ["Flight", "bodies_and_walls", "compile_tracker", "end_lines", "landing_columns", "seed_of"]
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
@@ -184,12 +181,6 @@ class Flight:
         speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
         patience = PATIENCE if scene.body else HOVERING
         until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
-        if self.plan.flown_by == "chain":
-            return follow(
-                grains, until=until, tolerance=self.tolerance, length=scene.width, bodies=bodies_and_walls(scene),
-                lines=end_lines(scene), gravity=(0.0, -GRAVITY), seed=seed_of(scene.feed.seed, name, stream),
-                record=record > 0,
-            )  # fmt: skip
         return tracking.track(
             self.airs.field,
             grains,
@@ -206,12 +197,6 @@ class Flight:
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
         )
-
-
-def compile_tracker(_: None = None) -> None:
-    """Have the tracker compiled, or read from its cache, before time is taken."""
-    still = Granules(position=np.zeros((1, 2)), velocity=np.zeros((1, 2)), diameter=1e-3, density=1e3)
-    tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",))
 
 
 def seed_of(seed: int, name: str, stream: int) -> int:
@@ -266,9 +251,7 @@ def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     found = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
     for bin_ in scene.bin.values():
         if bin_.points is None and bin_.on == side:
-            assert bin_.start is not None
-            assert bin_.to is not None
-            found.append((bin_.start, bin_.to))
+            found.append((known(bin_.start), known(bin_.to)))
     return sorted(found)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.geometry import is_symmetric
 from ..core.graded import Notice, information, less_sure
 from ..core.record import column
@@ -194,8 +194,7 @@ class SolvedAirPlan(AirflowPlan):
 
     @property
     def kind(self) -> str:
-        assert self.stepping is not None
-        return self.stepping if self.wake is None else "best-estimate"
+        return known(self.stepping) if self.wake is None else "best-estimate"
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
         if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
@@ -243,9 +242,8 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
         return _analytic(scene, asked)
     if scene.air.case is not None:
         return _given(scene.air.case, asked)
-    assert scene.reynolds is not None
-    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(scene.reynolds, target_error)
-    return _at_body(scene, scene.reynolds, name, why)
+    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(known(scene.reynolds), target_error)
+    return _at_body(scene, known(scene.reynolds), name, why)
 
 
 def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:

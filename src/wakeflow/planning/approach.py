@@ -108,8 +108,7 @@ class BodyArrival(NamedTuple):
 
 def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArrival:
     """Of a fraction, with its drag ``law`` and the factor on it. Needs air."""
-    assert scene.air is not None
-    fraction, air = scene.fraction[name], scene.air
+    fraction, air = scene.fraction[name], scene.airstream
     granule, phi = fraction.properties, fraction.sphericity or 1.0
     slips = scale / float(slip_correction(granule.diameter))
     settling = terminal_velocity(

@@ -1,7 +1,7 @@
 """What a plan will cost: the seconds of each stage, memory and disk, before anything is started.
 
-All numbers are measured: runs of the shipped scenes on two cores of 2020s hardware. What this machine makes of the
-seconds is in :mod:`.machine_rates`.
+The program's own stages are registered here, each with what it costs. All numbers are measured: runs of the shipped
+scenes on two cores of 2020s hardware. What this machine makes of the seconds is in :mod:`.machine_rates`.
 """
 
 from __future__ import annotations
@@ -9,26 +9,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from ..funnel import CODE as POURING
 from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
 from .airflow_cost import solver_seconds, span_cost, typical_cells
 from .crowd import CrowdPlan
-from .flights_again import times_again
-from .plan import AT_ONCE, COMPARED, DRAWS, GATHERED, REPLICATES, CostEstimate, FractionPlan, StageCost, replicate_size
-
-__all__ = ["AirflowCost", "airflow_cost", "estimate_cost", "expected_stages", "wall_seconds"]
+from .plan import AT_ONCE, COMPARED, GATHERED, REPLICATES, CostEstimate, FractionPlan, replicate_size
+from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
 
 STARTED = 2.0  # s: importing and planning
 REPORT = 4.0  # s: its figures, tables and the field's files
 SECONDS_A_GRANULE = 450e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
 IN_KNOWN_AIR = 120e-6  # s of both cores: the same in air that is known without triangles
-BY_CHAIN = 30e-6  # s of both cores: of a flight from impact to impact without air
+WITHOUT_AIR = 30e-6  # s of both cores: of a flight from impact to impact
 EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
-DRAWN = 0.05  # s: to draw the granules of a fraction anew, and its air
 PASSES, AGAIN_UNDER_FORCE = 3, 0.5  # of the air that feels the granules; a solution under force over a first one
 RESIDENCE = 5.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
@@ -38,7 +36,6 @@ FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
-SLAB_AGAIN = {"slab longer steps": 0.18, "thinner slab": 0.14}  # of the slab's time: part of it with one thing changed
 SLAB_IN_KNOWN_AIR = 0.25  # of its time in air on triangles
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
@@ -54,30 +51,31 @@ def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
     """What is shared by all scenes that fly in one airflow."""
     cells, deep = typical_cells(scene, airflow), span_cost(scene, airflow)
     kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
-    seconds = sum(stage.whole for stage in _airflow_stages(scene, airflow))
+    work = Workload(scene, airflow, None, 0, 0.0)
+    seconds = sum(cost.whole for stage in (MESH, AIRFLOW, FIELD) for cost in stage.cost(work))
     return AirflowCost(seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
 
 
 def estimate_cost(
-    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], stages: Sequence[StageCost]
+    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], expected: Sequence[StageCost]
 ) -> CostEstimate:
-    """What a run of these ``stages`` costs."""
+    """What a run of these ``expected`` stages costs."""
     count = _fed(scene)
     at_once = max(min(count, AT_ONCE), count // REPLICATES)
     air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
     return CostEstimate(
-        seconds=wall_seconds(stages),
+        seconds=wall_seconds(expected),
         memory=max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
         disk=FILES + air.disk + BYTES_STORED * count * len(fractions),
     )
 
 
-def wall_seconds(stages: Sequence[StageCost], cores: int = 2) -> float:
-    """Seconds until the last of ``stages`` is done. What does not need the answer's own airflow is made beside it, on
-    another core where there is one.
+def wall_seconds(expected: Sequence[StageCost], cores: int = 2) -> float:
+    """Seconds until the last of the ``expected`` stages is done. What does not need the answer's own airflow is made
+    beside it, on another core where there is one.
     """
     spent = dict.fromkeys(StageCost.ORDER, 0.0)
-    for stage in stages:
+    for stage in expected:
         spent[stage.when] += stage.whole
     together = (max if cores > 1 else sum)((spent["answer"], spent["beside"]))
     return STARTED + spent["first"] + together + spent["after"]
@@ -86,51 +84,101 @@ def wall_seconds(stages: Sequence[StageCost], cores: int = 2) -> float:
 def expected_stages(
     scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CrowdPlan | None
 ) -> tuple[StageCost, ...]:
-    """The stages of a run by the names that its listener hears, in the order in which they are usually done."""
-    found = []
-    if scene.funnel is not None:
-        found.append(StageCost("funnel", estimated_seconds(scene.funnel), "first"))
-    found += _airflow_stages(scene, airflow)
-    if airflow.loaded:
-        found += _loading_stages(scene, airflow, fractions)
-    found.append(StageCost("tracks", _flown(airflow, fractions, _fed(scene)), "after"))
-    if crowd is not None:
-        slab = crowd.seconds * (SLAB_IN_KNOWN_AIR if airflow.kind == "analytic" else 1.0)
-        found.append(StageCost("slab", slab, "after"))
-        found += [StageCost(name, part * slab, "after") for name, part in SLAB_AGAIN.items()]
-    found += _flown_again(scene, airflow, fractions)
-    if airflow.wake is not None or airflow.span is not None:
-        found.append(StageCost("residence", RESIDENCE, "after"))
-    return (*found, StageCost("report", REPORT, "after"))
+    """The stages of a run, and those in which the sources of its budget fly granules again, in the order in which they
+    are usually done.
+    """
+    effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
+    work = Workload(scene, airflow, crowd, len(fractions), len(fractions) + effort)
+    sources = sorted((error_sources[name] for name in error_sources), key=lambda source: source.place)
+    again = [cost for source in sources for cost in source.costs(work)]
+    found = [*(cost for name in stages for cost in stages[name].cost(work)), *again]
+    found.sort(key=lambda cost: StageCost.ORDER.index(cost.when))
+    return (*found, StageCost(StageKey(OWN, "report"), REPORT, "after"))
 
 
-def _airflow_stages(scene: Scene, airflow: AirflowPlan) -> Iterator[StageCost]:
-    """Meshes, solutions and fields, the answer's own and those of its other grids."""
-    if airflow.stepping is None:
-        return
-    steady = airflow.stepping == "steady"
-    for number, scale in enumerate(airflow.scales):
-        grid = "" if number == 0 else f"grid x {scale:.2g} "
-        own, before = ("answer", "first") if number == 0 else ("beside", "beside")
-        cells = typical_cells(scene, airflow, number)
-        yield StageCost(f"{grid}mesh", MESHED[0] + MESHED[1] * cells, before)
-        start, rest = solver_seconds(scene, airflow, number)
-        if not steady:
-            yield StageCost(f"{grid}draft mesh", MESHED[0] + 0.5 * MESHED[1] * cells, before)
-            yield StageCost(f"{grid}draft airflow", start, before)
-            yield StageCost(f"{grid}draft field", READ["steady"], "beside")
-        yield StageCost(f"{grid}airflow", rest + span_cost(scene, airflow).core_seconds * (number == 0), own)
-        yield StageCost(f"{grid}field", READ[airflow.stepping], own)
+def flown_again(work: Workload, name: str, times: float, label: AirLabel = OWN, *, more: float = 0.0) -> StageCost:
+    """The cost of a stage in which the granules of a comparison fly ``times`` again, in the answer's own airflow or
+    that with the ``label``; ``more``: seconds of anything else.
+    """
+    ahead = label != OWN and work.airflow.stepping is not None
+    compared = _flown(work, _fed(work.scene) * COMPARED // REPLICATES) - EACH_STAGE
+    seconds = EACH_STAGE + more + compared * times
+    return StageCost(StageKey(label, name), seconds, "beside" if ahead else "after")
 
 
-def _loading_stages(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> Iterator[StageCost]:
+def slab_again(work: Workload, name: str, part: float) -> Iterator[StageCost]:
+    """The cost of a stage that takes this part of the slab's time, where there is one."""
+    for cost in _in_slab(work):
+        yield StageCost(StageKey(OWN, name), part * cost.seconds, "after")
+
+
+def _pouring(work: Workload) -> Iterator[StageCost]:
+    if work.scene.funnel is not None:
+        yield StageCost(StageKey(OWN, "funnel"), estimated_seconds(work.scene.funnel), "first")
+
+
+def _airs(work: Workload) -> Iterator[tuple[int, AirLabel, str, str]]:
+    """Number and label of every solved airflow of a run, and when its mesh is made and when it is solved: the answer's
+    own, those on other grids, and the steady one that each starts from in time.
+    """
+    for number, scale in enumerate(work.airflow.scales if work.airflow.stepping is not None else ()):
+        label = OWN if number == 0 else AirLabel(grid=scale)
+        meshed, solved = ("first", "answer") if number == 0 else ("beside", "beside")
+        yield number, label, meshed, solved
+        if work.airflow.stepping != "steady":
+            yield number, label._replace(draft=True), meshed, meshed
+
+
+def _meshing(work: Workload) -> Iterator[StageCost]:
+    for number, label, meshed, _ in _airs(work):
+        cells = typical_cells(work.scene, work.airflow, number)
+        half = 0.5 if label.draft else 1.0
+        yield StageCost(StageKey(label, "mesh"), MESHED[0] + half * MESHED[1] * cells, meshed)
+
+
+def _solving(work: Workload) -> Iterator[StageCost]:
+    for number, label, _, solved in _airs(work):
+        start, rest = solver_seconds(work.scene, work.airflow, number)
+        deep = span_cost(work.scene, work.airflow).core_seconds * (number == 0)
+        yield StageCost(StageKey(label, "airflow"), start if label.draft else rest + deep, solved)
+
+
+def _reading(work: Workload) -> Iterator[StageCost]:
+    for _, label, _, solved in _airs(work):
+        seconds = READ["steady" if label.draft else work.airflow.stepping or "steady"]
+        yield StageCost(StageKey(label, "field"), seconds, "beside" if label.draft else solved)
+
+
+def _gathering(work: Workload) -> Iterator[StageCost]:
     """The passes of the air that feels the granules, through the steady airflow."""
-    steady = airflow.stepping == "steady"
-    draft, when = "" if steady else "draft ", "after" if steady else "beside"
-    gathered = _flown(airflow, fractions, GATHERED)
-    yield StageCost(f"{draft}momentum", gathered, when, PASSES + 1)
-    start, rest = solver_seconds(scene, airflow, 0)
-    yield StageCost(f"{draft}loaded-airflow", AGAIN_UNDER_FORCE * (rest if steady else start), when, PASSES)
+    if work.airflow.loaded:
+        steady = work.airflow.stepping == "steady"
+        key = StageKey(AirLabel(draft=not steady), "momentum")
+        yield StageCost(key, _flown(work, GATHERED), "after" if steady else "beside", PASSES + 1)
+
+
+def _loading(work: Workload) -> Iterator[StageCost]:
+    if work.airflow.loaded:
+        steady = work.airflow.stepping == "steady"
+        key = StageKey(AirLabel(draft=not steady), "loaded-airflow")
+        start, rest = solver_seconds(work.scene, work.airflow, 0)
+        seconds = AGAIN_UNDER_FORCE * (rest if steady else start)
+        yield StageCost(key, seconds, "after" if steady else "beside", PASSES)
+
+
+def _flying(work: Workload) -> Iterator[StageCost]:
+    yield StageCost(StageKey(OWN, "tracks"), _flown(work, _fed(work.scene)), "after")
+
+
+def _in_slab(work: Workload) -> Iterator[StageCost]:
+    if work.crowd is not None:
+        slower = SLAB_IN_KNOWN_AIR if work.airflow.kind == "analytic" else 1.0
+        yield StageCost(StageKey(OWN, "slab"), work.crowd.seconds * slower, "after")
+
+
+def _residing(work: Workload) -> Iterator[StageCost]:
+    if work.airflow.wake is not None or work.airflow.span is not None:
+        yield StageCost(StageKey(OWN, "residence"), RESIDENCE, "after")
 
 
 def _fed(scene: Scene) -> int:
@@ -138,17 +186,40 @@ def _fed(scene: Scene) -> int:
     return REPLICATES * replicate_size(scene.feed.count)
 
 
-def _flown(airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], count: int) -> float:
+def _flown(work: Workload, count: int) -> float:
     """Seconds in which ``count`` granules of every fraction fly once."""
-    effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
-    one = SECONDS_A_GRANULE if airflow.stepping is not None or airflow.rung == "given" else IN_KNOWN_AIR
-    return EACH_STAGE + (BY_CHAIN if airflow.rung == "none" else one) * count * (len(fractions) + effort)
+    one = SECONDS_A_GRANULE if work.airflow.stepping is not None or work.airflow.rung == "given" else IN_KNOWN_AIR
+    return EACH_STAGE + (WITHOUT_AIR if work.airflow.rung == "none" else one) * count * work.effort
 
 
-def _flown_again(scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan]) -> Iterator[StageCost]:
-    """The stages in which a part of the granules flies again, for the budget."""
-    compared = _flown(airflow, fractions, _fed(scene) * COMPARED // REPLICATES) - EACH_STAGE
-    for stage, times in times_again(airflow).items():
-        ahead = airflow.stepping is not None and stage.startswith(("draft ", "grid "))
-        drawn = DRAWS * DRAWN * len(fractions) if stage == "draws" and airflow.rung != "none" else 0.0
-        yield StageCost(stage, EACH_STAGE + drawn + compared * times, "beside" if ahead else "after")
+def _code(*modules: str) -> tuple[str, ...]:
+    return tuple(f"wakeflow.{module}" for module in modules)
+
+
+MESH = Stage("mesh", _code("meshing.build"), "mesh", Scaling.CELLS, "airflow", _meshing)
+AIRFLOW = Stage("airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "airflow", _solving)
+FIELD = Stage("field", _code("pipeline.case_field"), "field", Scaling.CELLS, "airflow", _reading)
+COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
+# In the order in which they are usually done. Those without a cost are part of another, or of few runs.
+for _one in (
+    Stage("funnel", POURING, "funnel", Scaling.ONCE, "funnel", _pouring),
+    COMPILE,
+    MESH,
+    AIRFLOW,
+    Stage("span", _code("foam.span_airflow"), scaling=Scaling.AIR),
+    Stage("given", _code("foam.user_case"), scaling=Scaling.ONCE),
+    Stage("duct", _code("pipeline.analytic"), scaling=Scaling.ONCE),
+    FIELD,
+    Stage("layers", _code("pipeline.span_field"), scaling=Scaling.CELLS),
+    Stage("blend", _code("field.blend"), scaling=Scaling.CELLS),
+    Stage("momentum", _code("pipeline.gather"), FLIGHTS, Scaling.AIR, "air loading", _gathering),
+    Stage("loaded-airflow", _code("foam.loaded_airflow"), "airflow", Scaling.AIR, "air loading", _loading),
+    Stage("change", _code("field.change"), scaling=Scaling.CELLS),
+    Stage("tracks", _code("pipeline.tracks", "pipeline.landings"), heading="tracks", cost=_flying),
+    Stage("slab", _code("pipeline.crowd_flight", "pipeline.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
+    Stage("draws", _code("pipeline.draws", "field.varied"), heading="draws"),
+    Stage("residence", _code("tracking.residence"), "field", Scaling.CELLS, "airflow", _residing),
+    Stage("film", _code("pipeline.film_stage", "pipeline.crowd_flight", "pipeline.gather")),
+    Stage("report", heading="report"),
+):
+    stages.add(_one.name, _one)

@@ -147,8 +147,7 @@ def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales
     """By what drag gives the median granule of each fraction down to the body; without a body, where the curtain is a
     jet, no more than at the largest slip all the way. The curtain is as dense as about one of its granules in the mean.
     """
-    assert scene.air is not None
-    air, feed = scene.air, scene.feed
+    air, feed = scene.airstream, scene.feed
     stream = air.density * air.speed * min(feed.width, scene.channel.width) * feed.depth  # kg/s
     mass = feed.crowding * feed.mass_flow / stream
     shares = scene.mass_shares().items()

@@ -77,10 +77,9 @@ def _given_by_drag(scene: Scene, times: FallTimes, density: float, slip: float) 
     """Velocity (m/s) that drag gives a granule on its way to the body; without one no more than it would at the largest
     ``slip`` all the way.
     """
-    assert scene.air is not None
     if not scene.body:
         return float(-slip * np.expm1(-times.whole / times.tau))
-    weight = GRAVITY * (1.0 - scene.air.density / density)
+    weight = GRAVITY * (1.0 - scene.airstream.density / density)
     return float(times.arrival - scene.release[1] - weight * (times.whole - times.time))
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.record import column
 from ..laws.collision import approach_speed, collide
@@ -61,14 +62,12 @@ class Deflection:
 
 def axis(scene: Scene) -> float:
     """x (m) of the first body's top, which parts the curtain."""
-    outline = scene.first_outline
-    assert outline is not None
+    outline = known(scene.first_outline)
     return float(outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=WIDEST * scene.width), 0].mean())
 
 
 def front_of(scene: Scene) -> Front:
     """The ideal flow before the first body: the registered front of its shape, else the wedge of its size."""
-    assert scene.air is not None
     body = next(iter(scene.body.values()))
     outline = body.outline()
     x, y = outline.T
@@ -76,7 +75,7 @@ def front_of(scene: Scene) -> Front:
     make = fronts[body.shape] if body.shape in fronts else fronts["wedge"]
     return make(
         half=0.5 * float(np.ptp(x)), depth=float(y.max() - widest), channel=0.5 * scene.channel.width,
-        speed=scene.air.speed,
+        speed=scene.airstream.speed,
     )  # fmt: skip
 
 
@@ -175,9 +174,8 @@ def _landing(scene: Scene, name: str, kind: _Kind, contacts: Met) -> Array:
     """How far off the axis (n, m) m granules land that met the face in ``contacts``: they leave the face, which is at
     rest, by the collision law, fly through uniform air, and bounce off the face again and off the channel's walls.
     """
-    assert scene.air is not None
     front, rim = front_of(scene), 0.5 * np.array(kind.diameters)[:, None]
-    floor, air = scene.level - scene.channel.bottom, complex(scene.air.speed)
+    floor, air = scene.level - scene.channel.bottom, complex(scene.airstream.speed)
     z, v = contacts.z.copy(), _bounced(scene, name, rim, contacts.v, contacts.normal)
     step = 2.0 * np.sqrt(2.0 * floor / GRAVITY) / FALL_STEPS
     for _ in range(FALL_STEPS):

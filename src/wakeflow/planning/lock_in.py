@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..scene import Scene
 from .airflow import SHEDDING_ABOVE
 from .bounds import VIBRATION
@@ -75,12 +75,10 @@ def frequency_ratios(scene: Scene) -> tuple[float, float]:
     """The range in which f / fs of a scene lies, before its airflow is known; of samples from their period's to that
     of their fastest change.
     """
-    assert scene.air is not None
-    assert scene.vibration is not None
     width = scene.width
-    reduced = width / scene.air.speed * (1.0 - width / scene.channel.width)
-    slow = 1.0 / scene.vibration.period
-    fast = slow if scene.vibration.samples is None else scene.vibration.record.pace / (2.0 * math.pi)
+    reduced = width / scene.airstream.speed * (1.0 - width / scene.channel.width)
+    slow = 1.0 / known(scene.vibration).period
+    fast = slow if known(scene.vibration).samples is None else known(scene.vibration).record.pace / (2.0 * math.pi)
     return slow * reduced / STROUHAL[1], fast * reduced / STROUHAL[0]
 
 
@@ -94,8 +92,7 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
         return None
     across, along = scene.shaking
     ratios = frequency_ratios(scene)
-    assert scene.reynolds is not None
-    sheds = scene.reynolds >= SHEDDING_ABOVE
+    sheds = known(scene.reynolds) >= SHEDDING_ABOVE
     sideways = abs(float(across)) / scene.air.speed
     motion = vibration_of_air(float(along) / scene.air.speed, ratios, accuracy, sheds=sheds)
     if asked is False:

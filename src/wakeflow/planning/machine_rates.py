@@ -16,29 +16,14 @@ from pathlib import Path
 
 from ..core.files import write_json
 from ..core.sources import PACKAGE
-from .plan import Plan, StageCost
-
-__all__ = ["COMPILE", "kind_of_work", "learn", "on_this_machine"]
+from .cost import COMPILE
+from .plan import Plan
+from .stages import OWN, StageCost, StageKey
 
 FILE = "machine-rates.json"  # by kind of work: (seconds, those expected), of the last runs
 KEPT = 9  # runs that a rate is the median of, weighted by the seconds that were expected of each
 STARTS = 20.0  # s added to both: a run of seconds tells how long programs take to start, not how fast they compute
-COMPILE, COMPILED = "compile", 45.0  # the stage of the tracker's compilation, and its seconds
-WORK = {  # a kind of work: the last words of the stages in which it is done
-    "mesh": ("mesh",),
-    "airflow": ("airflow", "loaded-airflow"),
-    "field": ("field", "residence"),
-    "slab": ("slab", "steps"),
-    "funnel": ("funnel",),
-    COMPILE: (COMPILE,),
-    "flights": (),  # whatever else is computed
-}
-
-
-def kind_of_work(stage: str) -> str:
-    """What is done in a stage, one of the kinds of work whose rates are learned."""
-    last = stage.rsplit(" ", 1)[-1]
-    return next((work for work, words in WORK.items() if last in words), "flights")
+COMPILED = 45.0  # s: the tracker's compilation
 
 
 def learn(root: Path, expected: Sequence[StageCost], spent: Mapping[str, float]) -> None:
@@ -48,7 +33,7 @@ def learn(root: Path, expected: Sequence[StageCost], spent: Mapping[str, float])
     both: dict[str, list[tuple[float, float]]] = {}
     for stage in expected:
         if stage.name in spent:
-            both.setdefault(kind_of_work(stage.name), []).append((spent[stage.name], stage.seconds))
+            both.setdefault(stage.key.stage.work, []).append((spent[stage.name], stage.seconds))
     if not both:
         return
     known = _read(root)
@@ -67,10 +52,10 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     """
     known = _read(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
-    here = [replace(one, seconds=one.seconds * rates.get(kind_of_work(one.name), 1.0)) for one in plan.stages]
-    if plan.flown_by == "tracker" and not _compiled(root):
+    here = [replace(one, seconds=one.seconds * rates.get(one.key.stage.work, 1.0)) for one in plan.stages]
+    if not is_compiled(root):
         waits = any(one.when == "answer" for one in here)
-        here.insert(0, StageCost(COMPILE, COMPILED, "beside" if waits else "first"))
+        here.insert(0, StageCost(StageKey(OWN, COMPILE.name), COMPILED, "beside" if waits else "first"))
     return tuple(here), max(map(len, known.values()), default=0)
 
 
@@ -81,7 +66,7 @@ def _rate(runs: Sequence[tuple[float, float]]) -> float:
     return rates[bisect_left(below, 0.5 * below[-1])][0]
 
 
-def _compiled(root: Path) -> bool:
+def is_compiled(root: Path) -> bool:
     """Whether the cache holds a compiled tracker that is newer than its sources: told from the times of files, since
     numba's own cache knows it for certain, but not at once.
     """

@@ -82,7 +82,6 @@ def make_plan(
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
         notices=gravest_first((*strained, *without_air.notices, *missing_lines(gates, flown.unit))),
-        flown_by="chain" if chain else "tracker",
         validity=validity,
         unit=flown.unit,
         crowd=crowd,
@@ -273,8 +272,7 @@ class _WithoutAir:
 
 def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _WithoutAir:
     """For each fraction of a scene with air that is flown without: what the air could move it by."""
-    assert scene.air is not None
-    air, widest = scene.air, scene.channel.width / scene.width
+    air, widest = scene.airstream, scene.channel.width / scene.width
     left_out, told = [], []
     for name, fraction in fractions.items():
         law = fraction.drag, fraction.drag_scale

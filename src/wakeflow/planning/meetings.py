@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.geometry import edges, normals
 from ..laws.constants import GRAVITY
 from ..laws.drag import slip_correction
@@ -269,9 +270,8 @@ def slope_of(scene: Scene) -> tuple[float, float]:
     """Angle (rad) of the first body's faces that granules fall on, mean over their projected width; their length (m)
     together.
     """
-    assert scene.first_outline is not None
-    start, end = edges(scene.first_outline)
-    up = normals(scene.first_outline)[:, 1] > LEVEL
+    start, end = edges(known(scene.first_outline))
+    up = normals(known(scene.first_outline))[:, 1] > LEVEL
     across, length = np.abs(end - start)[up, 0], np.linalg.norm(end - start, axis=1)[up]
     beta = np.arccos(np.clip(across / length, 0.0, 1.0))
     return float(np.average(beta, weights=across)), float(length.sum())

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import Any, ClassVar
+from typing import Any
 
 from ..core.graded import Notice
 from ..core.number import Most
@@ -16,6 +16,7 @@ from .bounds import COLLISIONS
 from .coupling import Limit
 from .crowd import CrowdPlan
 from .impaction import Deflection
+from .stages import StageCost
 from .terms import LeftOut
 
 __all__ = [
@@ -27,7 +28,6 @@ __all__ = [
     "SAME_AIR",
     "FractionPlan",
     "Plan",
-    "StageCost",
     "replicate_size",
     "whole_terms",
 ]
@@ -89,23 +89,6 @@ def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]
 
 
 @dataclass(frozen=True)
-class StageCost:
-    """What a stage is expected to take."""
-
-    ORDER: ClassVar[tuple[str, ...]] = ("first", "answer", "beside", "after")
-
-    name: str = column("", "of the stage, as in the table seconds")
-    seconds: float = column("s", "run time, each time")
-    when: str = column("", "first, in the answer's own airflow (answer), beside that on another core, or after it")
-    times: int = column("1", "how often", default=1)
-
-    @property
-    def whole(self) -> float:
-        """Seconds of all times together."""
-        return self.times * self.seconds
-
-
-@dataclass(frozen=True)
 class Plan:
     """What is computed and what is not: complete when it is made, and not changed afterwards."""
 
@@ -118,7 +101,6 @@ class Plan:
     estimate: CostEstimate = column("", "expected cost")
     stages: tuple[StageCost, ...] = column("", "what was to be done, in order", default=())
     notices: tuple[Notice, ...] = column("", "what a user must know before the run, the gravest first", default=())
-    flown_by: str = column("", "tracker, or chain: impacts and parabolas in closed form", default="tracker")
     validity: tuple[Limit, ...] = column("", "what the feed rate strains, and from which rate on", default=())
     unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")
     crowd: CrowdPlan | None = column("", "the slab in which granules meet; null where each flies alone", default=None)

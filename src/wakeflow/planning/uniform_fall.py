@@ -128,11 +128,10 @@ def arrival_speed(scene: Scene, name: str, law: str, scale: float) -> float:
     """Fall speed (m/s) of a fraction's median granule at the top of the body, drag by ``law`` times ``scale`` included;
     negative where the air carries it up. Needs air.
     """
-    assert scene.air is not None
     fraction = scene.fraction[name]
     size, phi = fraction.properties.diameter, fraction.sphericity or 1.0
     factor = scale / float(slip_correction(size))
-    return UniformFall(scene, scene.air, size, fraction.properties.density, law, phi, factor).arrival().speed
+    return UniformFall(scene, scene.airstream, size, fraction.properties.density, law, phi, factor).arrival().speed
 
 
 def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: float, drop: Array) -> Array:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.number import Number
 from ..core.quantities import split_quantity
 from ..core.registry import Registry
@@ -110,8 +111,7 @@ def _half(scene: Scene, key: str, entry: str, value: float, confidence: str) -> 
         how = "given without" if confidence == GIVEN else f"confidence {confidence},"
         return default.half(value, confidence, scene.width), f"default ({how} uncertainty; {default.status})"
     if isinstance(own, str):
-        parts = split_quantity(own)
-        assert parts is not None
+        parts = known(split_quantity(own))
         return 0.01 * parts[0] * abs(value), "the scene"
     return own, "the scene"
 
@@ -167,7 +167,7 @@ def _restitution(fraction: Fraction) -> float:
 def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """Terminal velocities, in the scene's own air; in a vacuum nothing settles."""
     for name, how in plan.fractions.items():
-        if scene.air is None or how.terminal_velocity is None or plan.flown_by == "chain":
+        if how.terminal_velocity is None or not _has_air(scene, plan):
             continue
         if how.terminal_velocity <= 0.0 or scene.fraction[name].properties.density <= STANDARD_AIR[0]:
             continue  # it rises: no drag is calibrated to that
@@ -180,15 +180,15 @@ def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: 
     """By the factor on the drag coefficient that makes the median granule fall so fast, in the standard air to which
     the same factor applies at a terminal velocity as much off.
     """
-    assert one.fraction is not None
-    how, granule = plan.fractions[one.fraction], scene.fraction[one.fraction].properties
-    return made.with_granules(one.fraction, drag=_drag_factor(granule.diameter, granule.density, how, x / one.value))
+    how, granule = plan.fractions[known(one.fraction)], scene.fraction[known(one.fraction)].properties
+    return made.with_granules(
+        known(one.fraction), drag=_drag_factor(granule.diameter, granule.density, how, x / one.value)
+    )
 
 
 def _drag_factor(diameter: float, density: float, plan: FractionPlan, ratio: float) -> float:
     """Factor on the drag that changes the terminal velocity by the factor ``ratio``."""
-    assert plan.terminal_velocity is not None
-    speeds = plan.terminal_velocity * np.array([1.0, max(ratio, LEAST)])
+    speeds = known(plan.terminal_velocity) * np.array([1.0, max(ratio, LEAST)])
     first, second = (
         float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, plan.drag))
         for speed in speeds
@@ -201,16 +201,14 @@ def _of_granules(name: str) -> Callable[[Variation, Unknown, float, Scene, Plan]
 
     def vary(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
         del scene, plan
-        assert one.fraction is not None
-        return made.with_granules(one.fraction, **{name: max(x / one.value, LEAST)})
+        return made.with_granules(known(one.fraction), **{name: max(x / one.value, LEAST)})
 
     return vary
 
 
 def _vary_restitution(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
     del scene, plan
-    assert one.fraction is not None
-    return made.with_granules(one.fraction, restitution=x - one.value)
+    return made.with_granules(known(one.fraction), restitution=x - one.value)
 
 
 unknown_kinds.add(
@@ -248,14 +246,14 @@ def _feed_position(scene: Scene, plan: Plan) -> Iterator[Unknown]:
 
 
 def _has_air(scene: Scene, plan: Plan) -> bool:
-    return scene.air is not None and plan.flown_by == "tracker"
+    """Whether granules fly in the scene's air."""
+    return scene.air is not None and plan.airflow.kind != "none"
 
 
 def _air_speed(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     if _has_air(scene, plan):
-        assert scene.air is not None
-        half, why = _half(scene, "air.speed", "air_speed", scene.air.speed, "all")
-        yield Unknown("air.speed", "air_speed", scene.air.speed, half, half, "m/s", why)
+        half, why = _half(scene, "air.speed", "air_speed", scene.airstream.speed, "all")
+        yield Unknown("air.speed", "air_speed", scene.airstream.speed, half, half, "m/s", why)
 
 
 def _of_turbulence(key: str, entry: str, value: Callable[[Scene], float]) -> Callable[..., Iterator[Unknown]]:
@@ -270,8 +268,7 @@ def _of_turbulence(key: str, entry: str, value: Callable[[Scene], float]) -> Cal
 
 
 def _intensity(scene: Scene) -> float:
-    assert scene.air is not None
-    return scene.air.turbulence
+    return scene.airstream.turbulence
 
 
 def _wake_number(name: str) -> Callable[..., Iterator[Unknown]]:

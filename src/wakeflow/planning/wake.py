@@ -58,7 +58,6 @@ def wake_of(scene: Scene, reynolds: float) -> WakeEstimate:
 
 def family_of(scene: Scene) -> ShapeFamily:
     """Which shape of the data stands in the air; none for several bodies, rounded edges and other shapes."""
-    assert scene.air is not None
     (body, *others) = scene.body.values()
     if others or (body.rounding or 0.0) > SHARP * scene.width:
         return ShapeFamily(None)
@@ -67,7 +66,7 @@ def family_of(scene: Scene) -> ShapeFamily:
     if body.shape == "rhombus":
         return ShapeFamily("rhombus", math.degrees(math.atan2(along, across)))
     if body.shape == "prism":
-        upstream = (body.apex or "up") == ("up" if scene.air.direction == "down" else "down")
+        upstream = (body.apex or "up") == ("up" if scene.airstream.direction == "down" else "down")
         slope = math.degrees(math.atan2(2.0 * along, across))
         return ShapeFamily("triangle-up" if upstream else "triangle-down", slope)
     box = np.abs(outline - 0.5 * (outline.min(axis=0) + outline.max(axis=0))) - 0.5 * np.array([across, along])

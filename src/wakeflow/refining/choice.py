@@ -7,16 +7,16 @@ target most; what a later step has made needless is taken back in the end.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from ..budget.prediction import landed, limited_again
+from ..budget.source import source_of
+from ..budget.total import numerical
 from ..pipeline.stages import StageTime
-from ..results.landing_results import BudgetRow
+from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow
 from ..results.refinement import KnobSettings
 from .cost import expected_seconds
 from .knobs import finest_of, knobs
-from .prediction import expected_half
-
-__all__ = ["Choice", "choose", "choose_surely", "reachable"]
 
 MARGIN = 0.9  # of the target that is aimed at: what is expected is itself an estimate
 LEAST_GAIN = 1e-12  # of the squares of shares: less is nothing
@@ -32,6 +32,23 @@ class Choice:
     settings: KnobSettings
     half: float
     seconds: float
+
+
+def expected_half(row: BudgetRow, now: KnobSettings, then: KnobSettings) -> float:
+    """Half of the 95 % interval of a ``row`` by computing alone, expected with the settings ``then``, from parts that
+    were found with those of ``now``.
+    """
+    return numerical(replace(part, error=expected_part(part, now, then)) for part in row.parts)
+
+
+def expected_part(part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float | None:
+    """The error of one part, likewise; None where it is unknown."""
+    if part.error is None:
+        return None
+    if part.kind in (LEFT_OUT, NOT_COMPUTED):
+        return limited_again(part.error, landed(now), landed(then))
+    source = source_of(part)
+    return part.error if source is None else source.expected(part, now, then)
 
 
 def reachable(rows: Sequence[BudgetRow], now: KnobSettings, target: float) -> list[BudgetRow]:

@@ -5,18 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import log
 
-from ..pipeline.compilation import COMPILED
+from ..budget.steps import FINER, FINER_STEPS
 from ..pipeline.stages import StageTime
 from ..planning.plan import COMPARED, REPLICATES
-from ..results.companions import FINER
+from ..planning.stages import Scaling, StageKey
 from ..results.refinement import KnobSettings
 
-__all__ = ["expected_seconds"]
-
 OVERHEAD = 0.4  # s of a stage in which granules fly, however few they are
-AIR = ("airflow", "momentum", "loaded-airflow", "span")  # stages that OpenFOAM runs in
-CELLS = ("mesh", "field", "blend", "change", "residence", "layers")  # stages whose time goes by the cells
-ONCE = ("funnel", str(COMPILED), "given", "duct")  # the same in every round
 LEAST_POWER, MOST_POWER = 0.02, 0.34  # of a flight's time with its tolerance: from one step a cell to order three
 
 
@@ -28,23 +23,21 @@ def expected_seconds(spent: Mapping[str, StageTime], now: KnobSettings, then: Kn
     same_air = (then.mesh_scale, then.averaging) == (now.mesh_scale, now.averaging)
     power, whole = _power(spent), 0.0
     for name, stage in spent.items():
-        kind = name.rsplit(" ", 1)[-1]
-        if kind in ONCE:
-            continue
-        if kind in AIR + CELLS:
-            whole += 0.0 if same_air else stage.seconds * _air_factor(kind, now, then)
-        elif "slab" in name:
-            whole += stage.seconds * (then.slab or 1) / (now.slab or 1)
-        elif not (slab_only and same_air):
-            whole += OVERHEAD + max(0.0, stage.seconds - OVERHEAD) * _flight_factor(power, now, then)
+        match StageKey.of(name).stage.scaling:
+            case Scaling.AIR | Scaling.CELLS as scaling:
+                whole += 0.0 if same_air else stage.seconds * _air_factor(scaling, now, then)
+            case Scaling.SLAB:
+                whole += stage.seconds * (then.slab or 1) / (now.slab or 1)
+            case Scaling.FLIGHTS if not (slab_only and same_air):
+                whole += OVERHEAD + max(0.0, stage.seconds - OVERHEAD) * _flight_factor(power, now, then)
     return whole
 
 
-def _air_factor(kind: str, now: KnobSettings, then: KnobSettings) -> float:
+def _air_factor(scaling: Scaling, now: KnobSettings, then: KnobSettings) -> float:
     """Steps go with the cells' edges, averages with the square of what they are known to."""
     finer = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)
     longer = (now.averaging or 1.0) / (then.averaging or 1.0)
-    return float(finer**2 if kind in CELLS else finer**3 * longer**2)
+    return float(finer**2 if scaling is Scaling.CELLS else finer**3 * longer**2)
 
 
 def _flight_factor(power: float, now: KnobSettings, then: KnobSettings) -> float:
@@ -54,7 +47,7 @@ def _flight_factor(power: float, now: KnobSettings, then: KnobSettings) -> float
 
 def _power(spent: Mapping[str, StageTime]) -> float:
     """Of a flight's time with its tolerance, as the companion with finer steps shows it."""
-    own, finer = spent.get("tracks"), spent.get("companion")
+    own, finer = spent.get("tracks"), spent.get(FINER_STEPS)
     if own is None or finer is None or min(own.seconds, finer.seconds) <= 2.0 * OVERHEAD:
         return LEAST_POWER
     slower = finer.seconds / own.seconds * REPLICATES / COMPARED

@@ -17,10 +17,9 @@ from ..results.landing_results import BudgetRow
 from ..results.refinement import KnobSettings, Refinement, RefinementRound
 from ..results.result import Result
 from ..scene import Scene
-from .choice import Choice, choose_surely, reachable
+from .choice import Choice, choose_surely, expected_half, reachable
 from .cost import expected_seconds
 from .knobs import applied, cheapest, finer, knobs, own_settings
-from .prediction import expected_half
 from .unmet import told_unmet, what_to_measure
 
 __all__ = ["refined"]

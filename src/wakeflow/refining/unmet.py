@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
+from ..budget.source import INPUTS, Source, source_of
 from ..core.errors import SceneError
 from ..planning.bounds import COLLISIONS, LOADING, VIBRATION, bounds
 from ..planning.make import TURNING
@@ -14,10 +15,9 @@ from ..planning.terms import AIR, check_switches
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
 from ..results.refinement import KnobSettings
 from ..results.result import Result
-from ..results.total import INPUTS
 from ..scene import Scene
+from .choice import expected_half, expected_part
 from .knobs import finest_of
-from .prediction import expected_half, expected_part
 
 __all__ = ["told_unmet", "what_to_measure"]
 
@@ -26,11 +26,7 @@ LEAST_FACTOR = 0.25  # an interval is asked to shrink to that at most, as long a
 SPARED = 0.5  # of the target: what computing may take of it, for the inputs to have the rest
 OF_THE_WAKE = "wake."  # keys of unknowns that only a resolved wake makes known
 WHOLE_RUN = (COLLISIONS, VIBRATION, LOADING)  # terms that are switched for all fractions together
-OTHERS: Mapping[str, str] = {  # parts that no setting lowers, and what does
-    "airflow-model": "run rung 3d (--rung 3d)",
-    "mesh": "run rung reference (--rung reference)",
-    "airflow-statistics": "run rung 3d (--rung 3d)",
-    LOADING: "lower feed.rate, or run rung draft, whose air the force is solved in",
+OTHERS: Mapping[str, str] = {  # terms that are no bounds, and what has them computed
     AIR: "compute the air (--rung draft)",
     TURNING: "release the granules above the body (--set feed.mode=resolved)",
 }
@@ -88,8 +84,8 @@ def _line(found: _Obstacle, scene: Scene, plan: Plan) -> str:
     where, much = f"{found.name} in {found.place}", f"{100 * found.error:.2g} points"
     if found.part.kind in (LEFT_OUT, NOT_COMPUTED):
         return f"{where}: {source} is not computed and could change it by up to {much}: {_switch(found, scene, plan)}"
-    remedy = OTHERS.get(source, "beyond the finest settings of a scene; ask for a larger --target-error")
-    return f"{where}: {source} stays at {much}: {remedy}"
+    known = source_of(found.part) or Source
+    return f"{where}: {source} stays at {much}: {known.if_large}"
 
 
 def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
@@ -115,7 +111,7 @@ def what_to_measure(result: Result, target: float) -> tuple[str, ...]:
     worst: dict[str, tuple[float, BudgetRow, float]] = {}
     for row in result.budget:
         inputs = next((part.error for part in row.parts if part.source == INPUTS), None)
-        if inputs is None or row.total.numerical is None:
+        if not inputs or row.total.numerical is None:
             continue
         name, total = row.quantity.split(".")[1], hypot(inputs, row.total.numerical)
         if total > target and total > worst.get(name, (0.0,))[0]:

@@ -96,7 +96,7 @@ def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
 
     def shown(until: float) -> None:
         for name, part in parts.items():
-            here = part.clip_scalar(SINCE, value=until) if part.n_cells else part
+            here = part.clip_scalar(scalars=SINCE, value=until) if part.n_cells else part
             if here.n_cells:
                 plotter.add_mesh(
                     here, color=colours[name], line_width=TRACK, lighting=False, name=f"tracks {name}", label=name

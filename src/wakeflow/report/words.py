@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..budget.total import remedies
 from ..core.graded import Grade
 from ..core.number import Number
 from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
-from ..results.total import REMEDIES
 
 if TYPE_CHECKING:
     from ..results.difference import Difference
@@ -60,8 +60,8 @@ def holds(result: Result) -> str:
     if not result.lacking:
         mostly = f" {result.caveat.capitalize()}." if result.caveat else ""
         return f"The interval holds 95 %: {of_what}.{mostly} {UNPROVEN}"
-    remedies = dict.fromkeys(REMEDIES[source] for source in result.lacking if source in REMEDIES)
-    mend = f"; it takes {'; '.join(remedies)}" if remedies else ""
+    cures = remedies(result.lacking)
+    mend = f"; it takes {'; '.join(cures)}" if cures else ""
     return (
         f"The interval lacks {', '.join(result.lacking)}, whose size is not known{mend}. Of the rest it holds 95 %: "
         f"{of_what}. {UNPROVEN}"

@@ -10,7 +10,7 @@ would hold too little.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -27,7 +27,6 @@ from .spread import LEVEL
 
 if TYPE_CHECKING:
     from ..pipeline.draws import Draws
-    from .among_others import AmongOthers
 
 __all__ = ["InputEffect", "InputRange", "Inputs"]
 
@@ -73,18 +72,18 @@ class InputRange:
 
 @dataclass(frozen=True)
 class Inputs:
-    """The draws of one run, and the answer's ``shares`` by fraction and bin, of which they say the changes; ``among``
-    others, where the answer's granules meet.
+    """The draws of one run, and the answer's ``shares`` by fraction and bin, of which they say the changes; where
+    the answer's granules meet, the ``correction`` of a fraction for that.
     """
 
     draws: Draws
     shares: Mapping[str, Mapping[str, Number]]
     mass: Mapping[str, float]
-    among: AmongOthers | None = None
+    correction: Callable[[str], float] | None = None
 
     def factor(self, name: str) -> float:
         """On what granules alone say of a fraction's shares: 1 where they fly alone."""
-        return 1.0 if self.among is None else self.among.factor(name)
+        return 1.0 if self.correction is None else self.correction(name)
 
     @cached_property
     def _places(self) -> dict[str, int]:

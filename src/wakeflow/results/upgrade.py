@@ -33,7 +33,7 @@ def _plan(old: Table) -> Table:
     airflow = {"symmetric": False, "half": False} | {key: old[key] for key in keys if old.get(key) is not None}
     airflow = dict.fromkeys(("stepping", "turbulence")) | {"why": ""} | airflow
     said = zip(old.get("grades") or (), old.get("warnings") or (), strict=False)
-    rest = {key: value for key, value in old.items() if key not in (*keys, "grades", "warnings")}
+    rest = {key: value for key, value in old.items() if key not in (*keys, "grades", "warnings", "flown_by")}
     rest |= {"notices": [{"grade": grade, "text": text} for grade, text in said], "airflow": airflow}
     rest["validity"] = rest.get("validity") or []
     return rest

@@ -10,6 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..budget.air_loading import UNLOADED
+from ..budget.budget import flights_ahead, fly_again, make_budget, together
+from ..budget.mesh import airflow_on_grids
+from ..budget.model import MODEL
+from ..budget.source import Flights
+from ..budget.total import totalled
 from ..core.beside import beside
 from ..core.errors import known
 from ..core.files import atomic_write
@@ -23,8 +29,6 @@ from ..pipeline.airflow import Airflow, MomentumModel
 from ..pipeline.pipeline import Pipeline
 from ..report.views import Result
 from ..results.airflow_summary import with_mesh_error, with_residence
-from ..results.budget import flights_ahead, fly_again, make_budget, together
-from ..results.companions import airflow_on_grids
 from ..results.crowd_summary import crowd_of
 from ..results.input_summary import inputs_of
 from ..results.inputs import Inputs
@@ -42,9 +46,6 @@ from ..results.result import (
     provenance_in,
 )
 from ..results.separation import separate
-from ..results.source import Flights
-from ..results.sources import MODEL, UNLOADED
-from ..results.total import totalled
 from ..scene import Scene
 from .folder import field_files, report_into, some_granules
 from .packages import answer_key, versions
@@ -100,7 +101,7 @@ class OneRun:
             landings=landings,
             warnings=tuple(notice.text for notice in known),
             grades=tuple(notice.grade.value for notice in known),
-            seconds={str(stage): spent for stage, spent in self.pipeline.seconds.items()},
+            seconds=self.pipeline.seconds,
             versions=versions(),
             key=key,
             provenance=provenance_in(self.folder, key) or provenance_of(scene, solver),

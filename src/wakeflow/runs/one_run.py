@@ -102,7 +102,7 @@ def run_once(
             pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
             result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
             if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
-                spent = {str(stage): one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
+                spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)
             return result
     except Timeout:

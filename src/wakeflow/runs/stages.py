@@ -14,6 +14,7 @@ from ..funnel.delivered import FunnelSummary
 from ..pipeline.cache import Listener, in_turn
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import Planner
+from ..planning.stages import AirLabel
 from ..progress import unheard
 from ..results.result import (
     Request,
@@ -79,7 +80,7 @@ def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pi
     further = None if request.near is None else _neighbour(Path(request.near), (*before, here), listener)
     scene = Scene.parse(tables).fed()
     plan = Planner(scene, request.force, request.target_error).plan(request.rung)
-    return Pipeline(plan.airflow.flown(scene), plan, listener, label="neighbour ", neighbour=further)
+    return Pipeline(plan.airflow.flown(scene), plan, listener, label=AirLabel(neighbour=True), neighbour=further)
 
 
 def _fed(scene: Scene, poured: FunnelSummary) -> Scene:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.quantities import metres
 from .surroundings import Channel
 from .table import Array, Table
@@ -44,9 +44,7 @@ class Bin(Table):
         """The collector as a polyline, (k, 2) in metres."""
         if self.points is not None:
             return np.asarray(self.points, dtype=float)
-        assert self.start is not None
-        assert self.to is not None
-        along = np.array([self.start, self.to])
+        along = np.array([known(self.start), known(self.to)])
         fixed = {"floor": channel.bottom, "top": channel.top, "left": -channel.width / 2, "right": channel.width / 2}[
             self.on
         ]

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
@@ -130,8 +130,7 @@ class Fraction(Table):
         own = getattr(self, name)
         if own is not None:
             return own
-        assert self.material is not None
-        return getattr(materials[self.material], name)
+        return getattr(materials[known(self.material)], name)
 
     @property
     def properties(self) -> Material:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes, within
 from .table import Array, Table
@@ -81,11 +81,9 @@ class Coefficient(Table):
         Raises SceneError where the distribution goes beyond what the coefficient can be.
         """
         if self.distribution == "uniform":
-            assert self.low is not None
-            assert self.high is not None
-            if self.high > most:
-                raise SceneError(f"high = {self.high:g} is more than {most:g}")
-            return sizes["uniform"](p, low=self.low, high=self.high)
+            if known(self.high) > most:
+                raise SceneError(f"high = {known(self.high):g} is more than {most:g}")
+            return sizes["uniform"](p, low=known(self.low), high=known(self.high))
         assert self.mean is not None
         assert self.std is not None
         if self.mean > most:

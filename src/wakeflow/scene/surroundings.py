@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.shape import shapes
@@ -177,16 +177,14 @@ class Vibration(Table):
     @cached_property
     def record(self) -> Record:
         """The motion that the samples make. Only where there are samples."""
-        assert self.samples is not None
-        return integrated(self.samples.time, self.samples.acceleration)
+        return integrated(known(self.samples).time, known(self.samples).acceleration)
 
     @property
     def period(self) -> float:
         """Seconds after which the motion repeats."""
         if self.samples is not None:
             return self.record.period
-        assert self.frequency is not None
-        return 1.0 / self.frequency
+        return 1.0 / known(self.frequency)
 
     @property
     def omega(self) -> float:
@@ -207,8 +205,7 @@ class Vibration(Table):
             return self.record.reach * self.along
         if self.amplitude is not None:
             return self.amplitude * self.along
-        assert self.gamma is not None
-        return self.gamma * GRAVITY / self.omega**2 * self.along
+        return known(self.gamma) * GRAVITY / self.omega**2 * self.along
 
     @property
     def speed(self) -> Array:

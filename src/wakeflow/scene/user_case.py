@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 
 __all__ = ["air_of", "find_case", "is_laminar"]
 
@@ -48,8 +48,7 @@ def air_of(case: Path) -> dict[str, Any]:
     vertical velocity, and its constant viscosity. Streams across the channel are no inlet.
     """
     found: dict[str, Any] = {}
-    folder = _latest(case)
-    assert folder is not None
+    folder = known(_latest(case))
     boundary = _text(folder / "U").rpartition("boundaryField")[2]
     speeds = set()
     for entry in re.findall(r"\{([^{}]*)\}", boundary):
@@ -72,6 +71,5 @@ def air_of(case: Path) -> dict[str, Any]:
 
 def is_laminar(case: Path) -> bool:
     """Whether the case's solution has no turbulence: no k beside its velocity."""
-    folder = _latest(case)
-    assert folder is not None
+    folder = known(_latest(case))
     return not any((folder / name).exists() for name in ("k", "k.gz"))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ..core.errors import known
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
 from .bins import Bin
@@ -107,6 +108,11 @@ class SceneTables(Table):
     )
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     numerics: Numerics = Numerics()
+
+    @property
+    def airstream(self) -> Air:
+        """The air of a scene that has some. Raises LookupError in a vacuum."""
+        return known(self.air, "the air of a vacuum")
 
     @property
     def width(self) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
-from ..core.store import cache_root
+from ..pipeline.compilation import compile_tracker
 from ..planning.plan import Plan
 from ..results.result import FILE, Request, Result
 from ..runs import run_once
@@ -89,8 +89,8 @@ def _alone(folder: Path) -> AbstractContextManager[object]:
 def _tried(job: Job, until: str | None) -> str:
     try:
         (job.folder / STAMP).unlink(missing_ok=True)
-        if job.plan.flown_by == "tracker" and until is None:
-            _compile()
+        if until is None:
+            compile_tracker()
         run_once(
             Scene.parse(job.tables), job.folder, replace(job.asked, until=until), workers=job.threads,
             report=job.report, made=job.plan,
@@ -105,18 +105,6 @@ def _tried(job: Job, until: str | None) -> str:
         return f"{type(problem).__name__}: {problem} (traceback: {file})"
     (job.folder / CRASH).unlink(missing_ok=True)
     return ""
-
-
-def _compile() -> None:
-    """Have the tracker compiled by one worker for all: the others wait and read it from the cache."""
-    from filelock import FileLock
-
-    from ..pipeline.tracks import compile_tracker
-
-    root = cache_root()
-    root.mkdir(parents=True, exist_ok=True)
-    with FileLock(root / "compile.lock"):
-        compile_tracker()
 
 
 def _note(folder: Path, text: str) -> Path:

@@ -9,9 +9,10 @@ from ..core.graded import Grade
 from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
+from ..pipeline.airflow_kinds import airflow_kinds
 from ..planning.airflow_cost import typical_cells
 from ..planning.cost import wall_seconds
-from ..planning.machine_rates import COMPILE, on_this_machine
+from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
 from ..report.sketch import fall_words, motion_words
 from .screen import MOST_WARNINGS, screen_table, warn
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from ..planning.plan import Plan, StageCost
+    from ..planning.plan import Plan
+    from ..planning.stages import StageCost
     from ..planning.terms import LeftOut
     from ..scene import Body, Scene
 
@@ -35,18 +37,6 @@ AIRS = {  # what is flown in, by kind of airflow
     "three-dimensional": "the wake in three dimensions",
 }
 UNITS = {"m": "mm", "kg/s": "kg/h", "rad": "deg"}  # what is said where a scene does not write its own
-PARTS: dict[str, tuple[str, str | tuple[str, ...]]] = {  # of the run time: how the names of its stages begin and end
-    "compilation": ("", COMPILE),
-    "funnel": ("", "funnel"),
-    "other meshes": ("grid ", ""),
-    "air loading": ("", ("momentum", "loaded-airflow")),
-    "airflow": ("", ("mesh", "airflow", "field", "residence")),
-    "tracks": ("tracks", ""),
-    "slab": ("", ("slab", "slab longer steps")),
-    "draws": ("draws", ""),
-    "report": ("report", ""),
-    "companions": ("", ""),
-}
 WORTH_TELLING = 0.04  # of the whole run time: a part that takes less is not named
 SIDE_BY_SIDE = 1.15  # parts that add up to so many times the whole run overlap
 
@@ -121,7 +111,7 @@ def _air(plan: Plan, scene: Scene) -> str:
     stream = f"{say(scene.air.speed, 'm/s')} {scene.air.direction}"
     cells = typical_cells(scene, plan.airflow)
     about = f", about {_round(cells)} cells" if cells else ""
-    return f"{stream}; rung {plan.rung}: {AIRS[plan.airflow.kind]}{about}"
+    return f"{stream}; rung {plan.rung}: {airflow_kinds[plan.airflow.kind].means}{about}"
 
 
 def _feed(scene: Scene) -> str:
@@ -178,13 +168,10 @@ def _cost(plan: Plan) -> str:
 
 
 def _parts(stages: Sequence[StageCost]) -> dict[str, float]:
-    """Seconds of each of PARTS, the longest first."""
+    """Seconds under each heading, the longest first."""
     spent: dict[str, float] = {}
     for stage in stages:
-        part = next(
-            p for p, (begins, ends) in PARTS.items() if stage.name.startswith(begins) and stage.name.endswith(ends)
-        )
-        spent[part] = spent.get(part, 0.0) + stage.whole
+        spent[stage.key.heading] = spent.get(stage.key.heading, 0.0) + stage.whole
     return dict(sorted(spent.items(), key=lambda item: -item[1]))
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..field import FlowField, Swing
 from ..laws.forces import forces as all_forces
 from ..laws.forces.record import Needs
@@ -67,10 +67,8 @@ def _width(forces: Sequence[str]) -> int:
 
 def _eddies(field: FlowField) -> tuple[Array, Array]:
     """Deviation m/s and lifetime s of the eddies (.., N)."""
-    assert field.k is not None
-    assert field.dissipation is not None
-    k = np.maximum(field.k, 0.0)
-    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(field.dissipation, 0.0)), LONGEST_LIFE)
+    k = np.maximum(known(field.k), 0.0)
+    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(known(field.dissipation), 0.0)), LONGEST_LIFE)
 
 
 def _values(field: FlowField, forces: Sequence[str]) -> Array:
@@ -98,7 +96,6 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: Swing | None) -> tup
         return np.ascontiguousarray(np.swapaxes(same, 0, 1)), np.array([0.0, 4 * swing.omega / (2 * np.pi), 4.0])
     if field.coefficients is None:
         raise SceneError("a field of snapshots on a moving mesh must be compressed first: field.compressed()")
-    assert field.period is not None
     knots, count = len(field.times), len(field.points)
     around = np.arange(-1, knots + 2) % knots
     shares = field.coefficients[around]
@@ -115,7 +112,7 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: Swing | None) -> tup
             values[part, :, 2 * place : 2 * place + 2] = np.swapaxes(drawn, 0, 1)
         for place, scalar in enumerate(eddies, 4):
             values[part, :, place] = scalar[around, part].T
-    return values, np.array([field.times[0], knots / field.period, knots])
+    return values, np.array([field.times[0], knots / known(field.period), knots])
 
 
 def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach: float) -> Index:

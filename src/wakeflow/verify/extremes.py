@@ -20,7 +20,7 @@ import numpy as np
 
 from ..core.errors import WakeflowError
 from ..core.registry import Registry
-from ..pipeline.tracks import compile_tracker
+from ..pipeline.compilation import compile_tracker
 from ..tracking import Fate, Tracks
 from .report import NOTHING, Column, Report, Table, Tell
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from proofs.coverage.flown import Predicted
+from wakeflow.budget.source import INPUTS
 from wakeflow.core.number import Number
 from wakeflow.laws.best_estimate import left_one_out
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.results.separation import separate
-from wakeflow.results.total import INPUTS
 
 LEAST = 1e-3  # a number that is nearer than that to 0 in value and truth, or to 1 in both, is known trivially
 ROUND_OFF = 1e-9  # of an end of an interval

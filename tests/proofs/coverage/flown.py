@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from proofs.coverage.scenes import VariedScene, divided
 from proofs.coverage.stored_air import StoredPipeline, plan_in
+from wakeflow.budget.budget import fly_again, make_budget
+from wakeflow.budget.source import Flights
+from wakeflow.budget.total import totalled
 from wakeflow.core.files import write_json
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.store import Store, content_key
@@ -26,11 +29,8 @@ from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from wakeflow.planning.variation import AS_GIVEN, AirVariation, Variation
-from wakeflow.results.budget import fly_again, make_budget
 from wakeflow.results.landing_results import BudgetRow, Separation
 from wakeflow.results.separation import separate
-from wakeflow.results.source import Flights
-from wakeflow.results.total import totalled
 from wakeflow.scene import Scene
 
 Array = NDArray[np.float64]

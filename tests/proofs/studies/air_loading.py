@@ -19,6 +19,8 @@ import numpy as np
 
 import wakeflow as wf
 from support import CASES
+from wakeflow.budget.air_loading import UNLOADED
+from wakeflow.budget.comparison import Shares, shares_of
 from wakeflow.core.boxes import ForceDensity
 from wakeflow.core.record import load
 from wakeflow.field import FlowField, blended_wake
@@ -33,8 +35,6 @@ from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.track_stage import Companion
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.plan import COMPARED
-from wakeflow.results.air_loading import fly_unloaded
-from wakeflow.results.companions import Shares, shares_of
 
 from .common import Pipeline, Row, show
 
@@ -101,7 +101,7 @@ def flown(pipeline: Pipeline, field: FlowField, folder: Path) -> Shares:
 
 def answers(pipeline: Pipeline, bins: Moved, both: Path | None) -> Iterator[Row]:
     """The shares in the answer's airflow: without the force, with the steady end's change, with both ends solved."""
-    effect = fly_unloaded(pipeline, pipeline.tracks(Companion("tracks of the comparison")))
+    effect = UNLOADED.fly(pipeline, pipeline.tracks(Companion("tracks of the comparison")))
     found = {"without": effect.without, "with the steady end's change": effect.loaded}
     if both is not None:
         field = solved_both(pipeline, pipeline.loading.passes[-1].force, both)

@@ -20,9 +20,8 @@ from wakeflow.core.files import write_json
 from wakeflow.core.number import Number
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.pipeline.crowd_flight import compile_slab
+from wakeflow.pipeline.compilation import compile_slab, compile_tracker
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.tracks import compile_tracker
 from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.make import make_plan
 from wakeflow.results.separation import separate

@@ -1,4 +1,4 @@
-"""Two granules alone meet exactly as the law of pairs says, and a crowd keeps what it must."""
+"""Two granules meet exactly as the law of pairs says, a crowd keeps what it must; heaps, jams, and what is refused."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...core.errors import known
 from .record import AirProperties, Force, Grains, Instant, Slots, Vector
 from .scales import Bound, FlightScales
 
@@ -18,9 +19,8 @@ def _factors(grains: Grains, _air: AirProperties) -> Slots:
 
 
 def _reference(now: Instant) -> Vector:
-    assert now.pressure_gradient is not None
     density = now.granule.density
-    return -(now.pressure_gradient[0] / density), -(now.pressure_gradient[1] / density)
+    return -(known(now.pressure_gradient)[0] / density), -(known(now.pressure_gradient)[1] / density)
 
 
 PRESSURE_GRADIENT = Force(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import SceneError
+from ...core.errors import SceneError, known
 from ...field import FlowField, Swing
 from ..bodies import Body
 from ..frame import to_frame
@@ -189,8 +189,7 @@ class _Run:
         found.fate[rows], found.line[rows] = ints[:, at.FATE], ints[:, at.LINE]
         found.steps[rows], found.impacts[rows] = ints[:, at.STEPS], ints[:, at.IMPACTS]
         found.evaluations[rows] = ints[:, at.EVALUATIONS]
-        assert found.meetings is not None
-        found.meetings[rows] = crowd.tally[slots, of.MEETINGS]
+        known(found.meetings)[rows] = crowd.tally[slots, of.MEETINGS]
         if found.recorded is not None:
             for slot, row in zip(slots, rows, strict=True):
                 found.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()

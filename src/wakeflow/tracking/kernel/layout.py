@@ -233,7 +233,7 @@ NOBODY: Any = np.int64(-1)
 FLYING = -1
 BINNED, ESCAPED, RESTING, CAPTURED, AIRBORNE, STOPPED = range(6)
 
-# -- Shared with the flight without air (wakeflow.ballistics), so that both follow the same bounces --------------------
+# -- Bounces: where they become sliding ------------------------------------------------------------------------------
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
 LOWEST_BOUNCE = 0.01  # of the landing error asked for: bounces that rise less are sliding, which it does not notice
 MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good

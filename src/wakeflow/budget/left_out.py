@@ -1,4 +1,4 @@
-"""Terms that are left out: what each could change a share by.
+"""The source that is the terms left out: what each could change a share by.
 
 The plan bounds how far each term could move a landing. What lands no farther than that from a bin's end could land on
 its other side: all of what is inside, or all of what is outside, whichever is more, is the most by which the bin's
@@ -12,20 +12,41 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..pipeline.landings import Landings
 from ..planning.bounds import COLLISIONS, VIBRATION
 from ..planning.lock_in import vibration_of_scene
 from ..planning.plan import Plan
 from ..planning.terms import LeftOut
+from ..results.inputs import InputEffect
+from ..results.landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
+from ..results.separation import upper_limit
 from ..scene import RESERVED_BIN, Scene
 from .bin_ends import free_ends, points_of
-from .inputs import InputEffect
-from .landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
-from .separation import upper_limit
-
-__all__ = ["left_out_terms", "most_crossing", "swung"]
+from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]
+AIR_SPEED = "air.speed"  # the unknown that stands for what the air beside a body that vibrates does
+
+
+class LeftOutTerms(Source[None]):
+    """Every term that is not computed, each a part of its own name."""
+
+    name, how, place = "terms-left-out", CALIBRATED, 30
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        pipeline, flights = fraction.pipeline, fraction.flights
+        found = left_out_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        inputs = flights.inputs({fraction.name: fraction.shares})
+        if inputs is None or VIBRATION in pipeline.plan.force:
+            return found
+        for place, parts in found.items():
+            if not any(part.source == VIBRATION for part in parts):
+                continue
+            effects = inputs.of_share(fraction.name, [place]).effects
+            of_speed = next((one for one in effects if one.unknown.key == AIR_SPEED), None)
+            found[place] = [swung(pipeline.scene, pipeline.plan, part, of_speed) for part in parts]
+        return found
 
 
 def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
@@ -49,11 +70,10 @@ def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> di
         for point in ends[place]:
             away = np.minimum(away, distance[point])
         for row in rows:
-            assert row.bound is not None
-            error = most_crossing(away, landing.bin == number[place], row.bound, landing.weight)
-            kind = LEFT_OUT if row.bound <= limit else NOT_COMPUTED
+            error = most_crossing(away, landing.bin == number[place], known(row.bound), landing.weight)
+            kind = LEFT_OUT if known(row.bound) <= limit else NOT_COMPUTED
             if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
-                error = max(error, min(1.0, row.bound))
+                error = max(error, min(1.0, known(row.bound)))
             found.append(_part(row, error, kind, scene.unit))
     return parts
 
@@ -95,3 +115,6 @@ def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weig
         return 0.0
     sides = (round(float(each[near & side].sum())) for side in (inside, ~inside))
     return upper_limit(max(sides), total)
+
+
+add(LeftOutTerms())

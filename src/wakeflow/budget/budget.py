@@ -1,7 +1,6 @@
 """The budget: what each source of error contributes to an answer, and what knowing it cost in run time.
 
-The sources are registered objects (:mod:`wakeflow.results.sources`); their parts make one total a row
-(:mod:`wakeflow.results.total`).
+The sources are registered objects, a file each or a family; their parts make one total a row (:mod:`.total`).
 """
 
 from __future__ import annotations
@@ -12,25 +11,22 @@ from dataclasses import dataclass
 from ..core.graded import Notice, less_sure
 from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
-from . import crowd_sources, sources  # noqa: F401 - their imports register the program's own sources
-from .landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
-from .source import Flights, FractionResults, Source, budget_sources
+from ..results.landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
+from .source import Flights, FractionResults, in_order
 from .total import whole
-
-__all__ = ["flights_ahead", "fly_again", "make_budget", "together"]
 
 ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with finer ones"
 
 
 def fly_again(flights: Flights) -> None:
-    """Run what every source flies again, or read it from the cache, in the order in which they are registered."""
-    for name in budget_sources:
-        flights.of(budget_sources[name])
+    """Run what every source flies again, or read it from the cache."""
+    for source in in_order():
+        flights.of(source)
 
 
 def flights_ahead(pipeline: Pipeline) -> list[Callable[[], object]]:
     """What of :func:`fly_again` need not wait for the answer's own airflow, for another core to do meanwhile."""
-    return [job for name in budget_sources for job in budget_sources[name].ahead(pipeline)]
+    return [job for source in in_order() for job in source.ahead(pipeline)]
 
 
 def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ...]:
@@ -47,7 +43,7 @@ def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ..
     for name, shares in separation.fractions.items():
         fraction = FractionResults(name, flights.landings[name], shares, flights)
         rows += _share_rows(fraction, spent)
-        parts = tuple(part for source in _in_row() for part in source.landing(fraction))
+        parts = tuple(part for source in in_order() for part in source.landing(fraction))
         spent_here = flights.tracking + sum(part.seconds for part in parts)
         largest = max((part.error for part in parts if part.error is not None), default=None)
         cost = BudgetTotal(largest, spent_here, note=ONLY_STEPS)
@@ -55,14 +51,9 @@ def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ..
     return (*rows, *places)
 
 
-def _in_row() -> list[Source[object]]:
-    """The sources in the order of a row."""
-    return sorted((budget_sources[name] for name in budget_sources), key=lambda source: source.place)
-
-
 def _share_rows(fraction: FractionResults, seconds: float) -> list[BudgetRow]:
     """A row for each bin that got any of the fraction, or could have by a source that fills empty bins."""
-    found = [(source, source.shares(fraction)) for source in _in_row()]
+    found = [(source, source.shares(fraction)) for source in in_order()]
     rows = []
     for place, share in fraction.shares.items():
         filling = (part for source, parts in found if source.fills for part in parts.get(place, ()))

@@ -16,24 +16,30 @@ from typing import TYPE_CHECKING
 
 from ..core.number import Number
 from ..planning.unknowns import SIGMAS
+from ..results.landing_results import (
+    LEFT_OUT,
+    MEASURED,
+    NOT_COMPUTED,
+    BudgetPart,
+    BudgetRow,
+    BudgetTotal,
+    Separation,
+)
+from ..results.separation import purity_slopes
 from ..scene import Scene
-from .landing_results import LEFT_OUT, MEASURED, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal, Separation
-from .separation import purity_slopes
+from .source import INPUTS, budget_sources, source_of
 
 if TYPE_CHECKING:
-    from .inputs import InputRange, Inputs
+    from ..results.inputs import InputRange, Inputs
 
-__all__ = ["INPUTS", "REMEDIES", "numerical", "totalled", "whole"]
-
-INPUTS = "inputs"  # the part of what the scene does not say exactly
-ANY_BIN = "integration"  # its error is the share of granules that land elsewhere: of one bin as of several together
 BOUNDS = (LEFT_OUT, NOT_COMPUTED)
 WEIGHS = 1.0 / 3.0  # of a total: a bound larger than that must be computed, or the row says so
-REMEDIES = {  # of parts of unknown size: what to give or to run
-    "airflow-model": "numerics.rung = 'standard', or in a duct air.case, a solved OpenFOAM case of yours",
-    "mesh": "numerics.rung = 'reference'",
-    "airflow-statistics": "numerics.rung = '3d', or air.time = 'all' of a case of yours",
-}
+
+
+def remedies(names: Iterable[str]) -> list[str]:
+    """What to give or to run where the sizes of these sources' errors are not known, each once."""
+    found = (budget_sources[name].if_unknown for name in names if name in budget_sources)
+    return list(dict.fromkeys(one for one in found if one))
 
 
 def numerical(parts: Iterable[BudgetPart]) -> float:
@@ -56,8 +62,7 @@ def whole(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTo
     error, told = max(value - low, high - value), []
     missing = [part.source for part in parts if part.error is None]
     if missing:
-        remedies = dict.fromkeys(REMEDIES.get(source, "") for source in missing)
-        told.append(f"not known: {', '.join(missing)}; {'; '.join(one for one in remedies if one)}".rstrip("; "))
+        told.append(f"not known: {', '.join(missing)}; {'; '.join(remedies(missing))}".rstrip("; "))
     large = [part.source for part in parts if part.kind in BOUNDS and (part.error or 0.0) > WEIGHS * max(error, 1e-12)]
     if large:
         told.append(f"mostly a bound on what is not computed: {', '.join(large)}")
@@ -129,9 +134,11 @@ class _Combined:
         weights = [{(name, place): 1.0 for place in places} for places in (targets, others)]
         inside, outside = (self._by_source(one) for one in weights)
         beside = {key: min(error, outside.get(key, 0.0)) for key, error in inside.items()}
-        moved = [part.error or 0.0 for one in targets for part in self.parts[name, one] if part.source == ANY_BIN]
-        beside[ANY_BIN, False] = max(moved, default=0.0)
-        return _ranged(found, beside, None if self.inputs is None else self.inputs.of_share(name, targets))
+        moved: dict[tuple[str, bool], float] = {}
+        for part in (part for one in targets for part in self.parts[name, one]):
+            if (source := source_of(part)) is not None and source.of_any_bin:
+                moved[part.source, False] = max(moved.get((part.source, False), 0.0), part.error or 0.0)
+        return _ranged(found, beside | moved, None if self.inputs is None else self.inputs.of_share(name, targets))
 
     def purity(self, name: str, place: str, found: Number) -> Number:
         """A fraction's share of what is in a bin: by the slope of that with every fraction's share there."""

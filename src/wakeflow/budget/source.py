@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 from ..core.lazy import cached_property
 from ..core.number import Number
@@ -12,40 +12,51 @@ from ..core.registry import Registry
 from ..pipeline.airflow import Airflow
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
-from .among_others import AmongOthers
-from .companions import compared
-from .inputs import Inputs
-from .landing_results import BudgetPart
-from .separation import share_spreads
-from .spread import Spread
-from .total import INPUTS
+from ..planning.stages import StageCost, Workload, error_sources
+from ..results.inputs import Inputs
+from ..results.landing_results import UNKNOWN, BudgetPart
+from ..results.refinement import KnobSettings
+from ..results.separation import share_spreads
+from ..results.spread import Spread
+from .bin_ends import AmongOthers
+from .comparison import compared
 
 if TYPE_CHECKING:
     from ..pipeline.crowd_stage import SlabFound
     from ..pipeline.landings import Tracked
 
-__all__ = ["Flights", "FractionResults", "Source", "budget_sources"]
-
 Flown = TypeVar("Flown")
+Parts = Mapping[str, Sequence[BudgetPart]]
+INPUTS = "inputs"  # the part of what the scene does not say exactly
 
 
 class Source(Generic[Flown]):
     """What may make an answer wrong. A subclass says how far, for a share, for a landing place, or for both.
 
     ``name``: in the budget; ``how`` the error is known: measured (from this run), companion (from flying granules
-    again), calibrated (from a bound and what was found) or unknown; ``place``: sources stand in a row of the budget by
-    growing place; ``fills``: whether an error of this source gives a row to a bin in which nothing landed.
+    again), calibrated (from a bound and what was found) or unknown; ``place``: sources fly, and are parts of a row of
+    the budget, by growing place; ``fills``: whether an error of this source gives a row to a bin in which nothing
+    landed; ``of_any_bin``: whether its error in a bin is also that of several bins together; ``if_unknown``,
+    ``if_large``: what to give or to run where its size is not known, and where no setting makes it small enough.
     """
 
     name: ClassVar[str]
     how: ClassVar[str]
     place: ClassVar[int]
     fills: ClassVar[bool] = False
+    of_any_bin: ClassVar[bool] = False
+    if_unknown: ClassVar[str] = ""
+    if_large: ClassVar[str] = "beyond the finest settings of a scene; ask for a larger --target-error"
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        """Each stage in which this source flies granules again, with what it is expected to take."""
+        del work  # for subclasses
+        return ()
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Flown | None:
         """What this source flies again to know its error; None where it flies nothing.
 
-        It is called once a run, through :meth:`Flights.of`. What it costs stands in ``planning.flights_again``.
+        It is called once a run, through :meth:`Flights.of`.
         """
         del pipeline, tracked  # for subclasses
         return None
@@ -57,7 +68,7 @@ class Source(Generic[Flown]):
         del pipeline  # for subclasses
         return ()
 
-    def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
+    def shares(self, fraction: FractionResults) -> Parts:
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
         del fraction  # for subclasses
         return {}
@@ -67,9 +78,21 @@ class Source(Generic[Flown]):
         del fraction  # for subclasses
         return ()
 
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        """What the error of a ``part`` that was found with the settings ``now`` would be with those of ``then``: as it
+        is, where no setting changes it.
+        """
+        del now, then  # for subclasses
+        return part.error or 0.0
+
     def part(self, error: float | None, seconds: float = 0.0, note: str | None = None) -> BudgetPart:
         """A part of the budget in this source's name."""
         return BudgetPart(self.name, error, seconds, self.how, note=note)
+
+    def unless_known(self, fraction: FractionResults) -> Parts:
+        """A part of unknown size, where nothing was flown to know it, unless the kind of airflow knows it."""
+        unknown = self.name in fraction.pipeline.kind.unknown_parts()
+        return fraction.everywhere(BudgetPart(self.name, None, 0.0, UNKNOWN)) if unknown else {}
 
 
 @dataclass(frozen=True)
@@ -95,9 +118,8 @@ class Flights:
         draws = self._made.get(INPUTS)
         if draws is None:
             return None
-        scene, among = self.pipeline.scene, None
-        if self.crowd is not None:
-            among = AmongOthers(scene, self.tracked.landings, self.crowd.landings)
+        scene, crowd = self.pipeline.scene, self.crowd
+        among = None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings).factor
         return Inputs(draws, shares, scene.mass_shares(), among)
 
     @property
@@ -144,4 +166,19 @@ class FractionResults:
         return {place: [part] for place in self.shares}
 
 
-budget_sources: Registry[Source[Any]] = Registry("source of the budget")
+budget_sources = cast("Registry[Source[Any]]", error_sources)
+
+
+def add(source: Source[Flown]) -> Source[Flown]:
+    """Register a source under its name."""
+    return budget_sources.add(source.name, source)
+
+
+def in_order() -> list[Source[Any]]:
+    """The sources by their places."""
+    return sorted((budget_sources[name] for name in budget_sources), key=lambda source: source.place)
+
+
+def source_of(part: BudgetPart) -> Source[Any] | None:
+    """The source that a part is of; None of a term that is left out."""
+    return budget_sources[part.source] if part.kind is None and part.source in budget_sources else None

@@ -1,4 +1,4 @@
-"""The chain's answer for a scene, in memory: for searches that try many scenes before any airflow is worth its time."""
+"""The answer of rung none in memory: for searches that try many scenes before any airflow is worth its time."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .core.number import Number
-from .core.record import to_json
-from .injection.feed import feedstock
-from .pipeline.landings import Landings
-from .pipeline.realisations import Realisations
-from .pipeline.tracks import Flight, landing_columns
-from .planning.make import make_plan
-from .planning.plan import Plan
-from .results.landing_results import Separation
-from .results.separation import separate
-from .scene import Scene
+from ..core.number import Number
+from ..core.record import to_json
+from ..injection.feed import feedstock
+from ..pipeline.landings import Landings
+from ..pipeline.realisations import Realisations
+from ..pipeline.tracks import Flight, landing_columns
+from ..planning.make import make_plan
+from ..planning.plan import Plan
+from ..results.landing_results import Separation
+from ..results.separation import separate
+from ..scene import Scene
 
 __all__ = ["Chained", "chain"]
 
@@ -51,11 +51,12 @@ class Chained:
 
 
 def chain(scene: Scene | Path | str, *, count: int | None = None) -> Chained:
-    """Fly the granules of ``scene``, or that of a scene file, from impact to impact without air, ``count`` of each
-    fraction instead of its own.
+    """Fly the granules of ``scene``, or that of a scene file, without its air, ``count`` of each fraction instead of
+    its own.
 
-    The answer of ``wakeflow run --rung none`` without its files: eq. (2) from body to body. Granules, vibration and
-    bins are those of every other rung. Raises SceneError as :func:`wakeflow.plan` does.
+    The answer of ``wakeflow run --rung none`` without its files: impacts and parabolas from body to body. Granules,
+    vibration and bins are those of every other rung. The first call of a new installation compiles the tracker, which
+    takes half a minute. Raises SceneError as :func:`wakeflow.plan` does.
     """
     scene = Scene.of(scene)
     if count is not None:

@@ -6,21 +6,23 @@ of the replicates that fly again, which its note tells; a difference within that
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ..pipeline.crowd_stage import CrowdCompanion, SlabFound
-from .landing_results import COMPANION, BudgetPart
-from .source import FractionResults, Source, budget_sources
-from .spread import student
+from ..planning.cost import slab_again
+from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
+from ..results.landing_results import COMPANION, BudgetPart
+from ..results.refinement import KnobSettings
+from ..results.spread import student
+from .prediction import sampled
+from .source import FractionResults, Parts, Source, add
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
     from ..pipeline.pipeline import Pipeline
-
-__all__ = ["SlabDepth", "SlabStep"]
 
 COARSER = 2.0  # step of the companion over the answer's: changes more than the answer's own step errs
 THINNER = 0.5  # depth of the companion's slab over the answer's
@@ -31,13 +33,17 @@ class _SlabAgain(Source[SlabFound]):
 
     how = COMPANION
     companion: ClassVar[CrowdCompanion]
+    part_of_slab: ClassVar[float]  # its run time over the slab's
     same_feed: ClassVar[bool] = False  # whether the same granules come, so that replicates are compared one by one
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        return slab_again(work, self.companion.name, self.part_of_slab)
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
         del tracked
         return pipeline.crowd(self.companion)
 
-    def shares(self, fraction: FractionResults) -> Mapping[str, Sequence[BudgetPart]]:
+    def shares(self, fraction: FractionResults) -> Parts:
         again = fraction.flights.of(self)
         if again is None or fraction.flights.crowd is None:
             return {}
@@ -54,19 +60,23 @@ class _SlabAgain(Source[SlabFound]):
             for i, place in enumerate(fraction.shares)
         }
 
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        """A difference of replicates that go apart: sampling in all but the name."""
+        return sampled(part.error or 0.0, now, then)
+
 
 class SlabStep(_SlabAgain):
     """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
 
     name, place, same_feed = "slab-time-step", 21, True
-    companion = CrowdCompanion("slab longer steps", step=COARSER)
+    companion, part_of_slab = CrowdCompanion("slab longer steps", step=COARSER), 0.18
 
 
 class SlabDepth(_SlabAgain):
     """The slab's depth, beyond which it repeats itself: part of the replicates in one of half the depth."""
 
     name, place = "slab-depth", 22
-    companion = CrowdCompanion("thinner slab", depth=THINNER)
+    companion, part_of_slab = CrowdCompanion("thinner slab", depth=THINNER), 0.14
 
 
 def _apart(found: SlabFound, fraction: FractionResults) -> bool:
@@ -92,4 +102,6 @@ def _noise(changed: np.ndarray, own: np.ndarray, *, paired: bool) -> str | None:
 
 
 for _source in (SlabStep(), SlabDepth()):
-    budget_sources.add(_source.name, _source)
+    add(_source)
+    _stage = Stage(_source.companion.name, work="slab", scaling=Scaling.SLAB, heading="slab")
+    stages.add(_stage.name, _stage)

@@ -1,0 +1,56 @@
+"""The source that is the numbers of the scene that nobody knows exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..pipeline.pipeline import Pipeline
+from ..planning.cost import flown_again
+from ..planning.plan import COMPARED, DRAWS, REPLICATES
+from ..planning.stages import StageCost, Workload
+from ..results.landing_results import COMPANION
+from .source import INPUTS, FractionResults, Parts, Source, add
+
+if TYPE_CHECKING:
+    from ..pipeline.draws import Draws
+    from ..pipeline.landings import Tracked
+
+STAGE = "draws"
+DRAWN = 0.05  # s: to draw the granules of a fraction anew, and its air
+WEIGHTY, MOST_TOLD = 0.1, 3  # part of the variance from which an unknown is told, and how many are
+
+
+class UnknownInputs(Source["Draws"]):
+    """The numbers of the scene that are not known exactly: the range of the share over draws of them all."""
+
+    name, how, place, fills = INPUTS, COMPANION, 15, True
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        """As many granules fly as the answer has."""
+        drawn = 0.0 if work.airflow.rung == "none" else DRAWS * DRAWN * work.fractions
+        return [flown_again(work, STAGE, REPLICATES / COMPARED, more=drawn)]
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Draws | None:
+        del tracked  # the draws are of the tracks in the cache
+        return pipeline.draws()
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        inputs = fraction.flights.inputs({fraction.name: fraction.shares})
+        if inputs is None:
+            return {}
+        seconds = fraction.pipeline.spent(STAGE)
+        found = {}
+        for bin_ in fraction.shares:
+            over = inputs.of_share(fraction.name, [bin_])
+            weighty = [one for one in over.effects if one.share >= WEIGHTY][:MOST_TOLD]
+            told = ", ".join(f"{one.unknown.key} {100 * one.share:.0f} %" for one in weighty)
+            note = f"of its variance {told}" if told else None
+            if note is not None and inputs.correction is not None:
+                note += f"; {inputs.factor(fraction.name):.2g} times what they move of granules alone"
+            found[bin_] = [replace(self.part(over.half, seconds, note), low=over.low, high=over.high)]
+        return found
+
+
+add(UnknownInputs())

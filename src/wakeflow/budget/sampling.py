@@ -1,0 +1,46 @@
+"""Sources that are finite samples: of granules, and of the airflow's sheddings."""
+
+from __future__ import annotations
+
+from ..planning.plan import REPLICATES
+from ..results.landing_results import MEASURED, BudgetPart
+from ..results.refinement import KnobSettings
+from ..results.spread import cycles_of
+from .prediction import averaged, landed, sampled
+from .source import FractionResults, Parts, Source, add
+
+
+class Sampling(Source[None]):
+    """The finite number of granules: half of the 95 % interval over independent replicates."""
+
+    name, how, place = "sampling", MEASURED, 10
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        spent = fraction.flights.tracking
+        return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
+
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        return max(sampled(part.error or 0.0, now, then), 0.5 * REPLICATES / landed(then))
+
+
+class AirflowStatistics(Source[None]):
+    """The finite sample of the airflow: half of the 95 % interval over its shedding cycles, or its realisations."""
+
+    name, how, place = "airflow-statistics", MEASURED, 60
+    if_unknown = "numerics.rung = '3d', or air.time = 'all' of a case of yours"
+    if_large = "run rung 3d (--rung 3d)"
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        cycles = cycles_of([fraction.landings])
+        clusters = cycles * (1 + int(fraction.landings.realisation.max()))
+        if clusters == 1:
+            return self.unless_known(fraction)
+        note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
+        return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
+
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        return (part.error or 0.0) * averaged(now, then)
+
+
+add(Sampling())
+add(AirflowStatistics())

@@ -1,0 +1,67 @@
+"""The source that is the tracker's steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..pipeline.pipeline import Pipeline
+from ..pipeline.track_stage import Companion
+from ..planning.cost import flown_again
+from ..planning.plan import COMPARED, REPLICATES
+from ..planning.stages import StageCost, Workload
+from ..results.landing_results import COMPANION, BudgetPart
+from ..results.refinement import KnobSettings
+from ..results.separation import upper_limit
+from .prediction import limited_again
+from .source import FractionResults, Parts, Source, add
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Tracked
+
+FINER_STEPS = "companion"  # the stage
+FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
+SLOWER = 2.0  # times as long: flights at a hundredth of the tolerance; measured on the shipped rhombus, 2.0 to 2.8
+STEP_RATE = 1.0  # of the share that finer steps put into another bin, with the tolerance
+LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
+
+
+class Integration(Source["Tracked"]):
+    """The tracker's steps: the same granules at a hundredth of the tolerance."""
+
+    name, how, place, of_any_bin = "integration", COMPANION, 20, True
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        return [flown_again(work, FINER_STEPS, SLOWER)]
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
+        del tracked  # the answer's landings are compared fraction by fraction
+        return pipeline.tracks(Companion(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        """Upper 95 % limit of the share of granules that the finer steps put into another bin."""
+        own, fine = fraction.compared.bin, self._finer(fraction).landings[fraction.name].bin
+        return fraction.everywhere(self._part(fraction, upper_limit(int(np.sum(own != fine)), len(own))))
+
+    def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
+        moved = fraction.compared.position - self._finer(fraction).landings[fraction.name].position
+        shift = np.linalg.norm(moved, axis=1) / fraction.pipeline.scene.width
+        return [self._part(fraction, float(np.percentile(shift, LANDED_WITHIN)))]
+
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        fewer = (then.tolerance / now.tolerance) ** STEP_RATE
+        flown = COMPARED / REPLICATES
+        return limited_again(part.error or 0.0, flown * now.granules, flown * then.granules, fewer)
+
+    def _finer(self, fraction: FractionResults) -> Tracked:
+        flown = fraction.flights.of(self)
+        assert flown is not None
+        return flown
+
+    def _part(self, fraction: FractionResults, error: float) -> BudgetPart:
+        return self.part(error, fraction.pipeline.spent(FINER_STEPS))
+
+
+add(Integration())
