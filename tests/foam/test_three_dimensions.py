@@ -27,10 +27,11 @@ from wakeflow.foam.span_record import des_dissipation
 from wakeflow.foam.span_run import record_ends
 from wakeflow.foam.span_start import span_modes
 from wakeflow.laws.shape import shapes
+from wakeflow.laws.span import Span
 from wakeflow.meshing import plan_mesh
 from wakeflow.planning import span as span_module
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.span import Span, cost_of
+from wakeflow.planning.span import cost_of
 from wakeflow.scene import Scene
 
 OFF = {"collisions": False, "basset-history": False}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wakeflow.results.spread import student
+from wakeflow.core.number import student
 from wakeflow.verify.report import NOTHING, Column, Row
 
 __all__ = ["Interval", "Row", "mean_interval", "plus_minus"]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from wakeflow.budget.comparison import Comparison, compared, differences
 from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
+from wakeflow.core.number import student
 from wakeflow.core.store import Store
-from wakeflow.foam.statistics import student
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.track_stage import Companion

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from ..core.number import student
 from ..pipeline.crowd_stage import CrowdCompanion, SlabFound
 from ..planning.cost import slab_again
 from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
 from ..results.landing_results import COMPANION, BudgetPart
 from ..results.refinement import KnobSettings
-from ..results.spread import student
 from .prediction import sampled
 from .source import FractionResults, Parts, Source, add
 

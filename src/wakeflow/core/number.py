@@ -62,3 +62,10 @@ class Number:
     def times(self, factor: float) -> Number:
         """The number and its interval times a positive factor."""
         return Number(self.value * factor, self.low * factor, self.high * factor)
+
+
+def student(degrees: int) -> float:
+    """Student's t for a two-sided 95 % interval."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, 0.975))

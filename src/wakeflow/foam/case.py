@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError, SceneError
 from ..core.files import atomic_write
 from ..core.resources import case_template
+from ..laws.span import Span
 from ..laws.turbulence_models import (
     USUAL,
     TurbulenceField,
@@ -25,7 +26,6 @@ from ..laws.turbulence_models import (
     turbulence_models,
 )
 from ..meshing import MeshSpec
-from ..planning.span import Span
 from .mesh_motion import MeshMotion
 from .polymesh import read_polymesh
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from ..core.errors import known
 from ..core.files import write_json
+from ..laws.span import CADENCE, Span
 from ..laws.turbulence_models import USUAL
-from ..planning.span import CADENCE, Span
 from .airflow_result import CheckMesh
 from .case import FlowSpec
 from .case_fields import time_folders

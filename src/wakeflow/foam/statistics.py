@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.number import Number
+from ..core.number import Number, student
 from .history import upward_crossings
 
 __all__ = ["LOOSER", "Statistics", "Stopping", "cycles", "evaluate", "is_still", "start_up_of", "student", "wanted"]
@@ -164,13 +164,6 @@ def start_up_of(table: Array) -> int:
         crossed = np.flatnonzero(side[1:] != side[0])
         last = max(last, int(crossed[0]) + 1 if len(crossed) else 0)
     return max(min(int(np.ceil(MARGIN * min(last, half))), count - FEWEST), 0)
-
-
-def student(degrees: int) -> float:
-    """Student's t for a two-sided 95 % interval."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(degrees, 0.975))
 
 
 def _interval(values: Array) -> Number:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.store import content_key
-from ..planning.span import CONVECTIVE_PERIOD
+from ..laws.span import CONVECTIVE_PERIOD
 from .airflow import ResidenceTimes
 from .airflow_kinds import airflow_kinds
 from .cache import code_of, version_of

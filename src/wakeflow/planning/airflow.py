@@ -18,12 +18,13 @@ from ..core.geometry import is_symmetric
 from ..core.graded import Notice, information, less_sure
 from ..core.record import column
 from ..laws.best_estimate import WakeEstimate
+from ..laws.span import Span
 from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
 from ..scene.rungs import check_rung, rungs
 from ..scene.user_case import is_laminar
 from .bounds import LOADING, VIBRATION
-from .span import Span, span_of
+from .span import span_of
 from .wake import Wake, wake_of, wakes_beside
 
 __all__ = [

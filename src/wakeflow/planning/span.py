@@ -7,47 +7,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..core.errors import SceneError
-from ..core.record import column
+from ..laws.span import CADENCE, Span
 from ..laws.turbulence_models import model_at
 from ..scene import Scene
 
-__all__ = ["CADENCE", "CONVECTIVE_PERIOD", "Span", "SpanCost", "cost_of", "span_lines", "span_of"]
+__all__ = ["SpanCost", "cost_of", "span_lines", "span_of"]
 
-# Convective times (body width over inlet speed).
-START_UP = 45.0  # in which the plane wake that a run starts from breaks up: after 15 to 20 behind a rhombus and a prism
-# apex up, after 40 behind a prism apex down
-CONVECTIVE_PERIOD = 6.0  # of a bluff body's shedding at its usual Strouhal number of 1/6
-CADENCE = 0.25  # between snapshots: 24 a shedding
 STEPS = 95.0  # time steps in one, on the usual mesh at a Courant number of 2: measured, 81 to 95
 # Measured on 2020s hardware: 2.6 to 3.1 microseconds on meshes of 92 to 128 thousand cells.
 SECONDS = 3e-6  # of one core, a cell and time step
 BYTES = 24.0  # of disk, a cell and snapshot: six numbers in single precision
 MEMORY = 2800.0  # bytes a cell that OpenFOAM holds
 LAYERS_A_WIDTH, LEAST_LAYERS = 8, 4
-
-
-@dataclass(frozen=True)
-class Span:
-    """The third dimension of an airflow, where it is resolved: its periodic span."""
-
-    depth: float = column("body widths", "length of the periodic span")
-    layers: int = column("1", "layers of cells over it")
-    sheddings: float = column("1", "usual sheddings recorded after the start-up")
-
-    @property
-    def start_up(self) -> float:
-        """Convective times that pass before the record begins."""
-        return START_UP
-
-    @property
-    def recorded(self) -> float:
-        """Length of the record in convective times."""
-        return CONVECTIVE_PERIOD * self.sheddings
-
-    @property
-    def whole(self) -> float:
-        """Length of the run in convective times, its start-up included."""
-        return self.start_up + self.recorded
 
 
 @dataclass(frozen=True)

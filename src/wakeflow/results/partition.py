@@ -14,14 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.number import Number
+from ..core.number import Number, student
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_laws
 from ..pipeline.landings import Landings
 from ..planning.plan import Plan
 from ..scene import RESERVED_BIN, Scene
 from .landing_results import PartitionCurve
-from .spread import student, wilson
+from .spread import wilson
 
 __all__ = ["partition_curves", "settling_velocities"]
 

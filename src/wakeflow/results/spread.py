@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..foam.statistics import student
+from ..core.number import student
 from ..pipeline.landings import Landings
 
 __all__ = ["LEVEL", "Spread", "Tally", "cycles_of", "spread_of", "student", "wilson"]

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wakeflow.results.spread import student
+from wakeflow.core.number import student
 from wakeflow.tracking import Body, Collisions, Granules, track
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import wakeflow as wf
 from support import shipped
 from wakeflow.budget.bin_ends import AmongOthers
-from wakeflow.foam.statistics import student
+from wakeflow.core.number import student
 from wakeflow.planning.plan import DRAWS, SAME_AIR
 
 from .common import COARSE, HOUR, MEET, Row, piped, show
