@@ -76,7 +76,7 @@ def sweep(
     from ..sweeps.compute import SweepEstimate, look_ahead
     from ..sweeps.compute import sweep as compute
     from ..sweeps.variant import asked_for
-    from ..terminal import live
+    from ..progress import live
     from ..terminal.many import show_estimate, show_sweep
 
     how = {**gate.how, "neighbours": neighbours}
@@ -116,7 +116,7 @@ def search(
     from ..scene.changes import run_folder
     from ..searching.designs import search as find
     from ..searching.task import read_search_file
-    from ..terminal import live
+    from ..progress import live
     from ..terminal.many import show_search
 
     held = changes_of(settings)
@@ -220,7 +220,7 @@ def sensitivity(
         A scene file, run where it has not been, or the folder of a finished run.
     """
     from ..sweeps.sensitivity import sensitivity as find
-    from ..terminal import live
+    from ..progress import live
     from ..terminal.many import show_sensitivity
 
     asked: Scene | Path = scene

@@ -42,7 +42,7 @@ def run(
         Print result.json instead of tables; on stderr how far the run is, as JSON lines.
     """
     from .. import runs
-    from ..terminal import live
+    from ..progress import live
 
     asked, folder = scene_and_folder(scene, settings, gate, out)
     with live(enabled=not quiet, as_json=as_json) as listener:
@@ -53,7 +53,7 @@ def run(
     if as_json:
         print(json.dumps(result.table, indent=2))
     elif not quiet:
-        from ..terminal import show_result
+        from ..terminal.result import show_result
 
         show_result(result)
 
@@ -142,7 +142,7 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
     """
     from functools import partial
 
-    from ..terminal import live
+    from ..progress import live
     from ..verify import runner
 
     with live(enabled=not as_json) as listener:

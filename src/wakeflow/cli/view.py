@@ -56,7 +56,7 @@ def plan(
     del until, workers
     from ..planning.make import make_plan
     from ..scene import units_written
-    from ..terminal import show_plan, show_whole_plan
+    from ..terminal.plan import show_plan, show_whole_plan
 
     asked, folder = scene_and_folder(scene, settings, gate, out)
     made = make_plan(asked, **gate.how)
@@ -135,7 +135,7 @@ def animate(
     from ..core.cleaning import bytes_of
     from ..report.film import show_film, write_film
     from ..runs import film_of
-    from ..terminal import live
+    from ..progress import live
 
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
