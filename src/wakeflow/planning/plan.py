@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
+from types import MappingProxyType
 from typing import Any
 
 from ..core.graded import Notice
@@ -54,8 +55,22 @@ class CostEstimate:
         return found
 
 
+class _Sendable:
+    """A dataclass whose mappings are read-only, and are sent to another process, since pickle refuses them, as plain
+    ones.
+    """
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, Mapping):
+                object.__setattr__(self, name, MappingProxyType(dict(value)))
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        return type(self), tuple(dict(one) if isinstance(one, Mapping) else one for one in vars(self).values())
+
+
 @dataclass(frozen=True)
-class FractionPlan:
+class FractionPlan(_Sendable):
     """How one fraction is computed, and the scales that decide it, of the median size."""
 
     mode: str = column("", "injected or resolved")
@@ -89,7 +104,7 @@ def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(_Sendable):
     """What is computed and what is not: complete when it is made, and not changed afterwards."""
 
     airflow: AirflowPlan = column("", "how the airflow is computed")
