@@ -24,10 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wakeflow.laws.collision import approach_speed
+from wakeflow.laws.collision import approach_speed, thrown
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.random_numbers import normal_pair
-from wakeflow.laws.rebound import thrown
 from wakeflow.laws.restitution import restitution_at
 from wakeflow.tracking import Body, Fate, Granules, Tracks
 

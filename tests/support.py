@@ -167,7 +167,7 @@ class LoopbackCluster:
             for nanny in self.running[1:]:
                 for worker in psutil.Process(nanny.pid).children():
                     for child in worker.children():
-                        if "wakeflow.core.workers" in child.cmdline():
+                        if "wakeflow.core.executor" in child.cmdline():
                             return worker
             time.sleep(0.01)
 

@@ -12,7 +12,7 @@ import wakeflow as wf
 from support import CASES
 from wakeflow.cli import app, main
 from wakeflow.core.errors import SceneError
-from wakeflow.core.resources import scene_templates
+from wakeflow.core.files import scene_templates
 from wakeflow.scene import Scene
 
 

@@ -17,8 +17,8 @@ import wakeflow
 from support import ROOT
 from wakeflow.cli import app
 from wakeflow.laws.forces import forces
-from wakeflow.planning.bounds import bounds
 from wakeflow.planning.stages import OTHER_MESHES, stages
+from wakeflow.planning.terms import bounds
 
 SOURCE = ROOT / "src" / "wakeflow"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]

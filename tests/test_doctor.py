@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from support import ROOT
-from wakeflow import doctor
-from wakeflow.doctor import Finding, exit_code
+from wakeflow.cli import doctor
+from wakeflow.cli.doctor import Finding, exit_code
 
 
 def test_this_machine_is_examined() -> None:

@@ -29,8 +29,8 @@ from wakeflow.laws.profile import profiles
 from wakeflow.laws.restitution import restitution_laws
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.size import sizes
-from wakeflow.planning.bounds import other_terms
 from wakeflow.planning.impaction import front_of
+from wakeflow.planning.terms import other_terms
 from wakeflow.report.pictures import draw_all, pictures
 from wakeflow.scene.rungs import rungs
 

@@ -30,23 +30,23 @@ from typing import TYPE_CHECKING, Any
 from .core.lazy import loaded
 
 if TYPE_CHECKING:
+    from .answer.result import Result
+    from .batch.comparison import compare
+    from .batch.compute import Sweep, sweep
+    from .batch.designs import Search, search
+    from .batch.sensitivity import Sensitivity, sensitivity
+    from .batch.variant import variants
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .field import FlowField
     from .laws.collision import impact
-    from .laws.granule_layer import layer, layers
     from .laws.restitution import Restitution
+    from .laws.streams import layer, layers
     from .planning.make import make_plan as plan
     from .planning.plan import Plan
-    from .report.views import Result
-    from .results.dividers import dividers
     from .runs import run
     from .runs.chain import chain
     from .scene import Scene
-    from .searching.designs import Search, search
-    from .sweeps.comparison import compare
-    from .sweeps.compute import Sweep, sweep
-    from .sweeps.sensitivity import Sensitivity, sensitivity
-    from .sweeps.variant import variants
+    from .statistics.dividers import dividers
     from .tracking import Body, Collisions, Fate, Granules, Motion, Tracks, track
 
 # The listing is the pipeline: a layer imports only from those before it (held by tests/test_architecture.py).
@@ -62,17 +62,13 @@ LAYERS = (
     "tracking",
     "injection",
     "pipeline",
-    "results",
+    "answer",
+    "statistics",
     "budget",
     "report",
-    "refining",
-    "progress",
     "runs",
-    "sweeps",
-    "searching",
+    "batch",
     "verify",
-    "doctor",
-    "terminal",
     "cli",
 )
 

@@ -9,12 +9,10 @@ from pathlib import Path
 import pytest
 
 from wakeflow.cli import main
-from wakeflow.core.cleaning import KeptStage, bytes_of, kept_stages, oldest_beyond, remove_stages
+from wakeflow.cli.show_stored import MOST_ROWS, show_stages
 from wakeflow.core.errors import SceneError
-from wakeflow.core.files import write_json
-from wakeflow.core.links import link_or_copy
-from wakeflow.core.store import Store
-from wakeflow.terminal.stored import MOST_ROWS, show_stages
+from wakeflow.core.files import link_or_copy, write_json
+from wakeflow.core.store import KeptStage, Store, bytes_of, kept_stages, oldest_beyond, remove_stages
 
 
 @pytest.fixture

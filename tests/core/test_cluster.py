@@ -12,8 +12,8 @@ import psutil
 import pytest
 
 from support import LoopbackCluster
-from wakeflow.core.cluster import Cluster, TaskPlace
 from wakeflow.core.errors import ProgramError, SceneError
+from wakeflow.core.executor import Cluster, TaskPlace
 from wakeflow.core.process import run_program
 from wakeflow.core.store import Store
 
@@ -131,6 +131,6 @@ def test_mpi_jobs_go_to_workers_with_the_cores(cluster: Cluster, running: Loopba
 
 
 def test_a_scheduler_that_is_not_there_is_said_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("wakeflow.core.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("wakeflow.core.executor.PATIENCE", 0.5)
     with pytest.raises(SceneError, match=r"no Dask scheduler answers at 'tcp://127\.0\.0\.1:9'"):
         Cluster.connect("tcp://127.0.0.1:9", TaskPlace(tmp_path, tmp_path, tmp_path))

@@ -14,11 +14,10 @@ from threading import Barrier
 
 import pytest
 
-from wakeflow.core.beside import beside, heed
 from wakeflow.core.errors import FoamError, MeshError, ProgramError, SceneError
 from wakeflow.core.files import atomic_write, write_json
 from wakeflow.core.lazy import cached_property
-from wakeflow.core.process import call_in_child, run_program, tail
+from wakeflow.core.process import beside, call_in_child, heed, run_program, tail
 from wakeflow.core.store import Store, content_key
 
 

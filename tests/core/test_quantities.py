@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wakeflow.core.boxes import Boxes, ForceDensity
+from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.core.graded import gravest_first, information, less_sure, void
 from wakeflow.core.quantities import converted, quantity, say, speaking
 from wakeflow.core.roots import halved, halved_all

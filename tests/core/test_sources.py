@@ -114,7 +114,7 @@ def test_a_name_that_is_no_module_is_refused() -> None:
 
 def test_what_a_package_registers_as_it_is_imported_counts() -> None:
     tracks = sources.closure(*CODE["tracks"])
-    assert {"wakeflow.laws.forces.buoyancy", "wakeflow.laws.forces.shear_lift"} <= tracks
+    assert {"wakeflow.laws.forces.basic", "wakeflow.laws.forces.lift"} <= tracks
 
 
 def test_names_of_a_package_lead_to_their_modules_only() -> None:

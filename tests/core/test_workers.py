@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from wakeflow.core.errors import ProgramError
-from wakeflow.core.workers import Workers
+from wakeflow.core.executor import Workers
 
 
 def test_workers_answer_raise_and_die_alone(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_an_exception_ends_workers_at_once(tmp_path: Path) -> None:
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     code = (
-        "import os, time; from pathlib import Path; from wakeflow.core.workers import Workers\n"
+        "import os, time; from pathlib import Path; from wakeflow.core.executor import Workers\n"
         f"pool = Workers(1, Path({str(tmp_path)!r}))\n"
         "print(pool.submit(os.getpid).result(), flush=True); pool.submit(time.sleep, 300).result()"
     )

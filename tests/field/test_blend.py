@@ -10,8 +10,7 @@ import pytest
 from support import field_of, shaken_mesh
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField, blended_wake, interpolated
-from wakeflow.field.change import changed_as
-from wakeflow.field.cross_fade import cross_faded, fade
+from wakeflow.field.combined import changed_as, cross_faded, fade
 
 PERIOD = 0.4
 INFLOW = -2.0

@@ -23,18 +23,17 @@ from scipy.spatial import cKDTree
 
 from support import AIR, RHOMBUS, ROOT, WIDTH, rhombus_spec, working_in
 from wakeflow.core.errors import FoamError, MeshError, SceneError
+from wakeflow.core.files import case_template
 from wakeflow.core.process import run_program
-from wakeflow.core.resources import case_template
 from wakeflow.core.store import Store
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
-from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import kind_of, upward_crossings
 from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.read import read_flow
-from wakeflow.foam.segments import drop_after, last_state, states
+from wakeflow.foam.read import CaseFields, read_flow, time_folders
+from wakeflow.foam.solver import drop_after, last_state, states
 from wakeflow.foam.start import start_from
 from wakeflow.foam.steady import run_steady
 from wakeflow.foam.suction import suction_zone

@@ -12,16 +12,15 @@ import numpy as np
 import pytest
 
 from support import rhombus_spec
-from wakeflow.core.boxes import Boxes, ForceDensity
+from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.foam import airflow
-from wakeflow.foam.airflow import solve_airflow
+from wakeflow.foam.airflow import solve_airflow, solve_loaded
+from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.case_fields import time_folders
 from wakeflow.foam.failure import AirflowFailure, Cause
-from wakeflow.foam.loaded_airflow import solve_loaded
-from wakeflow.foam.measure import AirflowResult
 from wakeflow.foam.momentum_source import SOURCE, cell_forces, write_source
 from wakeflow.foam.polymesh import read_polymesh
+from wakeflow.foam.read import time_folders
 from wakeflow.foam.sanity import Check, check_airflow
 from wakeflow.foam.watch import Progress
 from wakeflow.meshing import build_mesh

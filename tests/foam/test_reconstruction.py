@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wakeflow.foam.case_fields import CaseFields
-from wakeflow.foam.read import read_flow
-from wakeflow.foam.reconstruction import PlaneMesh, Reconstruction, triangulate
-from wakeflow.foam.solenoidal import solenoidal
+from wakeflow.foam.read import CaseFields, read_flow
+from wakeflow.foam.reconstruction import PlaneMesh, Reconstruction, solenoidal, triangulate
 
 
 def plane(count: int, kind: str, seed: int = 0) -> PlaneMesh:

@@ -22,23 +22,22 @@ import pytest
 from proofs.studies import robustness
 from support import RHOMBUS, WIDTH, working_in
 from wakeflow.core.errors import SceneError
-from wakeflow.core.files import write_json
-from wakeflow.core.resources import case_template
+from wakeflow.core.files import case_template, write_json
 from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.airflow_result import AirflowResult, Attempt
 from wakeflow.foam.case import SETTINGS, FlowSpec, write_case
-from wakeflow.foam.case_fields import time_folders
 from wakeflow.foam.failure import AirflowFailure, Cause, diagnose, disk_trouble_named
 from wakeflow.foam.history import read_table
 from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.read import time_folders
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
-from wakeflow.foam.segments import run_segment, segment_ends
+from wakeflow.foam.solver import run_segment, segment_ends
 from wakeflow.foam.watch import Progress, Watch
 from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.planning.airflow_cost import ranks_for
+from wakeflow.planning.cost import ranks_for
 
 
 def flow(reynolds: float = 20.0, rung: str = "draft", **how: Any) -> FlowSpec:

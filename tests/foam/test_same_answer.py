@@ -22,10 +22,10 @@ from support import RHOMBUS, ROOT, WIDTH, rhombus_spec, working_in
 from wakeflow.foam import watch
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.case_fields import time_folders
 from wakeflow.foam.failure import AirflowFailure
 from wakeflow.foam.history import oscillation
-from wakeflow.foam.segments import last_state, segment_ends
+from wakeflow.foam.read import time_folders
+from wakeflow.foam.solver import last_state, segment_ends
 from wakeflow.foam.steady import STATES_KEPT, WINDOW, _apart, _will_not_settle, expected_end
 from wakeflow.foam.time_resolved import _looks
 from wakeflow.foam.watch import Progress, Watch

@@ -19,19 +19,16 @@ import wakeflow as wf
 from proofs.studies import three_dimensions
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.extrude import layer_map, make_periodic
 from wakeflow.foam.span_means import span_means
 from wakeflow.foam.span_measure import PLANE_BELOW
-from wakeflow.foam.span_read import apart
-from wakeflow.foam.span_record import des_dissipation
-from wakeflow.foam.span_run import record_ends
-from wakeflow.foam.span_start import span_modes
+from wakeflow.foam.span_record import apart, des_dissipation
+from wakeflow.foam.span_run import layer_map, make_periodic, record_ends, span_modes
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.span import Span
 from wakeflow.meshing import plan_mesh
-from wakeflow.planning import span as span_module
+from wakeflow.planning import wake as span_module
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.span import cost_of
+from wakeflow.planning.wake import cost_of
 from wakeflow.scene import Scene
 
 OFF = {"collisions": False, "basset-history": False}

@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 
 from wakeflow.core.errors import FoamError, SceneError
-from wakeflow.core.resources import case_template
+from wakeflow.core.files import case_template
 from wakeflow.foam import case as case_module
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import MODELS, FlowSpec, write_case
-from wakeflow.foam.case_fields import CaseFields
-from wakeflow.foam.read import read_flow
+from wakeflow.foam.read import CaseFields, read_flow
 from wakeflow.foam.start import start_from
 from wakeflow.laws.constants import C_MU
 from wakeflow.laws.shape import shapes
-from wakeflow.laws.turbulence_models import (
+from wakeflow.laws.turbulence import (
     KINETIC_ENERGY,
     NUT,
     OMEGA,

@@ -19,12 +19,11 @@ from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.field import FlowField
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
-from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import CD, CL, read_table
 from wakeflow.foam.mesh_motion import MeshMotion, repeats
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
-from wakeflow.foam.read import loop_of, read_flow
+from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
 from wakeflow.foam.solver import holds_a_state
 from wakeflow.foam.start import _write_internal
 from wakeflow.foam.time_resolved import best_loop

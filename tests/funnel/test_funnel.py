@@ -13,18 +13,16 @@ import pytest
 import wakeflow as wf
 from proofs import funnel
 from proofs.funnel import bounce_phase, lift_off_phase, on_plate
-from wakeflow import doctor
-from wakeflow.cli import main
+from wakeflow.cli import doctor, main
 from wakeflow.core.errors import ProgramError, SceneError
 from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute, engine
-from wakeflow.funnel.cone import SIDES, cone_of, loose_heap, write_stl
-from wakeflow.funnel.engine import read_dump
+from wakeflow.funnel.engine import SIDES, cone_of, loose_heap, read_dump, write_stl
 from wakeflow.funnel.pour import packing_fraction, read_bed
 from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
+from wakeflow.laws.collision import contact_time, depth
 from wakeflow.laws.constants import GRAVITY
-from wakeflow.laws.discharge import beverloo, cone_factor
-from wakeflow.laws.hertz import contact_time, depth
+from wakeflow.laws.streams import beverloo, cone_factor
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Funnel, Scene
 
@@ -83,7 +81,7 @@ def test_the_papers_beads() -> None:
         ({"funnel.mass": "1 kg"}, "allowed: 10 to 50000"),
         ({"funnel.width": "12 mm"}, "1.5 times orifice"),
         ({"funnel.restitution": 0.05}, r"restitution = 0.05: too small \(allowed: > 0.05"),
-        ({"funnel.cone": 1}, "unknown key"),
+        ({"funnel.engine": 1}, "unknown key"),
     ],
 )
 def test_wrong_tables_say_why(cases: Path, changes: dict[str, Any], told: str) -> None:

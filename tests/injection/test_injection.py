@@ -12,13 +12,13 @@ import pytest
 
 from support import G, distance, shipped
 from wakeflow import impact
-from wakeflow.injection.feed import REPLICATES, contact_points, feedstock
+from wakeflow.injection.feed import contact_points, feedstock
 from wakeflow.injection.first_contact import first_contact
 from wakeflow.injection.stream import FALLEN, SlabFeed, slab_stream
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.crowd import number_rates
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.plan import Plan
+from wakeflow.planning.plan import REPLICATES, Plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Motion
 

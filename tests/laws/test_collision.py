@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from support import DOCS, ROOT
 from wakeflow.core.errors import SceneError
-from wakeflow.laws.collision import ImpactModel, bounce, collide, collide_pair, impact, impact_models
+from wakeflow.laws.collision import ImpactModel, bounce, collide, collide_pair, impact, impact_models, thrown
+from wakeflow.laws.impaction import sphere_caught
 from wakeflow.laws.random_numbers import normal_pair
-from wakeflow.laws.rebound import thrown
-from wakeflow.laws.sphere_impaction import sphere_caught
 
 BETA = np.pi / 4
 finite = st.floats(-5, 5)

@@ -18,8 +18,8 @@ from support import CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.forces import Bound, FlightScales, Force, Instant, forces
 from wakeflow.laws.forces.record import AirProperties, Array, Grains, Vector
-from wakeflow.planning.bounds import bounds, other_terms
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.terms import bounds, other_terms
 from wakeflow.scene import Scene
 from wakeflow.tracking.kernel import layout
 from wakeflow.tracking.pack import pack_granules

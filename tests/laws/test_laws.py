@@ -12,8 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wakeflow.laws.drag import relaxation_time, slip_correction
-from wakeflow.laws.lift import lift_coefficient
-from wakeflow.laws.rotation import magnus_factor, spin_decay, spin_rate
+from wakeflow.laws.lift import lift_coefficient, magnus_factor, spin_decay, spin_rate
 from wakeflow.laws.turbulence import brownian_diffusivity, crossing_times, langevin, lifetime
 
 EXTREMES = [0.0, 5e-324, 1e-300, 1e-12, 1e-3, 0.45, 1.0, 31.7, 39.999, 40.0, 1e3, 1e7, 1e12]

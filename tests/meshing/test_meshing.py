@@ -21,8 +21,8 @@ from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, ends, plan_mesh, read_mesh
-from wakeflow.meshing.quality import MeshReport
-from wakeflow.meshing.zones import sources
+from wakeflow.meshing.build import MeshReport
+from wakeflow.meshing.sizing import sources
 
 
 def circle(points: int, width: float = 0.05) -> np.ndarray:

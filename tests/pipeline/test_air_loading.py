@@ -19,9 +19,9 @@ from wakeflow.pipeline.cache import code_of
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.bounds import LOADING
 from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.terms import LOADING
 from wakeflow.scene import Scene
 
 CALM = {"basset-history": False, "collisions": False}  # history of chaff would refuse the accuracy

@@ -21,7 +21,7 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.planning import make
 from wakeflow.planning.airflow import choose_airflow
-from wakeflow.planning.airflow_cost import typical_cells
+from wakeflow.planning.cost import typical_cells
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene

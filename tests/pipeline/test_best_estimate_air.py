@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
+from wakeflow.answer.notices import with_residence
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json, to_json
 from wakeflow.core.store import Store
@@ -22,11 +23,9 @@ from wakeflow.field import FlowField, blended_wake
 from wakeflow.foam.airflow_result import SuctionZone
 from wakeflow.laws.best_estimate import WakeEstimate
 from wakeflow.pipeline.airflow import Airflow
-from wakeflow.pipeline.blended_air import BestEstimateAir
+from wakeflow.pipeline.blended_air import BestEstimateAir, blended_airflow
 from wakeflow.pipeline.cache import StageCache, silent
-from wakeflow.pipeline.wake_table import blended_airflow
 from wakeflow.planning.make import make_plan
-from wakeflow.results.airflow_summary import with_residence
 from wakeflow.scene import Scene
 
 OFF = {"basset-history": False}

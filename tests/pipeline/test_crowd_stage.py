@@ -14,16 +14,14 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.pipeline.crowd_flight import SlabFlight, _grouped, load_crowd, step_of
-from wakeflow.pipeline.crowd_stage import SlabFound
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.planning.bounds import COLLISIONS
+from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, load_crowd, step_of
 from wakeflow.planning.make import make_plan
-from wakeflow.results.separation import separate
-from wakeflow.results.spread import Tally
+from wakeflow.planning.terms import COLLISIONS
 from wakeflow.scene import Scene
+from wakeflow.statistics.separation import Tally, separate
 
 DENSE, TRICKLE = 0.2, 1e-3  # kg/s and metre of depth
 
@@ -110,7 +108,7 @@ def test_a_weight_counts_as_so_many_granules() -> None:
 
 
 def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from wakeflow.terminal.result import show_result
+    from wakeflow.cli.show_result import show_result
 
     scene = pipeline(DENSE).scene
     result = wf.run(scene, tmp_path)

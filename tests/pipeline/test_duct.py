@@ -19,8 +19,8 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
-from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
+from wakeflow.statistics.separation import separate
 from wakeflow.tracking import Fate
 
 CALM = {"dispersion": False}

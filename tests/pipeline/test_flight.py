@@ -13,9 +13,9 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
-from wakeflow.field.varied import varied
+from wakeflow.field.combined import varied
+from wakeflow.injection.birth import samples
 from wakeflow.injection.feed import feedstock
-from wakeflow.injection.sobol import samples
 from wakeflow.laws.restitution import Restitution
 from wakeflow.pipeline.draws import DrawStage
 from wakeflow.pipeline.film_stage import SINGLY, Film
@@ -23,10 +23,10 @@ from wakeflow.pipeline.landings import load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight, _second_half, bodies_and_walls, end_lines
-from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.crowd import number_rates
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, DRAWS, REPLICATES, SAME_AIR, replicate_size
+from wakeflow.planning.terms import COLLISIONS
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, unknown_kinds
 from wakeflow.scene import Scene
 

@@ -21,7 +21,7 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import bodies_and_walls, end_lines
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
-from wakeflow.scene.user_case import air_of
+from wakeflow.scene.own_files import air_of
 
 STEEP = shapes["rhombus"](width=0.05, slope_angle=math.pi / 3)
 

@@ -12,11 +12,11 @@ from proofs.report import Row
 from proofs.studies import crowding
 from support import G, shipped
 from wakeflow.core.errors import SceneError
-from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.coupling import INDEPENDENT
 from wakeflow.planning.crowd import MANY_IN_FLIGHT, MASS_LEVELS, MOST_IN_FLIGHT, number_rates, plan_crowd
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.meetings import encounters
+from wakeflow.planning.terms import COLLISIONS
 from wakeflow.scene import Scene
 
 

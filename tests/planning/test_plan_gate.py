@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from support import CASES, shipped
-from wakeflow.budget.bin_ends import free_ends
+from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.budget.budget import together
+from wakeflow.budget.comparison import free_ends
 from wakeflow.budget.left_out import left_out_terms, most_crossing
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
@@ -33,14 +34,12 @@ from wakeflow.pipeline.landings import Landings, load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.bounds import bounds
 from wakeflow.planning.make import Planner, make_plan
+from wakeflow.planning.messages import unusual_lines
 from wakeflow.planning.plan import Plan, whole_terms
-from wakeflow.planning.terms import TYPICAL
-from wakeflow.planning.unusual import unusual_lines
-from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.results.separation import separate
+from wakeflow.planning.terms import TYPICAL, bounds
 from wakeflow.scene import Scene
+from wakeflow.statistics.separation import separate
 from wakeflow.tracking import Fate, Granules, Tracks
 
 FRACTIONS = ("dust", "chaff", "wheat")

@@ -8,17 +8,16 @@ from pathlib import Path
 import pytest
 
 from support import shipped
+from wakeflow.answer.provenance import KnobSettings
+from wakeflow.cli.show_plan import show_plan
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
-from wakeflow.pipeline.cache import StageCache, code_of
-from wakeflow.pipeline.stages import StageTime
+from wakeflow.pipeline.cache import StageCache, StageTime, code_of
 from wakeflow.planning.machine_rates import STARTS, learn, on_this_machine
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, stages
-from wakeflow.progress import RunProgress
-from wakeflow.refining.cost import expected_seconds
-from wakeflow.results.refinement import KnobSettings
-from wakeflow.terminal.plan import show_plan
+from wakeflow.runs.progress import RunProgress
+from wakeflow.runs.settings import expected_seconds
 
 COARSE = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=2.0, averaging=None, slab=None)
 FINE = KnobSettings(granules=4096, tolerance=1e-3, mesh_scale=1.0, averaging=None, slab=None)

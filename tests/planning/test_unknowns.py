@@ -11,8 +11,7 @@ import pytest
 import wakeflow as wf
 from support import shipped
 from wakeflow.core.errors import SceneError
-from wakeflow.laws.material import materials
-from wakeflow.laws.uncertainties import default_margins
+from wakeflow.laws.material import default_margins, materials
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds, unknowns, variation_at
 

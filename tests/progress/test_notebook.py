@@ -9,8 +9,8 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, shipped
-from wakeflow import progress
 from wakeflow.pipeline.cache import silent
+from wakeflow.runs import progress
 
 display = pytest.importorskip("IPython.display")
 

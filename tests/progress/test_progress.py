@@ -11,7 +11,7 @@ import pytest
 import wakeflow as wf
 from support import shipped
 from wakeflow.planning.stages import StageCost
-from wakeflow.progress import FROM_CACHE, RunProgress, live
+from wakeflow.runs.progress import FROM_CACHE, RunProgress, live
 
 STAGES = (
     StageCost("mesh", 2.0, "first"),

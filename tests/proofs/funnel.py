@@ -27,8 +27,7 @@ from proofs.report import NOTHING, Column, Report, Row, Table, Tell
 from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute
-from wakeflow.funnel.cone import write_plate
-from wakeflow.funnel.engine import run_script, write_beads, write_settings
+from wakeflow.funnel.engine import run_script, write_beads, write_plate, write_settings
 from wakeflow.funnel.pour import contact_settings, steps_of
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.scene import Funnel

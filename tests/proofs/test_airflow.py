@@ -21,14 +21,14 @@ from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import from_json
 from wakeflow.field import FlowField
-from wakeflow.foam.cost import core_seconds
+from wakeflow.foam.programs import core_seconds
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.laws.best_estimate import wakes as wakes_data
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.planning.make import make_plan
-from wakeflow.results.airflow_summary import Airflow
 from wakeflow.scene import Scene
 from wakeflow.verify import runner
 

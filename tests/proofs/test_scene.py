@@ -12,8 +12,8 @@ from proofs.airflow.airflow import is_published
 from support import CASES, shipped
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
+from wakeflow.statistics.separation import separate
 from wakeflow.verify import peer_chain, runner
 from wakeflow.verify.peer_chain import PEER, peer_rows, why_no_peer
 from wakeflow.verify.scene_curves import LED, TARGETS, run_curves

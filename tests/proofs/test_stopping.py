@@ -20,7 +20,7 @@ from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.history import Tail
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.segments import purge, run_segment
+from wakeflow.foam.solver import purge, run_segment
 from wakeflow.foam.start import perturb
 from wakeflow.foam.statistics import Statistics, Stopping, evaluate
 from wakeflow.foam.watch import Watch

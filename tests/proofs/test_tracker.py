@@ -232,7 +232,7 @@ def test_what_is_not_there_is_refused_in_one_line(
 
 
 def test_the_curves_are_drawn(tmp_path: Path) -> None:
-    from wakeflow.report.work_precision import draw
+    from wakeflow.report.curves import draw
 
     rows = [
         {"kind": kind, "air": "steady", "method": method, "cpu": 1e-6 / error, "median": error, "p95": 3 * error}

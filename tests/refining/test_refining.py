@@ -14,15 +14,26 @@ from scipy.stats import binomtest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.pipeline.stages import StageTime
+from wakeflow.answer.provenance import KnobSettings, Refinement
+from wakeflow.answer.result import Result
+from wakeflow.answer.shares import NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
+from wakeflow.pipeline.cache import StageTime
 from wakeflow.planning.make import make_plan
-from wakeflow.refining.choice import choose, choose_surely, expected_half, expected_part, reachable
-from wakeflow.refining.cost import expected_seconds
-from wakeflow.refining.knobs import applied, cheapest, finer, finest_of, knobs, own_settings
-from wakeflow.refining.unmet import told_unmet
-from wakeflow.results.landing_results import NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.results.refinement import KnobSettings, Refinement
-from wakeflow.results.result import Result
+from wakeflow.runs.refine import told_unmet
+from wakeflow.runs.settings import (
+    applied,
+    cheapest,
+    choose,
+    choose_surely,
+    expected_half,
+    expected_part,
+    expected_seconds,
+    finer,
+    finest_of,
+    knobs,
+    own_settings,
+    reachable,
+)
 from wakeflow.scene import Scene
 
 NOW = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)

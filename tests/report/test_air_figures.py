@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from support import field_of
+from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.core.record import from_json
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.report.air import _levels_of_bodies, suction_nodes
 from wakeflow.report.canvas import new_figure, pdf_too, save
 from wakeflow.report.figures import budget, solver
 from wakeflow.report.figures.budget import draw_cost
 from wakeflow.report.figures.flights import times_in_zone
 from wakeflow.report.figures.solver import draw_forces, draw_mesh
-from wakeflow.results.airflow_summary import Airflow
-from wakeflow.results.landing_results import BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.results.solved_case import ForceHistory, PlaneCells
+from wakeflow.report.solved_case import ForceHistory, PlaneCells
 from wakeflow.scene import Scene
 
 SPEED = 2.0  # m/s of the tracks below

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wakeflow.laws.material import materials
-from wakeflow.report.colours import COLOURS, KNOWN, fraction_colours
+from wakeflow.report.canvas import COLOURS, KNOWN, fraction_colours
 from wakeflow.report.many import _looks
 from wakeflow.scene import Scene
 

@@ -17,8 +17,7 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.pipeline.film_stage import Film
-from wakeflow.report.canvas import BODY
-from wakeflow.report.colours import fraction_colours
+from wakeflow.report.canvas import BODY, fraction_colours
 from wakeflow.report.film import BEGIN, END, show_film, write_film
 from wakeflow.report.pictures.view import body_displacement
 from wakeflow.scene import Scene

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from wakeflow.answer.provenance import commit_of
+from wakeflow.answer.result import Request
 from wakeflow.field import FlowField
 from wakeflow.laws.material import materials
 from wakeflow.report.canvas import bins_across
 from wakeflow.report.html.live import FRAMES, POINTS, _frames
 from wakeflow.report.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
-from wakeflow.results.provenance import commit_of
-from wakeflow.results.result import Request
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import flat
 from wakeflow.scene.rungs import rungs

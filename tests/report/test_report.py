@@ -17,6 +17,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Canvas
 
+from wakeflow.answer.result import Result
+from wakeflow.answer.shares import PartitionCurve, Separation
+from wakeflow.cli.show_result import budget_table, separation_table
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains
 from wakeflow.core.number import Number
@@ -35,11 +38,8 @@ from wakeflow.report.figures.flights import draw_residence, draw_tracks
 from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
-from wakeflow.results.landing_results import PartitionCurve, Separation
-from wakeflow.results.result import Result
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
-from wakeflow.terminal.result import budget_table, separation_table
 
 if TYPE_CHECKING:
     from wakeflow.report.canvas import Paper

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from support import field_of, shipped
 from wakeflow.core.record import from_json
 from wakeflow.field import FlowField
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.report.vtk import link_field, write_field, write_landings, write_machine, write_moving, write_tracks
-from wakeflow.results.airflow_summary import Airflow
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 

@@ -11,8 +11,7 @@ from PIL import Image
 
 from support import shipped
 from wakeflow.cli import main
-from wakeflow.report.canvas import BODY
-from wakeflow.report.colours import fraction_colours
+from wakeflow.report.canvas import BODY, fraction_colours
 from wakeflow.report.vtk import write_tracks
 from wakeflow.report.window import look
 

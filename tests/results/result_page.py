@@ -9,8 +9,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+from wakeflow.answer.result import Result
 from wakeflow.core.record import columns
-from wakeflow.results.result import Result
 
 PAGE = Path(__file__).parents[2] / "docs" / "results.md"
 PLAIN = {int: "integer", float: "number", str: "text", bool: "true or false", Any: "anything"}

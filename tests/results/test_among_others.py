@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from support import shipped
-from wakeflow.budget.bin_ends import MOST, AmongOthers
+from wakeflow.budget.comparison import MOST, AmongOthers
 from wakeflow.pipeline.landings import Landings
 from wakeflow.scene import Scene
 

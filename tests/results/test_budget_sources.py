@@ -12,31 +12,23 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from wakeflow.answer.provenance import KnobSettings
+from wakeflow.answer.shares import CALIBRATED, COMPANION, MEASURED, UNKNOWN, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.budget.comparison import Comparison
 from wakeflow.budget.model import MODEL
 from wakeflow.budget.source import FractionResults, Parts, Source, add, budget_sources
 from wakeflow.budget.total import remedies
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
+from wakeflow.pipeline.cache import StageTime
 from wakeflow.pipeline.landings import Tracked
-from wakeflow.pipeline.pipeline import Companion, Pipeline
-from wakeflow.pipeline.stages import StageTime
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.track_stage import Companion
 from wakeflow.planning.cost import flown_again
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.stages import StageCost, Workload
 from wakeflow.planning.wake import Wake
-from wakeflow.refining.choice import expected_half, expected_part
-from wakeflow.refining.cost import expected_seconds
-from wakeflow.refining.unmet import told_unmet
-from wakeflow.results.landing_results import (
-    CALIBRATED,
-    COMPANION,
-    MEASURED,
-    UNKNOWN,
-    BudgetPart,
-    BudgetRow,
-    BudgetTotal,
-)
-from wakeflow.results.refinement import KnobSettings
+from wakeflow.runs.refine import told_unmet
+from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
 from wakeflow.scene import Scene
 
 

@@ -15,10 +15,10 @@ import pytest
 import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.cli import main
+from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
-from wakeflow.results.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
-from wakeflow.terminal.result import show_dividers
+from wakeflow.statistics.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
 
 LINE = np.array([[0.0, 0.0], [1.0, 0.0]])
 

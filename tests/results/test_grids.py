@@ -7,7 +7,7 @@ import pytest
 
 from wakeflow.core.errors import SceneError
 from wakeflow.planning.unknowns import SIGMAS
-from wakeflow.results.grid_convergence import cell_size, estimate, extrapolate, observed_order
+from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
 
 # NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids
 NASA = ([1.0, 2.0, 4.0], [0.97050, 0.96854, 0.96178])

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm, qmc
 
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
-from wakeflow.results.inputs import regressed
+from wakeflow.statistics.inputs import regressed
 
 DRAWS = 64
 

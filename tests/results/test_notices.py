@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from support import shipped
+from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded
+from wakeflow.cli.screen import MOST_WARNINGS, warn
 from wakeflow.core.graded import Grade
 from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.make import make_plan
-from wakeflow.results.notices import ENDINGS, _out_of_the_top, _unlanded
 from wakeflow.scene import Scene
-from wakeflow.terminal.screen import MOST_WARNINGS, warn
 from wakeflow.tracking import Fate
 
 KEY = re.compile(r"\b[a-z]+\.[a-zA-Z_.]+|--force [a-z.-]+=o|\[[a-z.A-Z]+\]")  # air.speed, --force lift=on, [vibration]

@@ -12,8 +12,8 @@ from wakeflow.laws.constants import STANDARD_AIR
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.make import make_plan
-from wakeflow.results.partition import partition_curves, settling_velocities
 from wakeflow.scene import Scene
+from wakeflow.statistics.partition import partition_curves, settling_velocities
 
 SIZES, SHARPNESS = (1e-3, 4e-3), 12.0  # m; of the logistic curve in ln(x / x50)
 CUT = 2.2e-3  # m

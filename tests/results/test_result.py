@@ -12,6 +12,9 @@ import pytest
 from result_page import PAGE, page
 
 import wakeflow as wf
+from wakeflow.answer.notices import with_mesh_error
+from wakeflow.answer.result import Result
+from wakeflow.answer.shares import BudgetPart, InputPart
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
 from wakeflow.core.number import Number
@@ -21,9 +24,6 @@ from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.report.tables import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, separation_cells
 from wakeflow.report.words import holds
-from wakeflow.results.airflow_summary import with_mesh_error
-from wakeflow.results.landing_results import BudgetPart, InputPart
-from wakeflow.results.result import Result
 from wakeflow.runs import report_again
 
 

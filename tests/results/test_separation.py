@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from wakeflow.pipeline.landings import Landings
-from wakeflow.results.separation import separate, share_interval
 from wakeflow.scene import Scene
+from wakeflow.statistics.separation import separate, share_interval
 
 
 def landings(bins: np.ndarray, replicates: int = 16) -> Landings:
@@ -73,7 +73,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
 
 def test_balanced_samples_do_not_pretend_to_be_exact() -> None:
     """With the real sampler: the interval of a share covers it at least as often as it says, for cuts anywhere."""
-    from wakeflow.injection.sobol import samples
+    from wakeflow.injection.birth import samples
 
     covered = total = 0
     for seed in range(40):

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
+from wakeflow.answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart
 from wakeflow.budget.source import INPUTS
 from wakeflow.budget.total import numerical, whole
-from wakeflow.results.landing_results import LEFT_OUT, NOT_COMPUTED, BudgetPart
 
 
 def part(source: str, error: float | None, kind: str | None = None, **more: float) -> BudgetPart:

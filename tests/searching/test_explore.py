@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from support import shipped
+from wakeflow.answer.table import TableQuantity
+from wakeflow.batch.axis import Axis
+from wakeflow.batch.designs import explore
+from wakeflow.batch.history import DesignPoint, Evaluation, History, at_random
+from wakeflow.batch.task import Goal, QuantityLimit, SearchTask
 from wakeflow.core.errors import SceneError
-from wakeflow.results.quantities import TableQuantity
-from wakeflow.searching.history import DesignPoint, Evaluation, History
-from wakeflow.searching.loop import explore
-from wakeflow.searching.proposals import at_random
-from wakeflow.searching.task import Goal, QuantityLimit, SearchTask
-from wakeflow.sweeps.axis import Axis
 
 BEST = np.array([0.3, 0.7])
 COST = (1.0, 20.0)  # s of a design, coarse and fine

@@ -8,10 +8,10 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, Here, shipped
+from wakeflow.batch.axis import Axis, axis_of_text
+from wakeflow.batch.task import Goal, QuantityLimit, SearchTask, read_search_file
+from wakeflow.cli.show_many import show_search
 from wakeflow.core.errors import SceneError
-from wakeflow.searching.task import Goal, QuantityLimit, SearchTask, read_search_file
-from wakeflow.sweeps.axis import Axis, axis_of_text
-from wakeflow.terminal.many import show_search
 
 FILE = f"""
 [search]

@@ -12,16 +12,14 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.result import VOID
+from wakeflow.answer.table import DONE, FAILED, Difference, Entry, ResultTable, TableQuantity, differences_of
 from wakeflow.cli import main
+from wakeflow.cli.show_many import show_table
 from wakeflow.core.errors import SceneError
 from wakeflow.report import many
 from wakeflow.report.many import draw_lines
 from wakeflow.report.words import holds, percent
-from wakeflow.results.difference import Difference, differences_of
-from wakeflow.results.quantities import TableQuantity
-from wakeflow.results.result import VOID
-from wakeflow.results.table import DONE, FAILED, Entry, ResultTable
-from wakeflow.terminal.many import show_table
 
 
 @pytest.fixture(scope="module")

@@ -18,14 +18,14 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, Here, shipped
+from wakeflow.answer.result import Request
+from wakeflow.batch import compute
+from wakeflow.batch.agenda import make_agenda
+from wakeflow.batch.compute import look_ahead
+from wakeflow.batch.variant import Variant, variants
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.core.workers import Workers
-from wakeflow.results.result import Request
-from wakeflow.sweeps import compute
-from wakeflow.sweeps.agenda import make_agenda
-from wakeflow.sweeps.compute import look_ahead
-from wakeflow.sweeps.variant import Variant, variants
+from wakeflow.core.executor import Workers
 
 CHAIN = {"numerics.rung": "none", "feed.count": 64}  # flown without air: seconds, and no compiled tracker
 OVER = {"fraction.wheat.restitution": [0.3, 0.5, 1.5], "feed.height": ["80 mm", "120 mm"]}
@@ -120,7 +120,7 @@ def test_scenes_share_airflows_and_flights(tmp_path: Path) -> None:
 def test_an_airflow_that_fails_takes_its_scenes_along_and_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from wakeflow.sweeps import run_agenda
+    from wakeflow.batch import agenda as run_agenda
 
     base = shipped("rhombus", {"feed.count": 64})
     found = variants(base, ["air.speed=4,5", "fraction.chaff.restitution=0.2,0.3"])
@@ -216,7 +216,7 @@ def test_a_broken_result_is_computed_again(tmp_path: Path) -> None:
 def test_what_would_not_fit_on_the_disk_is_refused_before_anything_is_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wakeflow.sweeps.compute.shutil.disk_usage", lambda place: SimpleNamespace(free=1000))
+    monkeypatch.setattr("wakeflow.batch.compute.shutil.disk_usage", lambda place: SimpleNamespace(free=1000))
     here = Here()
     with pytest.raises(SceneError, match=r"needs about .* GB .*wakeflow clean --keep"):
         wf.sweep([shipped("vacuum", {"feed.count": 16})], tmp_path, scheduler=here)

@@ -10,13 +10,12 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.result import Request
+from wakeflow.batch import agenda as run_agenda
+from wakeflow.batch.agenda import make_agenda, starts
+from wakeflow.batch.work import Job
 from wakeflow.core.errors import SceneError
-from wakeflow.results.result import Request
 from wakeflow.runs import report_again
-from wakeflow.sweeps import run_agenda
-from wakeflow.sweeps.agenda import make_agenda
-from wakeflow.sweeps.neighbours import starts
-from wakeflow.sweeps.work import Job
 
 COARSE = {
     "numerics.mesh_scale": 3.0,

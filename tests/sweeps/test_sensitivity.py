@@ -9,10 +9,10 @@ import pytest
 
 import wakeflow as wf
 from support import Here, shipped
+from wakeflow.answer.result import Result
+from wakeflow.answer.shares import least_certain
+from wakeflow.batch.sensitivity import COLUMNS
 from wakeflow.cli import main
-from wakeflow.results.landing_results import least_certain
-from wakeflow.results.result import Result
-from wakeflow.sweeps.sensitivity import COLUMNS
 
 SETTINGS = {"feed.count": 512, "uncertainty.fraction.hard.restitution": 0.05}
 

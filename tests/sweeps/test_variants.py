@@ -9,12 +9,11 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, shipped
+from wakeflow.batch.axis import Axis, axes_of, axis_of_text, designs
+from wakeflow.batch.variant import Variant, asked_for, read_sweep_file
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.scene.changes import differing, folder_name, run_folder
-from wakeflow.sweeps.axis import Axis, axes_of, axis_of_text
-from wakeflow.sweeps.design import designs
-from wakeflow.sweeps.variant import Variant, asked_for, read_sweep_file
 
 
 @pytest.mark.parametrize(

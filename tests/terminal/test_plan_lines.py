@@ -9,8 +9,8 @@ import pytest
 
 from support import shipped
 from wakeflow.cli import main
+from wakeflow.core.files import scene_templates
 from wakeflow.core.graded import Grade
-from wakeflow.core.resources import scene_templates
 from wakeflow.planning.make import make_plan
 
 LABELS = ("machine", "air", "feed", "flown with", "left out", "costs")

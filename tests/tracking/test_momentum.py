@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from support import DENSITY, G, field_of, with_tau
-from wakeflow.core.boxes import Boxes
 from wakeflow.core.errors import SceneError
+from wakeflow.core.geometry import Boxes
 from wakeflow.tracking import Granules, Tracks, track
 from wakeflow.tracking.momentum import force_on_the_air
 

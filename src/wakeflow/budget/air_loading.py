@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..answer.shares import COMPANION, LoadingEffect
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
-from ..planning.bounds import LOADING
 from ..planning.cost import flown_again
 from ..planning.stages import StageCost, Workload
-from ..results.landing_results import COMPANION, LoadingEffect
+from ..planning.terms import LOADING
 from .comparison import Shares, shares_of
 from .source import FractionResults, Parts, Source, add
 

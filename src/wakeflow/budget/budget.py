@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ..answer.shares import LEFT_OUT, BudgetRow, BudgetTotal, Separation
 from ..core.graded import Notice, less_sure
 from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
-from ..results.landing_results import LEFT_OUT, BudgetRow, BudgetTotal, Separation
 from .source import Flights, FractionResults, in_order
 from .total import whole
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..answer.shares import COMPANION
 from ..pipeline.pipeline import Pipeline
 from ..planning.cost import flown_again
 from ..planning.plan import COMPARED, DRAWS, REPLICATES
 from ..planning.stages import StageCost, Workload
-from ..results.landing_results import COMPANION
 from .source import INPUTS, FractionResults, Parts, Source, add
 
 if TYPE_CHECKING:

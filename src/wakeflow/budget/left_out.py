@@ -12,17 +12,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.shares import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
 from ..core.errors import known
 from ..pipeline.landings import Landings
-from ..planning.bounds import COLLISIONS, VIBRATION
 from ..planning.lock_in import vibration_of_scene
 from ..planning.plan import Plan
-from ..planning.terms import LeftOut
-from ..results.inputs import InputEffect
-from ..results.landing_results import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
-from ..results.separation import upper_limit
+from ..planning.terms import COLLISIONS, VIBRATION, LeftOut
 from ..scene import RESERVED_BIN, Scene
-from .bin_ends import free_ends, points_of
+from ..statistics.inputs import InputEffect
+from ..statistics.separation import upper_limit
+from .comparison import free_ends, points_of
 from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..answer.provenance import KnobSettings
+from ..answer.shares import COMPANION, BudgetPart
 from ..core.errors import known
 from ..pipeline.airflow import Airflow, GridEstimate, GridStudy
 from ..pipeline.landings import Landings
@@ -18,13 +20,10 @@ from ..pipeline.track_stage import Companion
 from ..planning.cost import flown_again
 from ..planning.stages import AirLabel, StageCost, Workload
 from ..planning.unknowns import SIGMAS
-from ..results.grid_convergence import estimate
-from ..results.landing_results import COMPANION, BudgetPart
-from ..results.refinement import KnobSettings
-from ..results.spread import Tally, cycles_of
+from ..statistics.grid_convergence import estimate
+from ..statistics.separation import Tally, cycles_of
 from .comparison import Array, Comparison, compared, shares_of
-from .prediction import RATE, averaged
-from .source import FractionResults, Parts, Source, add
+from .source import RATE, FractionResults, Parts, Source, add, averaged
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from ..answer.shares import COMPANION, BudgetPart
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
 from ..planning.cost import flown_again
 from ..planning.stages import OWN, AirLabel, StageCost, Workload
 from ..planning.wake import Wake
-from ..results.landing_results import COMPANION, BudgetPart
 from .comparison import Comparison, differences, shares_of
 from .source import FractionResults, Parts, Source, add
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from ..answer.provenance import KnobSettings
+from ..answer.shares import MEASURED, BudgetPart
 from ..planning.plan import REPLICATES
-from ..results.landing_results import MEASURED, BudgetPart
-from ..results.refinement import KnobSettings
-from ..results.spread import cycles_of
-from .prediction import averaged, landed, sampled
-from .source import FractionResults, Parts, Source, add
+from ..statistics.separation import cycles_of
+from .source import FractionResults, Parts, Source, add, averaged, landed, sampled
 
 
 class Sampling(Source[None]):

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from ..answer.provenance import KnobSettings
+from ..answer.shares import COMPANION, BudgetPart
 from ..core.number import student
-from ..pipeline.crowd_stage import CrowdCompanion, SlabFound
+from ..pipeline.slab import CrowdCompanion, SlabFound
 from ..planning.cost import slab_again
 from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
-from ..results.landing_results import COMPANION, BudgetPart
-from ..results.refinement import KnobSettings
-from .prediction import sampled
-from .source import FractionResults, Parts, Source, add
+from .source import FractionResults, Parts, Source, add, sampled
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked

@@ -1,11 +1,20 @@
-"""A source of the budget: what may make a share or a landing place wrong, and how far, as a registered object."""
+"""A source of the budget: what may make a share or a landing place wrong, and how far, as a registered object.
+
+Sampling falls with the granules as n^-RATE: plain Monte Carlo would give 1/2, balanced samples of few dimensions up to
+1 (Owen 1997, SIAM J. Numer. Anal. 34, 1884); the rate between them is assumed, not fitted. What is an upper
+limit of a counted share (steps, terms left out) is read back to the share and limited again: with few granules the
+limit is most of it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
+from ..answer.provenance import KnobSettings
+from ..answer.shares import UNKNOWN, BudgetPart
 from ..core.lazy import cached_property
 from ..core.number import Number
 from ..core.registry import Registry
@@ -13,18 +22,17 @@ from ..pipeline.airflow import Airflow
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..planning.stages import StageCost, Workload, error_sources
-from ..results.inputs import Inputs
-from ..results.landing_results import UNKNOWN, BudgetPart
-from ..results.refinement import KnobSettings
-from ..results.separation import share_spreads
-from ..results.spread import Spread
-from .bin_ends import AmongOthers
-from .comparison import compared
+from ..planning.unknowns import SIGMAS
+from ..statistics.inputs import Inputs
+from ..statistics.separation import Spread, share_spreads
+from .comparison import AmongOthers, compared
 
 if TYPE_CHECKING:
-    from ..pipeline.crowd_stage import SlabFound
     from ..pipeline.landings import Tracked
+    from ..pipeline.slab import SlabFound
 
+
+# -- A source of the budget: what may make a share or a landing place wrong, and how far, as a -------------------------
 Flown = TypeVar("Flown")
 Parts = Mapping[str, Sequence[BudgetPart]]
 INPUTS = "inputs"  # the part of what the scene does not say exactly
@@ -182,3 +190,32 @@ def in_order() -> list[Source[Any]]:
 def source_of(part: BudgetPart) -> Source[Any] | None:
     """The source that a part is of; None of a term that is left out."""
     return budget_sources[part.source] if part.kind is None and part.source in budget_sources else None
+
+
+# -- What an error would be with other settings, from what it is with those of a finished round ------------------------
+RATE = 0.6  # of sampling with the number of granules; assumed
+
+
+def landed(settings: KnobSettings) -> int:
+    """Granules of a fraction whose landings make the shares."""
+    return settings.granules if settings.slab is None else settings.slab
+
+
+def sampled(error: float, now: KnobSettings, then: KnobSettings) -> float:
+    """An ``error`` that goes as sampling does."""
+    return error * float((landed(now) / landed(then)) ** RATE)
+
+
+def averaged(now: KnobSettings, then: KnobSettings) -> float:
+    """The factor on what the finite averages of a wake make of an error."""
+    return 1.0 if now.averaging is None or then.averaging is None else then.averaging / now.averaging
+
+
+def limited_again(limit: float, count: float, again: float, times: float = 1.0) -> float:
+    """The upper 95 % limit of a share from ``again`` granules that is ``times`` the one whose limit from ``count`` is
+    ``limit`` (Wilson's, solved for the share: it lies SIGMAS standard errors of the limit below it).
+    """
+    share = min(1.0, times * max(0.0, limit - SIGMAS * sqrt(limit * (1.0 - limit) / count)))
+    beyond = SIGMAS**2 / again
+    spread = SIGMAS * sqrt(share * (1.0 - share) / again + beyond / (4.0 * again))
+    return (share + 0.5 * beyond + spread) / (1.0 + beyond)

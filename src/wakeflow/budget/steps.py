@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..answer.provenance import KnobSettings
+from ..answer.shares import COMPANION, BudgetPart
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import Companion
 from ..planning.cost import flown_again
 from ..planning.plan import COMPARED, REPLICATES
 from ..planning.stages import StageCost, Workload
-from ..results.landing_results import COMPANION, BudgetPart
-from ..results.refinement import KnobSettings
-from ..results.separation import upper_limit
-from .prediction import limited_again
-from .source import FractionResults, Parts, Source, add
+from ..statistics.separation import upper_limit
+from .source import FractionResults, Parts, Source, add, limited_again
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked

@@ -14,23 +14,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from ..answer.shares import LEFT_OUT, MEASURED, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal, Separation
 from ..core.number import Number
 from ..planning.unknowns import SIGMAS
-from ..results.landing_results import (
-    LEFT_OUT,
-    MEASURED,
-    NOT_COMPUTED,
-    BudgetPart,
-    BudgetRow,
-    BudgetTotal,
-    Separation,
-)
-from ..results.separation import purity_slopes
 from ..scene import Scene
+from ..statistics.separation import purity_slopes
 from .source import INPUTS, budget_sources, source_of
 
 if TYPE_CHECKING:
-    from ..results.inputs import InputRange, Inputs
+    from ..statistics.inputs import InputRange, Inputs
 
 BOUNDS = (LEFT_OUT, NOT_COMPUTED)
 WEIGHS = 1.0 / 3.0  # of a total: a bound larger than that must be computed, or the row says so

@@ -72,12 +72,12 @@ def sweep(
     dry_run
         Only say how many scenes there are, what they share, and what they will cost.
     """
+    from ..batch.compute import SweepEstimate, look_ahead
+    from ..batch.compute import sweep as compute
+    from ..batch.variant import asked_for
     from ..core.process import cores
-    from ..sweeps.compute import SweepEstimate, look_ahead
-    from ..sweeps.compute import sweep as compute
-    from ..sweeps.variant import asked_for
-    from ..progress import live
-    from ..terminal.many import show_estimate, show_sweep
+    from ..runs.progress import live
+    from .show_many import show_estimate, show_sweep
 
     how = {**gate.how, "neighbours": neighbours}
     with live(enabled=not quiet) as listener:
@@ -113,11 +113,11 @@ def search(
     file
         A TOML file with a [search] table (docs/search.md).
     """
+    from ..batch.designs import search as find
+    from ..batch.task import read_search_file
+    from ..runs.progress import live
     from ..scene.changes import run_folder
-    from ..searching.designs import search as find
-    from ..searching.task import read_search_file
-    from ..progress import live
-    from ..terminal.many import show_search
+    from .show_many import show_search
 
     held = changes_of(settings)
     task = read_search_file(file, held, budget)
@@ -141,8 +141,8 @@ def compare(
     run_folders
         Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with.
     """
-    from ..sweeps.comparison import compare as side_by_side
-    from ..terminal.many import show_comparison
+    from ..batch.comparison import compare as side_by_side
+    from .show_many import show_comparison
 
     found = side_by_side(run_folders)
     show_comparison(found)
@@ -172,14 +172,14 @@ def bins(
     on
         The line: floor, top, left, right, or a bin of the scene.
     """
-    from ..results.dividers import dividers, purities, trade_off
-    from ..terminal.result import show_dividers
+    from ..statistics.dividers import dividers, purities, trade_off
+    from .show_result import show_dividers
 
     fraction, sign, asked = purity.partition("=")
     if sign:
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
-    from ..report.trade_off import draw_dividers, write_dividers
+    from ..report.curves import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
@@ -219,9 +219,9 @@ def sensitivity(
     scene
         A scene file, run where it has not been, or the folder of a finished run.
     """
-    from ..sweeps.sensitivity import sensitivity as find
-    from ..progress import live
-    from ..terminal.many import show_sensitivity
+    from ..batch.sensitivity import sensitivity as find
+    from ..runs.progress import live
+    from .show_many import show_sensitivity
 
     asked: Scene | Path = scene
     if not scene.is_dir():
@@ -251,9 +251,8 @@ def clean(
     dry_run
         Remove nothing; only say what is there, and what --keep would remove.
     """
-    from ..core.cleaning import bytes_of, kept_stages, oldest_beyond, remove_stages
-    from ..core.store import Store, cache_root
-    from ..terminal.stored import show_removed, show_stages
+    from ..core.store import Store, bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
+    from .show_stored import show_removed, show_stages
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
     if not dry_run:

@@ -42,7 +42,7 @@ def run(
         Print result.json instead of tables; on stderr how far the run is, as JSON lines.
     """
     from .. import runs
-    from ..progress import live
+    from ..runs.progress import live
 
     asked, folder = scene_and_folder(scene, settings, gate, out)
     with live(enabled=not quiet, as_json=as_json) as listener:
@@ -53,7 +53,7 @@ def run(
     if as_json:
         print(json.dumps(result.table, indent=2))
     elif not quiet:
-        from ..terminal.result import show_result
+        from .show_result import show_result
 
         show_result(result)
 
@@ -96,7 +96,7 @@ def doctor(*, as_json: AsJson = False) -> int:
 
     from rich.console import Console
 
-    from .. import doctor as examiner
+    from . import doctor as examiner
 
     findings = examiner.examine()
     if as_json:
@@ -142,7 +142,7 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
     """
     from functools import partial
 
-    from ..progress import live
+    from ..runs.progress import live
     from ..verify import runner
 
     with live(enabled=not as_json) as listener:

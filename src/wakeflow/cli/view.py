@@ -56,7 +56,7 @@ def plan(
     del until, workers
     from ..planning.make import make_plan
     from ..scene import units_written
-    from ..terminal.plan import show_plan, show_whole_plan
+    from .show_plan import show_plan, show_whole_plan
 
     asked, folder = scene_and_folder(scene, settings, gate, out)
     made = make_plan(asked, **gate.how)
@@ -89,8 +89,8 @@ def view(what: Path, *, picture: Picture = None, settings: Settings = ()) -> Non
     picture
         Draw it there, as PNG, and open no window.
     """
+    from ..answer.result import Result
     from ..report.window import look
-    from ..results.result import Result
     from ..scene import Scene
 
     run = what if what.is_dir() else None
@@ -132,10 +132,10 @@ def animate(
     size
         Dots of its longer side.
     """
-    from ..core.cleaning import bytes_of
+    from ..core.store import bytes_of
     from ..report.film import show_film, write_film
     from ..runs import film_of
-    from ..progress import live
+    from ..runs.progress import live
 
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
@@ -166,8 +166,8 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
     """
     from ..core.registry import did_you_mean
     from ..laws.material import materials as shipped
-    from ..scene.own_materials import read_materials
-    from ..terminal.stored import show_material, show_materials
+    from ..scene.own_files import read_materials
+    from .show_stored import show_material, show_materials
 
     known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
     if name is None:

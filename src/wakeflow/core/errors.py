@@ -5,9 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TypeVar
 
-__all__ = ["FoamError", "MeshError", "ProgramError", "SceneError", "WakeflowError", "known"]
-
-
 Kind = TypeVar("Kind")
 
 

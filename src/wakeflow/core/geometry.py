@@ -1,4 +1,4 @@
-"""Closed polygons: what the mesh, the injection and the tracker all need to know of a body's outline.
+"""Plane geometry: closed polygons, and a density on square boxes.
 
 An outline is a (k, 2) array of corners (m), counter-clockwise; edge i runs from corner i to corner i + 1 and has the
 solid on its left.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +16,7 @@ from numpy.typing import NDArray
 from .errors import SceneError
 from .quantities import metres
 
-__all__ = [
-    "are_symmetric",
-    "area",
-    "contains",
-    "distance_between",
-    "distance_to",
-    "edges",
-    "is_simple",
-    "is_symmetric",
-    "normals",
-    "rounded",
-    "segments_cross",
-]
-
+# -- Closed polygons: what the mesh, the injection and the tracker all need to know of a body's outline ----------------
 ARC = math.radians(7.5)  # how much one chord of a rounded corner turns at most
 Array = NDArray[np.float64]
 
@@ -145,3 +133,65 @@ def are_symmetric(outlines: Sequence[Array], axis: float = 0.0, tolerance: float
 
     mirrored = (outline * (-1.0, 1.0) + (2 * axis, 0.0) for outline in outlines)
     return all(any(same(image, outline) for outline in outlines) for image in mirrored)
+
+
+# -- A force on the air by place: its density on square boxes in the plane ---------------------------------------------
+@dataclass(frozen=True)
+class Boxes:
+    """Square boxes of edge ``pitch`` (m): ``columns`` of them from ``left`` (m) on, ``rows`` from ``bottom`` (m) up."""
+
+    left: float
+    bottom: float
+    pitch: float
+    columns: int
+    rows: int
+
+    @classmethod
+    def across(cls, width: float, bottom: float, top: float, pitch: float) -> Boxes:
+        """Boxes of about ``pitch`` (m) that fill a channel of ``width`` (m) about x = 0 and reach from ``bottom`` at
+        least to ``top`` (m). Their number across is even: the boxes are their own mirror image, and none lies astride
+        x = 0.
+        """
+        half = max(1, round(0.5 * width / pitch))
+        edge = 0.5 * width / half
+        return cls(-0.5 * width, bottom, edge, 2 * half, max(1, int(np.ceil((top - bottom) / edge - 1e-9))))
+
+    @property
+    def centres(self) -> Array:
+        """Middles of all boxes, (rows, columns, 2) m."""
+        x = self.left + (np.arange(self.columns) + 0.5) * self.pitch
+        y = self.bottom + (np.arange(self.rows) + 0.5) * self.pitch
+        return np.stack(np.meshgrid(x, y), axis=-1)
+
+    def holding(self, points: Array) -> NDArray[np.int64]:
+        """Number of the box, row by row, that holds each of ``points`` (n, 2) m; the nearest one for those outside."""
+        column = np.clip((points[:, 0] - self.left) // self.pitch, 0, self.columns - 1)
+        row = np.clip((points[:, 1] - self.bottom) // self.pitch, 0, self.rows - 1)
+        return (row * self.columns + column).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class ForceDensity:
+    """``density`` (rows, columns, 2) N/m3 of a force on the air, uniform in each of the ``boxes``."""
+
+    boxes: Boxes
+    density: Array
+
+    @property
+    def total(self) -> Array:
+        """The whole force, (2,) N per metre across the plane."""
+        return np.asarray(self.density.sum(axis=(0, 1)) * self.boxes.pitch**2)
+
+    def mirrored(self) -> ForceDensity:
+        """The mean of the force and its mirror image about x = 0."""
+        image = self.density[:, ::-1] * (-1.0, 1.0)
+        return replace(self, density=0.5 * (self.density + image))
+
+    def above(self, least: float) -> ForceDensity:
+        """The force where its density is at least ``least`` (N/m3), nothing elsewhere."""
+        strong = np.linalg.norm(self.density, axis=2, keepdims=True) >= least
+        return replace(self, density=np.where(strong, self.density, 0.0))
+
+    def towards(self, other: ForceDensity, share: float) -> ForceDensity:
+        """``share`` of the way from this force to the ``other`` on the same boxes."""
+        return replace(self, density=self.density + share * (other.density - self.density))

@@ -8,9 +8,6 @@ from enum import Enum
 
 from .record import column
 
-__all__ = ["GRADES", "Grade", "Notice", "gravest_first", "information", "less_sure", "void"]
-
-
 GRADES = "of each warning: the answer is void, less sure, or for information"
 
 

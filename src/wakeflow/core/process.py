@@ -6,6 +6,7 @@ Every child runs in a process group of its own, writes to a log file, and dies w
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import json
 import os
@@ -14,8 +15,9 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from operator import attrgetter
@@ -23,21 +25,72 @@ from pathlib import Path
 from typing import IO, Any
 
 from . import errors
-from .beside import heed
 from .errors import ProgramError, SceneError, WakeflowError
 
-__all__ = [
-    "Finished",
-    "call_in_child",
-    "capture",
-    "check_workers",
-    "cores",
-    "end_group",
-    "run_program",
-    "start_in_group",
-    "tail",
-]
+# -- Work in a second thread beside the caller's own, on a core that would be idle; what fails first -------------------
+_thread = threading.local()
 
+
+class _Over(BaseException):
+    """The other thread has failed. No Exception: nobody may take it for a failure of the program that it ends."""
+
+
+def heed() -> None:
+    """End this thread's work where the other's has failed; called several times a second by what takes long."""
+    over: threading.Event | None = getattr(_thread, "over", None)
+    if over is not None and over.is_set():
+        raise _Over
+
+
+@contextlib.contextmanager
+def beside(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
+    """Do ``jobs`` one after the other in a thread of their own while the block of the ``with`` runs; wait for both.
+
+    Where a job raises, the block is ended at its next :func:`heed`, outside programs at once, and the job's exception
+    is raised; where the block raises, Ctrl-C included, the job is ended likewise.
+    """
+    failed: list[BaseException] = []
+    job_failed, block_failed = threading.Event(), threading.Event()
+
+    def work() -> None:
+        try:
+            with _ends_with(block_failed):
+                for job in jobs:
+                    heed()
+                    job()
+        except _Over:
+            pass
+        except BaseException as problem:  # raised again by the caller's thread
+            failed.append(problem)
+            job_failed.set()
+
+    thread = threading.Thread(target=work, name="beside", daemon=True)
+    thread.start()
+    try:
+        with _ends_with(job_failed):
+            yield
+    except _Over:
+        pass  # the job's own exception says why, below
+    except BaseException:
+        block_failed.set()
+        raise
+    finally:
+        thread.join()
+    if failed:
+        raise failed[0]
+
+
+@contextlib.contextmanager
+def _ends_with(event: threading.Event) -> Iterator[None]:
+    before: threading.Event | None = getattr(_thread, "over", None)
+    _thread.over = event
+    try:
+        yield
+    finally:
+        _thread.over = before
+
+
+# -- The only module that starts outside programs ----------------------------------------------------------------------
 POLL = 0.05  # s between looks at the log
 GRACE = 3.0  # s between asking a group to end and killing it
 
@@ -94,7 +147,7 @@ def run_program(
     """Run ``command`` to its end; its output goes to ``log``, each finished line of it to ``on_line``.
 
     While the log does not grow, ``on_idle`` is called with the time (s) since it last grew. An exception that either
-    raises ends the program, as does a failure of what runs beside (:mod:`wakeflow.core.beside`). Raises ``error`` (a
+    raises ends the program, as does a failure of what runs beside (:mod:`wakeflow.core.process`). Raises ``error`` (a
     ProgramError) when the program is missing or ends with another code than 0, and when ``timeout`` (s) passes.
     ``hint`` is appended to the message when the program is missing.
     """

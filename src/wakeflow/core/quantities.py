@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pint import Unit
 
-__all__ = ["QUANTITY", "converted", "duration", "metres", "quantity", "say", "speaking", "split_quantity", "spoken"]
 
 NUMBER = r"[-+\u2212]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+\u2212]?[0-9]+)?"  # U+2212: a typographer's minus
 UNIT = r"(?:1/)?[^\s\d.,;'\u2019_+*\u2212-].*"  # whatever could go on a number is none

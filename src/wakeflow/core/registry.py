@@ -12,8 +12,6 @@ from typing import Generic, TypeVar
 
 from .errors import SceneError
 
-__all__ = ["Registry", "did_you_mean"]
-
 Entry = TypeVar("Entry")
 
 

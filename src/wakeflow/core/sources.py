@@ -17,8 +17,6 @@ from pathlib import Path
 
 from .store import content_key, digest_files
 
-__all__ = ["closure", "code_key"]
-
 NAME = __name__.partition(".")[0]
 PACKAGE = Path(__file__).parent.parent
 CALL = re.compile(rf"({NAME}(?:\.\w+)*):\w[\w.]*")  # "wakeflow.module:function" in a string: what a child process runs

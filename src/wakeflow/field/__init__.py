@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from .blend import blended_wake, interpolated
-from .divergence import Divergence
+from .combined import blended_wake, interpolated
 from .flow import FlowField
 from .modes import Truncation
 from .swing import Swing
+from .triangles import Divergence
 
 __all__ = ["Divergence", "FlowField", "Swing", "Truncation", "blended_wake", "interpolated"]

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from .triangles import double_area
 
-__all__ = ["cells", "coefficients", "finite", "motion", "of_shape", "optional", "points", "positive", "times"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 FLAT = 1e-12  # area over the square of its longest edge below which a triangle has none: round-off

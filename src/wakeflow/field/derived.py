@@ -12,7 +12,6 @@ from .recovery import gradient_operators
 if TYPE_CHECKING:
     from .flow import FlowField
 
-__all__ = ["stream_function", "vorticity"]
 
 Array = NDArray[np.float64]
 

@@ -19,17 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from . import checks
-from .divergence import Divergence, divergence_of
 from .mirror import mirrored, reflected
-from .modes import Truncation, compress
+from .modes import TimeAxis, Truncation, compress, design
 from .recovery import gradient_operators
-from .splines import design
 from .storage import read_arrays, write_arrays
 from .swing import Swing
-from .time_axis import TimeAxis
-from .triangles import Triangles
-
-__all__ = ["FlowField"]
+from .triangles import Divergence, Triangles, divergence_of
 
 Array = NDArray[np.float64]
 NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")  # the arrays with a value at every node

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 
-__all__ = ["mirrored", "reflected"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 VECTORS = ("velocity", "given_gradient")  # their x component changes sign

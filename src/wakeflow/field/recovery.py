@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["gradient_operators"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 

@@ -11,8 +11,6 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 
-__all__ = ["read_arrays", "write_arrays"]
-
 
 def write_arrays(path: Path | str, arrays: Mapping[str, Any], short: Collection[str]) -> None:
     """Write ``arrays`` by name to ``path``, whole or not at all; those in ``short`` in single precision."""

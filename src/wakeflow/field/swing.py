@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 
-__all__ = ["Swing"]
-
 Array = NDArray[np.float64]
 WHOLE = 0.01  # vibrations by which a moving field's period may miss a whole number of them. Chosen: 4 degrees of phase
 

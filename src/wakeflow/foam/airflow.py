@@ -7,21 +7,22 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+from ..core.geometry import ForceDensity
 from ..core.record import save
 from .airflow_result import AirflowResult, CheckMesh
 from .case import FlowSpec
 from .failure import disk_trouble_named
-from .ladder import climb, first_order_start
+from .ladder import climb, first_order_start, schemes_in
 from .measure import measure
+from .momentum_source import write_source
 from .prepare import prepare_case
 from .sanity import check_airflow, check_finite
 from .steady import run_steady
 from .time_resolved import run_time_resolved
 from .watch import ProgressListener
 
-__all__ = ["solve_airflow"]
 
-
+# -- One airflow from mesh to numbers ----------------------------------------------------------------------------------
 def solve_airflow(
     spec: FlowSpec,
     msh: Path,
@@ -91,3 +92,28 @@ def _last_residuals(log: Path) -> dict[str, float]:
         stream.seek(max(0, log.stat().st_size - 8000))
         text = stream.read().decode(errors="replace")
     return {name: float(value) for name, value in re.findall(r"Solving for (\w+), Initial residual = ([^,]+)", text)}
+
+
+# -- A steady airflow under a force: solved on from the airflow without it ---------------------------------------------
+def solve_loaded(
+    spec: FlowSpec,
+    msh: Path,
+    folder: Path,
+    force: ForceDensity,
+    *,
+    start: Path,
+    listener: ProgressListener = lambda _: None,
+    timeout: float | None = None,
+) -> AirflowResult:
+    """Solve the steady airflow ``spec`` under ``force`` in the case ``folder``, from the case ``start`` of the same
+    airflow without it, by the same stopping rule and with the settings that served there, so that the force alone is
+    what changes; goes on from what an interrupted call left.
+
+    Arguments and errors as of :func:`wakeflow.foam.airflow.solve_airflow`.
+    """
+    with disk_trouble_named(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        spec = replace(spec, settings=schemes_in(start))
+        prepare_case(replace(spec, stepping="steady"), msh, folder)
+        write_source(folder, force, spec.density)
+    return solve_airflow(spec, msh, folder, start=start, listener=listener, timeout=timeout)

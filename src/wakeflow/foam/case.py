@@ -15,32 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError, SceneError
-from ..core.files import atomic_write
-from ..core.resources import case_template
+from ..core.files import atomic_write, case_template
 from ..laws.span import Span
-from ..laws.turbulence_models import (
-    USUAL,
-    TurbulenceField,
-    TurbulenceModel,
-    entering_energy,
-    turbulence_models,
-)
+from ..laws.turbulence import USUAL, TurbulenceField, TurbulenceModel, entering_energy, turbulence_models
 from ..meshing import MeshSpec
 from .mesh_motion import MeshMotion
 from .polymesh import read_polymesh
-
-__all__ = [
-    "SETTINGS",
-    "FlowSpec",
-    "Stream",
-    "axis_points",
-    "environment",
-    "read_parameters",
-    "set_patch_types",
-    "write_case",
-    "write_inlets",
-    "write_parameters",
-]
 
 PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 MODELS = "turbulence-models"  # in the template: a folder a model, its files go over those of the template's own
@@ -67,7 +47,7 @@ class Stream:
 @dataclass(frozen=True)
 class FlowSpec:
     """Air through a meshed channel: ``speed`` (m/s, inlet mean), ``density`` (kg/m3), ``viscosity`` (dynamic, Pa s),
-    ``turbulence``: one of ``laws.turbulence_models``; ``intensity`` (u'/U at the inlet; not used when laminar),
+    ``turbulence``: one of ``laws.turbulence``; ``intensity`` (u'/U at the inlet; not used when laminar),
     ``profile`` of the inlet's velocity (parabolic: fully developed laminar channel flow, 3/2 of the mean in the
     middle), ``inlets``: secondary streams. ``vibration``: of bodies and mesh along the channel; None: the bodies are at
     rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes,

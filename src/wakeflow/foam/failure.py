@@ -16,8 +16,6 @@ from pathlib import Path
 
 from ..core.errors import FoamError
 
-__all__ = ["AirflowFailure", "Cause", "diagnose", "disk_is_full", "disk_trouble_named"]
-
 FULL = 2**20  # bytes free: less than any time folder needs
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 WORDS_OF_A_FULL_DISK = ("No space left on device", "Disk quota exceeded", "File too large")

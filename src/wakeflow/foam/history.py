@@ -9,19 +9,6 @@ from numpy.typing import NDArray
 
 from .case import read_parameters
 
-__all__ = [
-    "CD",
-    "CL",
-    "HistoryTable",
-    "Tail",
-    "kind_of",
-    "oscillation",
-    "read_table",
-    "read_vectors",
-    "spread",
-    "upward_crossings",
-]
-
 Array = NDArray[np.float64]
 CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...
 ABSENT = 1e100  # what OpenFOAM writes for a probe outside the mesh is larger

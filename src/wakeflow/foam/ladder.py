@@ -21,13 +21,10 @@ from .failure import AirflowFailure
 from .prepare import CHECKED
 from .read import LOOP
 from .sanity import is_sane
-from .segments import drop_after, ended_early, last_state, run_segment, states
-from .solver import PHASE
+from .solver import PHASE, drop_after, ended_early, last_state, run_segment, states
 from .start import first_step, perturb, start_from
 from .time_resolved import COLLAPSED
 from .watch import ProgressListener, Watch
-
-__all__ = ["LADDER", "climb", "first_order_start", "schemes_in", "warning"]
 
 Result = TypeVar("Result")
 LADDER = {

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MeshMotion", "repeats"]
-
 Array = NDArray[np.float64]
 SNAPSHOTS = 12  # a vibration, at least: the field between them is interpolated
 ROUND_OFF = 1e-6  # rad: of a time that is meant to be whole vibrations

@@ -15,12 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.boxes import ForceDensity
 from ..core.files import atomic_write, write_json
+from ..core.geometry import ForceDensity
 from .polymesh import read_polymesh
 from .reconstruction import PlaneMesh
-
-__all__ = ["SOURCE", "LaidForce", "cell_forces", "write_source"]
 
 Array = NDArray[np.float64]
 SOURCE = Path("constant", "momentum_source.json")  # in the case, beside the force that was written into it

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError
 from .reconstruction import PlaneMesh
 
-__all__ = ["FoamMesh", "read_polymesh"]
-
 Index = NDArray[np.intp]
 
 

@@ -12,8 +12,6 @@ from .airflow_result import CheckMesh
 from .case import FlowSpec, set_patch_types, write_case, write_inlets
 from .programs import call
 
-__all__ = ["CHECKED", "prepare_case"]
-
 CHECKED = "mesh_check.json"  # in the case: what checkMesh found
 
 

@@ -1,17 +1,19 @@
-"""Start one OpenFOAM program in a case; its failure becomes one line with a cause."""
+"""OpenFOAM's programs: which version is installed, how one is started on one rank or several, and what it cost."""
 
 from __future__ import annotations
 
+import re
+import shutil
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 
 from ..core.errors import FoamError
-from ..core.process import Finished, run_program, tail
-from .case import INSTALL, environment
+from ..core.process import Finished, capture, run_program, tail
+from .case import INSTALL, environment, read_parameters
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
 
-__all__ = ["SOLVERS", "call"]
-
+# -- Start one OpenFOAM program in a case; its failure becomes one line with a cause -----------------------------------
 SOLVERS = ("simpleFoam", "pimpleFoam")  # only what these compute can be cured by safer settings
 SILENCE = 900.0  # s without a line in the log: no iteration of a two-dimensional case takes that long
 SUSPICION = 2.0  # s without a line after which the disk is looked at: a full one swallows the log too
@@ -75,3 +77,73 @@ def _since(log: Path, start: int) -> str:
     with log.open("rb") as stream:
         stream.seek(max(start, log.stat().st_size - 200_000))
         return stream.read().decode(errors="replace")
+
+
+# -- MPI: a large case is cut into strips along the air, one a rank; afterwards it is one case again -------------------
+def scatter(folder: Path) -> tuple[list[str], list[str]]:
+    """Cut the case's latest time into as many parts as its parameters ask ranks for.
+
+    Returns the launcher's words and the solver's options; both empty for one rank.
+    """
+    ranks = _ranks(folder)
+    if ranks == 1:
+        return [], []
+    call(folder, ["decomposePar", "-force", "-latestTime"])
+    # Not bound to cores (two runs side by side would share one), idle ranks yield; in a container one is often root
+    how = "--allow-run-as-root --oversubscribe --bind-to none --mca mpi_yield_when_idle 1"
+    return ["mpirun", "-np", str(ranks), *how.split()], ["-parallel"]
+
+
+def gather(folder: Path) -> None:
+    """Put the times that all ranks wrote together again and remove the parts; nothing without parts."""
+    parts = sorted(folder.glob("processor[0-9]*"))
+    if not parts:
+        return
+    written = [{path.name for path in part.iterdir() if _is_time(path.name)} for part in parts]
+    new = set.intersection(*written) - {path.name for path in folder.iterdir()}
+    if new:
+        call(folder, ["reconstructPar", "-time", ",".join(sorted(new, key=float))])
+    for part in parts:
+        shutil.rmtree(part)
+
+
+def _is_time(name: str) -> bool:
+    return re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", name) is not None
+
+
+def _ranks(folder: Path) -> int:
+    return int(read_parameters(folder).get("ranks", 1))
+
+
+# -- Which OpenFOAM is installed ---------------------------------------------------------------------------------------
+@cache
+def openfoam_version() -> str:
+    """Version and patch of the installed OpenFOAM, "1912 patch=200626". Raises FoamError when there is none."""
+    command = ["simpleFoam", "-help"]
+    code, text = capture(command, env=environment())
+    if code != 0:
+        raise FoamError(f"OpenFOAM's simpleFoam does not start; {INSTALL}", command=" ".join(command), tail=text[-500:])
+    found = re.search(r"OpenFOAM-\s*\(?v?(\w+)\)?.*?\((patch=\w+)\)", text, re.S)
+    return f"{found[1]} {found[2]}" if found else " ".join(text.split())[-80:]
+
+
+# -- What a solved case cost, by its solvers' own logs -----------------------------------------------------------------
+ENTRY = re.compile(r"^(nProcs|ExecutionTime) *[:=] *([0-9.e+]+)", re.M)
+
+
+def core_seconds(case: Path) -> float:
+    """Processor seconds (all ranks) that the solvers spent in ``case``, restarts and failed attempts counted.
+
+    OpenFOAM prints ``nProcs`` when it starts and its ExecutionTime, processor time since then, after every step. Unlike
+    wall seconds it does not grow when other programs share the machine.
+    """
+    total = 0.0
+    for log in sorted([*case.glob("log.[sp]imple*"), *case.glob("failed-*.log")]):
+        ranks, last = 1, 0.0
+        for name, value in ENTRY.findall(log.read_text(errors="replace")):
+            if name == "nProcs":
+                total, last, ranks = total + ranks * last, 0.0, int(value)
+            else:
+                last = float(value)
+        total += ranks * last
+    return total

@@ -33,10 +33,8 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError, known
 from .airflow_result import AirflowResult
 from .case import FlowSpec
-from .case_fields import CaseFields, time_folders
 from .failure import AirflowFailure, Cause
-
-__all__ = ["Check", "blockage", "check_airflow", "check_finite", "friction", "gap_speed", "is_sane"]
+from .read import CaseFields, time_folders
 
 Array = NDArray[np.float64]
 LEAK = 1e-3  # inflow less outflow over inflow

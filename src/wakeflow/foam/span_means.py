@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from .airflow_result import AxisProfiles
-from .body_axis import AxisCrossings
 from .case import FlowSpec, axis_points
 from .read import nodes_of
 from .reconstruction import Reconstruction, triangulate
 from .span_record import K_AT, OMEGA_AT, SpanRecord, des_dissipation
-
-__all__ = ["SpanMeans", "axis_profile", "span_means"]
+from .suction import AxisCrossings
 
 Array = NDArray[np.float64]
 NEAR = (0.5, 4.0)  # widths behind the body, and

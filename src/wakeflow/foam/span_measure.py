@@ -13,19 +13,14 @@ from ..core.errors import known
 from ..core.number import Number
 from .airflow_result import AirflowResult, SpanwiseMotion
 from .case import FlowSpec, axis_points
-from .case_fields import Snapshot, time_folders
-from .coefficients import Coefficients, averaged
 from .history import CD, CL, read_table
-from .measure import mean_pressure, on_edges, y_plus
-from .read import nodes_of
+from .measure import Coefficients, averaged, mean_pressure, on_edges, y_plus
+from .read import Snapshot, nodes_of, time_folders
 from .reconstruction import PlaneMesh, triangulate
 from .span_means import SpanMeans, axis_profile, span_means
-from .span_read import apart, lead_of
-from .span_record import SpanRecord
+from .span_record import SpanRecord, apart, lead_of
 from .statistics import evaluate
 from .suction import suction_zone
-
-__all__ = ["PLANE_BELOW", "history_of", "measure_span"]
 
 Array = NDArray[np.float64]
 # Rms of the spanwise velocity in the near wake over the inlet speed below which the wake counts as plane: wakes that

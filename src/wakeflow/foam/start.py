@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from ..core.files import atomic_write
 from .case import FlowSpec
-from .case_fields import CaseFields
 from .polymesh import read_polymesh
-
-__all__ = ["first_step", "perturb", "start_from"]
+from .read import CaseFields
 
 Array = NDArray[np.float64]
 # Chosen: the vortex is a push that every wake forgets, no part of the result.

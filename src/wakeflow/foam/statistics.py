@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from ..core.number import Number, student
 from .history import upward_crossings
 
-__all__ = ["LOOSER", "Statistics", "Stopping", "cycles", "evaluate", "is_still", "start_up_of", "student", "wanted"]
-
 Array = NDArray[np.float64]
 # Chosen by trials on records of known statistics (tests/foam/test_statistics.py) where no source is given.
 FEWEST = 6  # whole periods after the start-up

@@ -10,15 +10,11 @@ from numpy.typing import NDArray
 
 from ..core.files import write_json
 from .case import FlowSpec
-from .case_fields import time_folders
 from .history import Tail, kind_of, oscillation, read_vectors, spread
-from .read import STATES
-from .segments import drop_after, ended_early, last_state, purge, run_segment
-from .solver import PHASE
+from .read import STATES, time_folders
+from .solver import PHASE, drop_after, ended_early, last_state, purge, run_segment
 from .start import start_from
 from .watch import ProgressListener, Watch
-
-__all__ = ["WINDOW", "expected_end", "run_steady"]
 
 Array = NDArray[np.float64]
 # A steady run ends when over its last WINDOW iterations nothing that is measured moved by more than these. Chosen: well

@@ -15,17 +15,13 @@ from numpy.typing import NDArray
 from ..core.errors import FoamError
 from ..core.files import write_json
 from .case import FlowSpec
-from .case_fields import CaseFields, time_folders
 from .history import Tail
 from .mesh_motion import MeshMotion
-from .read import LOOP
-from .segments import SAME, drop_after, last_state, purge, run_segment, segment_ends
-from .solver import PHASE
+from .read import LOOP, CaseFields, time_folders
+from .solver import PHASE, SAME, drop_after, last_state, purge, run_segment, segment_ends
 from .start import first_step, perturb, start_from
 from .statistics import Stopping, cycles, evaluate, is_still
 from .watch import ProgressListener, Watch
-
-__all__ = ["LONGEST", "LOOP_PERIODS", "SNAPSHOTS", "best_loop", "run_time_resolved"]
 
 Array = NDArray[np.float64]
 # Chosen, where nothing else is said; convective time: the first body's projected width over the inlet speed.

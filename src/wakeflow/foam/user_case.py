@@ -13,16 +13,13 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.geometry import distance_to
 from ..core.number import Number
-from ..laws.turbulence_models import NUT
+from ..laws.turbulence import NUT
 from .airflow_result import AirflowResult
 from .case import FlowSpec, axis_points
-from .case_fields import CaseFields, Snapshot, time_folders
 from .measure import mean_pressure, motion_in, on_edges, y_plus
-from .read import loop_of, read_flow
+from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
 from .reconstruction import PlaneMesh
 from .suction import suction_zone
-
-__all__ = ["case_files", "measure_given"]
 
 Array = NDArray[np.float64]
 MATCH = 0.01  # widths of the first body: how far the case's walls may lie from the scene's outlines; viscosities too

@@ -16,8 +16,6 @@ from .case import read_parameters
 from .failure import AirflowFailure, Cause
 from .history import CD, HistoryTable
 
-__all__ = ["Progress", "ProgressListener", "Watch"]
-
 LOOK_EVERY = 0.2  # s of wall time between two looks at the history; chosen: an eye sees no faster
 ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
 MOST_SWEEPS, UNSOLVED = 1000, 20  # OpenFOAM's own limit on a linear solver; reached so often in a row it is stuck

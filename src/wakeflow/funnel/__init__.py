@@ -16,7 +16,7 @@ from .delivered import FunnelSummary
 
 __all__ = ["compute", "estimated_seconds", "notices", "summary"]
 
-CODE = ("wakeflow.funnel.pour", "wakeflow.funnel.flow")  # with LIGGGHTS' own scripts beside them
+CODE = ("wakeflow.funnel.pour", "wakeflow.funnel.pour")  # with LIGGGHTS' own scripts beside them
 SPEED = 4e6  # beads times steps a second of one core
 DEEP = 0.05  # diameters: softened beads should overlap less
 Make = Callable[[str, str, Callable[[Path], None]], Path]
@@ -30,8 +30,7 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSu
     fails.
     """
     from .engine import liggghts_version
-    from .flow import discharge
-    from .pour import pour
+    from .pour import discharge, pour
 
     asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
     asked |= {"density": funnel.bead_density, "restitution": funnel.bead_restitution, "friction": funnel.bead_friction}

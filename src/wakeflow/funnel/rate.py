@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from ..core.number import Number
 
-__all__ = ["EMPTY", "Curve", "rate_of", "read_curve", "time_to_empty"]
-
 Array = NDArray[np.float64]
 STEADY = (0.10, 0.75)  # shares of the mass discharged: between them the funnel neither starts nor runs empty
 BATCHES = 8  # parts of the steady stretch whose rates give the interval

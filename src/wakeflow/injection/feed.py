@@ -23,11 +23,10 @@ from ..core.errors import known
 from ..core.geometry import edges, normals
 from ..core.roots import halved
 from ..field import FlowField
-from ..laws.collision import approach_speed
+from ..laws.collision import approach_speed, thrown
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import forces
-from ..laws.rebound import thrown
 from ..laws.restitution import restitution_at
 from ..laws.size import normal_quantile
 from ..planning.impaction import axis
@@ -35,11 +34,8 @@ from ..planning.plan import REPLICATES, FractionPlan, Plan
 from ..planning.variation import GranuleVariation
 from ..scene import Fraction, Scene, Speeds
 from ..tracking import Granules
+from .birth import PLACED, TRAITS, samples, traits_of, varied_granules
 from .first_contact import first_contact, motion_of
-from .sobol import PLACED, TRAITS, samples, traits_of
-from .varied import varied_granules
-
-__all__ = ["Feedstock", "arrival", "contact_points", "entering", "fall_start", "feedstock", "granules_of"]
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much

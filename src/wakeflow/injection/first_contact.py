@@ -17,8 +17,6 @@ from ..core.roots import halved_all
 from ..scene import Scene
 from ..tracking import Motion
 
-__all__ = ["first_contact", "motion_of"]
-
 Array = NDArray[np.float64]
 Index = NDArray[Any]
 PIECE = 0.4  # rad of the vibration looked at in one piece, as the tracker does

@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 
 from ..core.geometry import edges, normals
 from ..core.record import column
-from ..laws.granule_layer import Load, load_on_wall
+from ..laws.streams import Load, load_on_wall
 from ..planning.impaction import axis
 from ..planning.plan import FractionPlan, Plan
 from ..planning.uniform_fall import fall_speeds
 from ..scene import Scene
 from .feed import contact_points, granules_of
 from .first_contact import first_contact, motion_of
-
-__all__ = ["FractionImpact", "ImpactForces", "ImpactSummary", "SlopeImpact", "StreamImpact", "impact_loads"]
 
 Array = NDArray[np.float64]
 # How finely the stream is sampled; chosen

@@ -26,10 +26,8 @@ from ..planning.plan import Plan
 from ..planning.variation import AS_GIVEN, GranuleVariation, Variation
 from ..scene import Scene
 from ..tracking import Granules
+from .birth import varied_granules
 from .feed import entering, fall_start, granules_of
-from .varied import varied_granules
-
-__all__ = ["SlabFeed", "slab_stream"]
 
 Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen

@@ -22,17 +22,6 @@ from ..core.errors import SceneError
 from ..core.number import Number
 from ..core.record import column
 
-__all__ = [
-    "WAKE_FAMILIES",
-    "WakeEntry",
-    "WakeEstimate",
-    "best_estimate",
-    "blocked",
-    "left_one_out",
-    "read_wakes",
-    "wakes",
-]
-
 WAKE_FAMILIES = ("rhombus", "triangle-up", "triangle-down", "square", "plate")
 OF_THETA = ("cd", "cp_base", "reversal_length", "residence_time")
 OF_STRENGTH = ("cl_rms", "u_rms", "v_rms")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,19 +17,7 @@ from ..core.errors import SceneError
 from ..core.registry import Registry
 from .constants import GRAVITY
 
-__all__ = [
-    "TABLE_CELLS",
-    "TABLE_DECADES",
-    "DragLaw",
-    "drag_factor_for_terminal_velocity",
-    "drag_laws",
-    "drag_table",
-    "relaxation_time",
-    "slip_correction",
-    "table_factor",
-    "terminal_velocity",
-]
-
+# -- Drag laws: the factor f = Cd Re / 24 by which drag exceeds Stokes' on a sphere (f -> 1 for a sphere ---------------
 Array = NDArray[np.float64]
 TABLE_DECADES = (-8, 7)  # log10 Re at the table's ends; 1000, where two laws break, is a boundary between cells
 TABLE_CELLS = 96  # cells per decade
@@ -236,3 +225,13 @@ def drag_factor_for_terminal_velocity(
     factor = drag_laws[law].factor(rho * v * d / mu, phi)
     value: Array = (rho_p - rho) * gravity * d**2 / (18.0 * mu * v * factor)
     return value
+
+
+# -- How a granule's velocity relaxes to that of steady uniform air: one exponential step of its flight ----------------
+def relaxed(velocity: Any, final: Any, tau: Any, step: Any, left: Any) -> tuple[Any, Any]:
+    """Way (m) and velocity (m/s) after ``step`` (s) of v' = (final - v) / tau, exactly.
+
+    ``velocity`` m/s, of any component; ``final`` m/s: that of the air, and tau times what else accelerates the granule;
+    ``tau`` s; ``left`` exp(-step / tau), which the caller knows. Numbers or arrays, which broadcast.
+    """
+    return final * step + (velocity - final) * tau * (1.0 - left), final + (velocity - final) * left

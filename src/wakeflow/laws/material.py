@@ -2,6 +2,8 @@
 
 The data stand in materials.toml, with the words for ``confidence`` at its head. What one granule has and another has
 not is a standard deviation from granule to granule; a fraction draws for each of its own (scene/fraction.py).
+
+The data stand in uncertainties.toml, with the words for them at its head.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -17,8 +20,7 @@ from ..core.errors import SceneError
 from ..core.registry import Registry, did_you_mean
 from .restitution import Restitution
 
-__all__ = ["Evidence", "Material", "Moisture", "materials", "read_material"]
-
+# -- Granule materials: size, density, terminal velocity and rebound, each with its source and how far -----------------
 SPREAD = ("restitution", "friction", "terminal_velocity")  # quantities with a mean and a standard deviation
 PARTS = (*SPREAD, "rebound_scatter", "tangential_restitution", "impact")  # quantities with evidence of their own
 CONFIDENCES = ("measured", "typical", "low")
@@ -143,3 +145,48 @@ def _shipped() -> None:
 
 
 _shipped()
+
+
+# -- How far an input may be off where nobody says it: defaults by quantity and confidence, with their -----------------
+STATUSES = ("read", "derived", "chosen")
+MARGIN_CONFIDENCES = ("measured", "typical", "low", "given", "all")
+
+
+@dataclass(frozen=True)
+class DefaultMargin:
+    """Half of a 95 % interval of one quantity: ``relative`` to the number, ``absolute`` in its unit, by confidence, or
+    ``in_widths`` of the first body.
+    """
+
+    relative: Mapping[str, float]
+    absolute: Mapping[str, float]
+    in_widths: float | None
+    source: str
+    status: str
+
+    def half(self, value: float, confidence: str, width: float) -> float:
+        """Half of the interval in the quantity's unit: of a ``value`` known with a ``confidence``, in a scene whose
+        first body is ``width`` (m) wide.
+        """
+        if self.in_widths is not None:
+            return self.in_widths * width
+        table, scale = (self.relative, abs(value)) if self.relative else (self.absolute, 1.0)
+        return scale * table.get("all", table.get(confidence, 0.0))
+
+
+@cache
+def default_margins() -> Mapping[str, DefaultMargin]:
+    """Every entry of uncertainties.toml by its name."""
+    text = (Path(__file__).parent / "uncertainties.toml").read_text(encoding="utf-8")
+    return {name: _entry(name, table) for name, table in tomllib.loads(text).items()}
+
+
+def _entry(name: str, table: dict[str, Any]) -> DefaultMargin:
+    ways = [table[key] for key in ("relative", "absolute", "absolute_in_widths") if key in table]
+    named = all(set(way) <= set(MARGIN_CONFIDENCES) for way in ways if isinstance(way, dict))
+    if len(ways) != 1 or not named or table.get("status") not in STATUSES or not table.get("source"):
+        raise SceneError(f"uncertainties.toml: {name}: breaks the rules at the head of the file")
+    return DefaultMargin(
+        table.get("relative", {}), table.get("absolute", {}), table.get("absolute_in_widths"), table["source"],
+        table["status"],
+    )  # fmt: skip

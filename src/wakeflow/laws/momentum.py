@@ -20,8 +20,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Momentum", "momentum_pressure"]
-
 Array = NDArray[np.float64]
 
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.registry import Registry
 
-__all__ = ["crowding", "profiles"]
-
 Array = NDArray[np.float64]
 profiles: Registry[Callable[..., Array]] = Registry("curtain profile")
 _normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the plan asks too, and must not load scipy

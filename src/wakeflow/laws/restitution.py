@@ -24,8 +24,6 @@ from ..core.errors import SceneError
 from ..core.registry import Registry
 from ..core.roots import halved
 
-__all__ = ["MOST", "Restitution", "RestitutionLaw", "restitution_at", "restitution_laws", "restitution_table"]
-
 Array = NDArray[np.float64]
 MOST = 0.99  # largest e of laws that are elastic below a yield speed, so that a bouncing granule comes to rest
 LEAST_MEASURED = 1e-3  # smallest e that a law of the speed can have been measured with: chosen

@@ -15,8 +15,6 @@ from ..core.errors import SceneError
 from ..core.quantities import metres
 from ..core.registry import Registry
 
-__all__ = ["shapes"]
-
 Outline = NDArray[np.float64]
 shapes: Registry[Callable[..., Outline]] = Registry("shape")
 

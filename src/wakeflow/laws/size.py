@@ -19,8 +19,6 @@ from ..core.errors import SceneError
 from ..core.quantities import metres
 from ..core.registry import Registry
 
-__all__ = ["normal_quantile", "sizes", "within"]
-
 Array = NDArray[np.float64]
 sizes: Registry[Callable[..., Array]] = Registry("size distribution")
 normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the plan asks too, and must not load scipy

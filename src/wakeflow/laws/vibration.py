@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 
-__all__ = ["MOST_SAMPLES", "Record", "integrated"]
-
 Array = NDArray[np.float64]
 MOST_SAMPLES = 20_000  # kept with every result of the scene
 

@@ -6,8 +6,7 @@ that no two threads may touch: :func:`build_mesh` runs it in a process of its ow
 meshio (``quality``). The same spec always gives the same mesh.
 """
 
-from .build import build_mesh
-from .quality import MeshReport, read_mesh
+from .build import MeshReport, build_mesh, read_mesh
 from .sizing import ends, plan_mesh
 from .spec import MeshSpec, SideInlet
 

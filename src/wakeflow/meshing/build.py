@@ -2,17 +2,104 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import math
+from dataclasses import asdict, dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import MeshError, known
 from ..core.process import call_in_child
-from ..core.record import save
-from .quality import MeshReport, read_mesh, report_on, write_vtu
-from .spec import MeshSpec
+from ..core.record import column, save
+from .spec import Array, MeshSpec
 
-__all__ = ["build_mesh"]
 
+# -- A mesh file read back: points, cells, patches, and how good the cells are -----------------------------------------
+@dataclass(frozen=True)
+class MeshReport:
+    """Counts and quality of the mesh; of a given case only its cells."""
+
+    cells: int = column("1", "cells")
+    points: int | None = column("1", "points", default=None)
+    quads: int | None = column("1", "quadrangles", default=None)
+    triangles: int | None = column("1", "triangles", default=None)
+    min_angle: float | None = column("deg", "smallest angle of a cell", default=None)
+    max_angle: float | None = column("deg", "largest angle of a cell", default=None)
+    max_aspect: float | None = column("1", "largest ratio of edges of a cell", default=None)
+    smallest_edge: float | None = column("m", "smallest edge of a cell", default=None)
+    boundary: dict[str, int] | None = column("1", "edges of each patch", default=None)
+
+
+def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str, int]]:
+    """The 2D mesh in a one-layer ``.msh``: points (n, 2) m, cells {"triangle": (m, 3), "quad": (m, 4)}, edges per
+    patch.
+    """
+    import meshio
+
+    mesh = meshio.read(path, file_format="gmsh")  # left to guess, it prints an empty line to standard output
+    tags = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
+    cells: dict[str, NDArray[np.intp]] = {}
+    boundary: dict[str, int] = {}
+    for block, physical in zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True):
+        if block.type not in ("triangle", "quad"):
+            continue
+        for tag in np.unique(physical):
+            name, chosen = tags[int(tag)], block.data[physical == tag].astype(np.intp)
+            if name == "back":
+                cells[block.type] = np.vstack([cells[block.type], chosen]) if block.type in cells else chosen
+            elif name != "front":
+                boundary[name] = boundary.get(name, 0) + len(chosen)
+    used = np.unique(np.concatenate([block.ravel() for block in cells.values()]))
+    renumber = np.full(len(mesh.points), -1, dtype=np.intp)
+    renumber[used] = np.arange(len(used))
+    points = np.ascontiguousarray(mesh.points[used, :2])
+    return points, {kind: _anticlockwise(points, renumber[block]) for kind, block in cells.items()}, boundary
+
+
+def _anticlockwise(points: Array, cells: NDArray[np.intp]) -> NDArray[np.intp]:
+    x, y = points[cells, 0], points[cells, 1]
+    area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
+    return np.where(area[:, None] < 0, cells[:, ::-1], cells)
+
+
+def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[str, int]) -> MeshReport:
+    """Counts and quality of a mesh as :func:`read_mesh` gives it."""
+    lowest, highest, aspect, shortest = 180.0, 0.0, 1.0, math.inf
+    for block in cells.values():
+        corner = points[block]
+        out, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
+        turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
+        angle = np.degrees(np.arctan2(turn, (out * back).sum(axis=2)))
+        length = np.linalg.norm(out, axis=2)
+        lowest, highest = min(lowest, float(angle.min())), max(highest, float((angle % 360).max()))
+        aspect = max(aspect, float((length.max(axis=1) / length.min(axis=1)).max()))
+        shortest = min(shortest, float(length.min()))
+    count = {kind: len(block) for kind, block in cells.items()}
+    return MeshReport(
+        cells=sum(count.values()),
+        points=len(points),
+        quads=count.get("quad", 0),
+        triangles=count.get("triangle", 0),
+        min_angle=lowest,
+        max_angle=highest,
+        max_aspect=aspect,
+        smallest_edge=shortest,
+        boundary=dict(sorted(boundary.items())),
+    )
+
+
+def write_vtu(points: Array, cells: dict[str, NDArray[np.intp]], path: Path) -> None:
+    """Write the 2D mesh for ParaView."""
+    import meshio
+
+    flat = np.column_stack([points, np.zeros(len(points))])
+    partial = path.with_name("partial.vtu")
+    meshio.vtu.write(str(partial), meshio.Mesh(flat, list(cells.items())))
+    partial.replace(path)
+
+
+# -- From a mesh spec to mesh files, through Gmsh in a process of its own ----------------------------------------------
 MIN_ANGLE = 12.0  # degrees: a smaller one in a 2D cell is refused. Chosen
 
 

@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import MeshError
-from .flat import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
 from .outline import Piece, loops
+from .sizing import Sizes, boxes, levels, sources
 from .spec import MeshSpec
-from .wall_layers import WallLayers, joined, sizes_around, with_layers
-from .zones import Sizes, boxes, levels, sources
-
-__all__ = ["mesh_in_this_process"]
+from .wall_layers import LINE, QUAD, TRIANGLE, FlatMesh, WallLayers, joined, sizes_around, with_layers, write_msh
 
 # Factors on all cell edges, tried in turn: now and then Gmsh 4.15 folds a cell over. Chosen: no grid study sees them.
 NUDGES = (1.0, 0.97, 1.03, 0.94, 1.06)

@@ -20,8 +20,6 @@ from ..core.errors import MeshError
 from ..core.geometry import edges
 from .spec import Array, MeshSpec
 
-__all__ = ["Piece", "chains", "crosses_itself", "loops", "seen", "sharp", "turning"]
-
 # Chosen:
 SMOOTH = math.radians(25)  # a corner that turns less is part of a curve; core.geometry's roundings turn by 7.5 a chord
 OFF = 0.05  # of a cell: how far the mesh's boundary may lie off the outline

@@ -9,8 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Direction", "MeshSpec", "Outline", "SideInlet", "Strategy"]
-
 Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 Direction = Literal["down", "up"]

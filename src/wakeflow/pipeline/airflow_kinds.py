@@ -20,7 +20,7 @@ from ..core.lazy import cached_property
 from ..core.record import load
 from ..core.registry import Registry
 from ..core.store import content_key
-from ..meshing.quality import MeshReport
+from ..meshing.build import MeshReport
 from ..planning.plan import Plan
 from ..scene import Scene
 from .airflow import Airflow, ResidenceTimes
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from ..field import FlowField, Truncation
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
-
-__all__ = ["AirflowKind", "CaseAir", "airflow_kinds"]
 
 
 @dataclass

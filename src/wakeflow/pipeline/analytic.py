@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import known
 from ..field import FlowField
-from ..laws.turbulence_models import OMEGA, entering_energy
+from ..laws.turbulence import OMEGA, entering_energy
 from ..scene import Scene
 from .airflow import Airflow
-
-__all__ = ["decaying", "duct_airflow", "duct_field"]
 
 Array = NDArray[np.float64]
 COLUMNS = 64  # of triangles across a parabolic profile: linear on each, they miss it by 1.5 / COLUMNS^2 of U at most

@@ -14,15 +14,24 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from ..core.beside import heed
 from ..core.files import write_json
+from ..core.process import heed
+from ..core.record import column
 from ..core.sources import code_key
 from ..core.store import Store
 from ..planning.stages import OWN, AirLabel, StageKey, stages
-from .stages import StageTime
 
-__all__ = ["Listener", "StageCache", "code_of", "in_turn", "silent", "version_of"]
 
+# -- The run time that a stage took ------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class StageTime:
+    """What a stage took when it was computed."""
+
+    seconds: float = column("s", "run time of the stage, when it was computed")
+    cached: bool = column("", "whether it came from the cache now")
+
+
+# -- The cached stages of a run: what computes them, where they are kept, how long they took, who hears ----------------
 SECONDS = "seconds.json"  # in a stage's folder: what it took
 Listener = Callable[[str, str], None]  # (stage, text): hears of progress
 

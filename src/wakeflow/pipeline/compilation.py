@@ -16,10 +16,7 @@ from ..core.process import call_in_child, cores
 from ..core.store import cache_root
 from ..planning.machine_rates import is_compiled
 from ..planning.stages import OWN, StageKey
-from .cache import StageCache
-from .stages import StageTime
-
-__all__ = ["COMPILED", "Compilation", "compile_ahead", "compile_slab", "compile_tracker"]
+from .cache import StageCache, StageTime
 
 COMPILED = StageKey(OWN, "compile")  # the tracker is compiled once a run, whatever airflow it flies in
 TRACKER, SLAB = "compile_tracker", "compile_slab"  # functions of this module that a child process calls

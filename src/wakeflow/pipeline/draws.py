@@ -21,7 +21,7 @@ from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.process import cores
 from ..core.store import content_key
-from ..injection.sobol import normal_points
+from ..injection.birth import normal_points
 from ..planning.plan import DRAWS, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from .realisations import Realisations
     from .track_stage import TrackStage
 
-__all__ = ["DrawStage", "Draws"]
 
 Array = NDArray[np.float64]
 PARTS = DRAWS // REPLICATES  # of a replicate: each flies under one draw
@@ -147,7 +146,7 @@ class DrawStage:
 
     def air(self, air: AirVariation) -> Realisations:
         """The airflow as a draw has it."""
-        from ..field.varied import varied
+        from ..field.combined import varied
         from .track_stage import Companion
 
         found = self.tracks.airs

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from .landings import Landings
     from .realisations import Realisations
 
-__all__ = ["Film", "FilmStage"]
 
 IN_VIEW = 400.0  # granules of a slab that are in flight at a time; chosen: more hide each other
 THINNEST = 0.2  # of the answer's slab: depth; three widths of its coarsest granules
@@ -74,7 +73,7 @@ class FilmStage:
     @cached_property
     def start_up(self) -> float:
         """Seconds until the machine is as full as it stays: a long flight."""
-        from .crowd_flight import steady_after
+        from .slab import steady_after
 
         if self.plan.crowd is not None:
             return steady_after(self.plan, self.landings)
@@ -82,7 +81,7 @@ class FilmStage:
 
     def fly(self, span: float | None = None) -> Film:
         """``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
-        from .drawn import load_drawn_tracks
+        from .landings import load_drawn_tracks
 
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
@@ -94,7 +93,7 @@ class FilmStage:
         return Film(**told, paths=paths)
 
     def _work(self, span: float, folder: Path) -> None:
-        from .drawn import paths_of, save_drawn_tracks
+        from .landings import paths_of, save_drawn_tracks
 
         film, flown = self._slab(span) if self.plan.crowd is not None else self._alone(span)
         for name, tracks, grains in flown:
@@ -106,7 +105,7 @@ class FilmStage:
     # -- granules that meet --------------------------------------------------------------------------------------------
 
     def _slab(self, span: float) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
-        from .crowd_flight import SlabFlight
+        from .slab import SlabFlight
 
         crowd = known(self.plan.crowd)
         depth = crowd.depth * max(THINNEST, min(1.0, IN_VIEW / max(sum(crowd.in_flight.values()), 1.0)))
@@ -145,7 +144,7 @@ class FilmStage:
     def _released(self, name: str, count: int, whole: float) -> tuple[str, Tracks, Granules]:
         """``count`` granules of the feed, released at any moment of ``whole`` (s)."""
         from ..injection.feed import feedstock
-        from .gather import resolved
+        from .air_loading import resolved
         from .tracks import Flight
 
         resting = self.scene.feed.start == "resting"

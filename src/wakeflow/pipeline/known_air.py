@@ -1,22 +1,24 @@
-"""The kinds of airflow that nobody has to solve: none, and that of a channel in which nothing stands."""
+"""The kinds of airflow that nobody has to solve: none, that of an empty channel, and the user's own."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import SceneError
-from ..core.store import content_key
+from ..core.errors import SceneError, known
+from ..core.record import save
+from ..core.store import content_key, digest_files
+from ..meshing.build import MeshReport
 from .airflow import Airflow
-from .airflow_kinds import AirflowKind, airflow_kinds
+from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import code_of
 
 if TYPE_CHECKING:
     from ..field import FlowField
 
-__all__ = ["AnalyticAir", "NoAir"]
 
-
+# -- The kinds of airflow that nobody has to solve: none, and that of a channel in which nothing stands ----------------
 @airflow_kinds.register("none")
 class NoAir(AirflowKind):
     """No air: granules fly in a vacuum."""
@@ -53,3 +55,42 @@ class AnalyticAir(AirflowKind):
 
     def unknown_parts(self) -> tuple[str, ...]:
         return ("airflow-model",)  # nothing is solved; how far a real duct's air is from it nobody says
+
+
+# -- The kind of airflow that the user brings --------------------------------------------------------------------------
+@airflow_kinds.register("given")
+class GivenAir(CaseAir):
+    """A solved OpenFOAM case of the user's: it is measured, not solved."""
+
+    means = "a solved case of yours"
+
+    @property
+    def case(self) -> Path:
+        return Path(known(self.scene.airstream.case))
+
+    @property
+    def half(self) -> bool:
+        return bool(self.measured.half)
+
+    def make_solution(self) -> tuple[str, Path]:
+        """Its files are in the key: a new solution counts."""
+        from ..foam.user_case import case_files, measure_given
+
+        time = self.scene.airstream.time or "latest"
+        files = digest_files(case_files(self.case, time))
+        key = content_key("given", repr(self.flow_spec), time, files, code_of("given"))
+
+        def work(part: Path) -> None:
+            self.cache.tell("airflow", f"measuring {self.case}")
+            (part / "case").mkdir(exist_ok=True)
+            save(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
+
+        return key, self.cache.make("airflow", key, work)
+
+    @property
+    def mesh_quality(self) -> MeshReport:
+        return MeshReport(cells=known(self.measured.cells))
+
+    @property
+    def model_is_unknown(self) -> bool:
+        return True

@@ -20,16 +20,15 @@ from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..planning.stages import OWN, AirLabel, StageKey
 from ..scene import Scene
-from . import blended_air, given_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
+from . import blended_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
 from .air_loading import AirLoading
 from .airflow import Airflow, FieldDivergence, ResidenceTimes
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
-from .cache import Listener, StageCache, silent
+from .cache import Listener, StageCache, StageTime, silent
 from .compilation import Compilation
-from .crowd_stage import CrowdCompanion, CrowdStage, SlabFound
 from .draws import Draws, DrawStage
 from .film_stage import Film, FilmStage
-from .stages import StageTime
+from .slab import CrowdCompanion, CrowdStage, SlabFound
 from .track_stage import Companion, TrackStage
 
 if TYPE_CHECKING:
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
     from ..meshing import MeshReport, MeshSpec
     from ..scene import Picture
     from .landings import Landings, Tracked
-
-__all__ = ["Pipeline"]
 
 
 @dataclass

@@ -15,8 +15,6 @@ from ..core.errors import SceneError
 if TYPE_CHECKING:
     from ..field import FlowField
 
-__all__ = ["Realisations"]
-
 
 @dataclass(frozen=True)
 class Realisations:

@@ -8,22 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import known
-from ..core.files import atomic_write
+from ..core.files import atomic_write, case_template
 from ..core.lazy import cached_property
 from ..core.record import load
-from ..core.resources import case_template
 from ..core.store import content_key, digest_files
-from ..meshing.quality import MeshReport
+from ..meshing.build import MeshReport
 from ..planning.airflow import SHEDDING_ABOVE
-from ..planning.airflow_cost import ranks_for
+from ..planning.cost import ranks_for
 from .airflow_kinds import CaseAir, airflow_kinds
 from .cache import code_of, version_of
 
 if TYPE_CHECKING:
     from ..field import FlowField
     from ..foam import AirflowResult, FlowSpec
-
-__all__ = ["SolvedAir", "SteadyAir", "TimeResolvedAir"]
 
 
 class SolvedAir(CaseAir):
@@ -70,7 +67,7 @@ class SolvedAir(CaseAir):
 
     @property
     def solver(self) -> str:
-        from ..foam.version import openfoam_version
+        from ..foam.programs import openfoam_version
 
         return openfoam_version()
 

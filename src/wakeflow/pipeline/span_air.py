@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from ..field import FlowField
     from ..foam import AirflowResult
 
-__all__ = ["SpanAir"]
-
 
 @airflow_kinds.register("three-dimensional")
 class SpanAir(SolvedAir):
@@ -36,7 +34,7 @@ class SpanAir(SolvedAir):
 
     @property
     def solve(self) -> Callable[..., AirflowResult]:
-        from ..foam.span_airflow import solve_span
+        from ..foam.span_run import solve_span
 
         return solve_span
 
@@ -51,7 +49,7 @@ class SpanAir(SolvedAir):
     @cached_property
     def layers(self) -> tuple[str, Path]:
         """Cache key and folder of the fields, a file a layer that is flown in."""
-        from .span_field import save_layers
+        from .case_field import save_layers
 
         key = content_key("layers", self.solution[0], code_of("layers"), version_of("foamlib"))
 
@@ -62,7 +60,7 @@ class SpanAir(SolvedAir):
         return key, self.cache.make("field", key, work)
 
     def make_field(self) -> tuple[str, FlowField]:
-        from .span_field import layer_field
+        from .case_field import layer_field
 
         key, folder = self.layers
         return key, layer_field(folder, 0)
@@ -70,7 +68,7 @@ class SpanAir(SolvedAir):
     @cached_property
     def realisations(self) -> Realisations:
         """The layers that are flown in, each read when it is."""
-        from .span_field import layer_field
+        from .case_field import layer_field
 
         folder, count = self.layers[1], len(known(self.measured.span).flown)
         others = tuple(partial(layer_field, folder, number) for number in range(1, count))

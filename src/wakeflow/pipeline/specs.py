@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..core.errors import known
-from ..laws.turbulence_models import USUAL, turbulence_models
+from ..laws.turbulence import USUAL, turbulence_models
 from ..planning.plan import Plan
 from ..scene import Scene
 
 if TYPE_CHECKING:
     from ..foam import FlowSpec
     from ..meshing import MeshSpec
-
-__all__ = ["flow_spec", "mesh_spec"]
 
 
 def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:

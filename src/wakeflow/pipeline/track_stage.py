@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from .realisations import Realisations
     from .tracks import Flight
 
-__all__ = ["Companion", "TrackStage", "unweighed"]
-
 
 @dataclass(frozen=True)
 class Companion:
@@ -96,7 +94,7 @@ class TrackStage:
 
     def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        from .drawn import load_drawn_tracks
+        from .landings import load_drawn_tracks
         from .tracks import Flight
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown

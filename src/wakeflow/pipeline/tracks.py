@@ -24,7 +24,7 @@ from ..planning.variation import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Granules, Tracks
-from .drawn import paths_of, save_drawn_tracks
+from .landings import paths_of, save_drawn_tracks
 from .realisations import Realisations
 
 Array = NDArray[np.float64]

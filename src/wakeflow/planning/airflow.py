@@ -19,21 +19,12 @@ from ..core.graded import Notice, information, less_sure
 from ..core.record import column
 from ..laws.best_estimate import WakeEstimate
 from ..laws.span import Span
-from ..laws.turbulence_models import SPANWISE, model_at, turbulence_models
+from ..laws.turbulence import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
+from ..scene.own_files import is_laminar
 from ..scene.rungs import check_rung, rungs
-from ..scene.user_case import is_laminar
-from .bounds import LOADING, VIBRATION
-from .span import span_of
-from .wake import Wake, wake_of, wakes_beside
-
-__all__ = [
-    "FLAT_BELOW",
-    "LAMINAR_BELOW",
-    "SHEDDING_ABOVE",
-    "AirflowPlan",
-    "choose_airflow",
-]
+from .terms import LOADING, VIBRATION
+from .wake import Wake, span_of, wake_of, wakes_beside
 
 Stepping = Literal["steady", "time-resolved"]
 SOLVED: dict[str | None, Stepping] = {
@@ -106,7 +97,7 @@ class AirflowPlan:
 
     @property
     def effects(self) -> frozenset[str]:
-        """The terms among ``planning.bounds`` that are computed with the airflow, for all fractions."""
+        """The terms among ``planning.terms`` that are computed with the airflow, for all fractions."""
         return frozenset(term for term, on in ((VIBRATION, self.moving), (LOADING, self.loaded)) if on)
 
     @property

@@ -1,9 +1,9 @@
-"""A fraction before its forces are chosen: its drag, how it comes to the body, which others it meets, its scales."""
+"""A fraction before its forces are chosen, and whether the air feels it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -25,10 +25,10 @@ from .coupling import with_slowed_air
 from .flight_scales import flights
 from .impaction import Deflection, deflection
 from .meetings import Encounters, encounters
+from .terms import LOADING, bounds, limit_of
 from .uniform_fall import arrival_speed
 
-__all__ = ["Approach", "BodyArrival", "approaches", "arrival_at_body"]
-
+# -- A fraction before its forces are chosen: its drag, how it comes to the body, which others it meets ----------------
 RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
 CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
 
@@ -121,3 +121,38 @@ def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArri
     tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
     stokes = tau * max(speed, 0.0) / (0.5 * scene.width) if scene.body else math.inf
     return BodyArrival(float(settling), tau, stokes, speed)
+
+
+# -- Whether the air feels the granules: by what their drag takes from the air of the curtain's own --------------------
+KINDS = ("steady", "time-resolved", "best-estimate")  # of airflows, which a steady one that OpenFOAM solves is part of
+
+
+def feels_granules(
+    scene: Scene,
+    airflow: AirflowPlan,
+    approaches: Mapping[str, Approach],
+    target: float,
+    switched: bool | None,
+) -> bool:
+    """Whether the airflow is computed with the granules' force on it: where that could move one of the fractions that
+    come by ``approaches`` farther than the accuracy ``target`` (of a share) allows, or as ``switched`` by hand. Raises
+    SceneError where it is asked for and cannot be had.
+    """
+    if switched is False:
+        return False
+    obstacle = _obstacle(scene, airflow)
+    if switched and obstacle is not None:
+        raise SceneError(f"--force {LOADING}=on: {obstacle}")
+    if obstacle is not None:
+        return False
+    limit, scales = limit_of(scene, target), (flight for one in approaches.values() for flight in one.scales)
+    return bool(switched) or any(bounds[LOADING].shift(flight) > limit for flight in scales)
+
+
+def _obstacle(scene: Scene, airflow: AirflowPlan) -> str | None:
+    """Why the granules' force cannot be given to the air; None where it can."""
+    if airflow.kind not in KINDS:
+        return f"rung {airflow.rung} has no steady airflow that OpenFOAM could solve on; use draft or standard"
+    if scene.feed.rate is None:
+        return "the scene has no feed.rate, which says how dense the curtain is"
+    return None

@@ -14,11 +14,67 @@ from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
-from .airflow_cost import solver_seconds, span_cost, typical_cells
 from .crowd import CrowdPlan
 from .plan import AT_ONCE, COMPARED, GATHERED, REPLICATES, CostEstimate, FractionPlan, replicate_size
 from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
+from .wake import SpanCost, cost_of
 
+# -- What an airflow will cost, before its mesh is made: cells, seconds of OpenFOAM, processes -------------------------
+SECONDS = {"steady": 17.0, "time-resolved": 81.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
+UNMIRRORED = 3.4  # times as long: a steady solution of the whole channel, which has more cells and settles late
+WORTH_IT = 60_000  # cells from which a second MPI rank pays
+RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding
+CELLS = {"steady": 5000.0, "time-resolved": 8000.0}  # typical, a body
+
+
+def ranks_for(cells: int) -> tuple[int, str]:
+    """MPI ranks for a case of so many cells, whatever machine it runs on, and the reason."""
+    if cells < WORTH_IT:
+        return 1, f"one process: {cells} cells are too few to share (two MPI ranks from {WORTH_IT} cells)"
+    return RANKS, f"{RANKS} MPI ranks of about {cells // RANKS} cells"
+
+
+def typical_cells(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> float:
+    """Cells to expect on a grid of the plan, 0 the answer's, before it is meshed; good to a factor of two."""
+    layers = 1 if airflow.span is None else airflow.span.layers
+    if airflow.stepping is None:
+        return 0.0
+    return layers * CELLS[airflow.stepping] * len(scene.body) / _edges(scene, airflow, grid) ** 2
+
+
+def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
+    """What the third dimension costs, before the mesh is made; nothing where it is not resolved."""
+    if airflow.span is None:
+        return SpanCost(0.0, 0.0, 0.0, 0.0, 0.0)
+    scale = airflow.scales[0] * scene.numerics.mesh_scale
+    return cost_of(airflow.span, CELLS["time-resolved"] * len(scene.body) / scale**2, scale)
+
+
+def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[float, float]:
+    """Seconds of OpenFOAM to expect on one core, on a grid of the plan: of the steady solution that a time-resolved one
+    starts from, 0 where it is steady itself, and of the airflow; good to a factor of two.
+
+    The time step goes with the cells' edges, and so do the iterations of a steady solution that settles; one of the
+    whole channel often does not, and then ends after about as many on all meshes.
+    """
+    if airflow.stepping is None:
+        return 0.0, 0.0
+    edges = _edges(scene, airflow, grid)
+    size = len(scene.body) / edges**3
+    steady = airflow.stepping == "steady"
+    half = airflow.half if steady else airflow.symmetric
+    start = SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
+    if airflow.span is not None:
+        return start, 0.0
+    return (0.0, start) if steady else (start, SECONDS["time-resolved"] * size)
+
+
+def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
+    """Cell edges on a grid, over the usual ones."""
+    return airflow.scales[grid] * scene.numerics.mesh_scale
+
+
+# -- What a plan will cost: the seconds of each stage, memory and disk, before anything is started ---------------------
 STARTED = 2.0  # s: importing and planning
 REPORT = 4.0  # s: its figures, tables and the field's files
 SECONDS_A_GRANULE = 450e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
@@ -206,20 +262,20 @@ for _one in (
     COMPILE,
     MESH,
     AIRFLOW,
-    Stage("span", _code("foam.span_airflow"), scaling=Scaling.AIR),
+    Stage("span", _code("foam.span_run"), scaling=Scaling.AIR),
     Stage("given", _code("foam.user_case"), scaling=Scaling.ONCE),
     Stage("duct", _code("pipeline.analytic"), scaling=Scaling.ONCE),
     FIELD,
-    Stage("layers", _code("pipeline.span_field"), scaling=Scaling.CELLS),
-    Stage("blend", _code("field.blend"), scaling=Scaling.CELLS),
-    Stage("momentum", _code("pipeline.gather"), FLIGHTS, Scaling.AIR, "air loading", _gathering),
-    Stage("loaded-airflow", _code("foam.loaded_airflow"), "airflow", Scaling.AIR, "air loading", _loading),
-    Stage("change", _code("field.change"), scaling=Scaling.CELLS),
+    Stage("layers", _code("pipeline.case_field"), scaling=Scaling.CELLS),
+    Stage("blend", _code("field.combined"), scaling=Scaling.CELLS),
+    Stage("momentum", _code("pipeline.air_loading"), FLIGHTS, Scaling.AIR, "air loading", _gathering),
+    Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading),
+    Stage("change", _code("field.combined"), scaling=Scaling.CELLS),
     Stage("tracks", _code("pipeline.tracks", "pipeline.landings"), heading="tracks", cost=_flying),
-    Stage("slab", _code("pipeline.crowd_flight", "pipeline.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
-    Stage("draws", _code("pipeline.draws", "field.varied"), heading="draws"),
+    Stage("slab", _code("pipeline.slab", "pipeline.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
+    Stage("draws", _code("pipeline.draws", "field.combined"), heading="draws"),
     Stage("residence", _code("tracking.residence"), "field", Scaling.CELLS, "airflow", _residing),
-    Stage("film", _code("pipeline.film_stage", "pipeline.crowd_flight", "pipeline.gather")),
+    Stage("film", _code("pipeline.film_stage", "pipeline.slab", "pipeline.air_loading")),
     Stage("report", heading="report"),
 ):
     stages.add(_one.name, _one)

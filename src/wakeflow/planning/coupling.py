@@ -24,9 +24,6 @@ from ..scene import Scene
 from .meetings import Encounters, shifted, slope_of
 
 Array = NDArray[np.float64]
-__all__ = [
-    "COUPLING", "INDEPENDENT", "TURBULENCE", "Limit", "limits", "strained", "with_slowed_air",
-]  # fmt: skip
 
 COUPLING, INDEPENDENT, TURBULENCE = "one-way coupling", "independent granules", "the air's own turbulence"
 COLLIDING = 1e-3  # volume fraction above which granules of a suspension collide: "four-way" in Elghobashi 1994

@@ -21,11 +21,6 @@ from ..laws.drag import slip_correction
 from ..scene import Fraction, Scene
 from .uniform_fall import UniformFall
 
-__all__ = [
-    "NO_RATE", "CrowdPlan", "crowd_lines", "granule_masses", "number_rates", "plan_crowd", "too_many_to_meet",
-    "why_no_crowd",
-]  # fmt: skip
-
 Array = NDArray[np.float64]
 DIAMETERS = 15.0  # of the coarsest granules: default depth of the slab
 MANY_IN_FLIGHT = 500.0  # granules at a time, below which the slab is made deeper: they come in fewer steps; chosen

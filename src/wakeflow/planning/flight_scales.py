@@ -18,8 +18,6 @@ from ..scene import Fraction, Scene
 from .meetings import RECIRCULATION, Encounters, thrown_by
 from .uniform_fall import FallTimes, UniformFall
 
-__all__ = ["flights"]
-
 Array = NDArray[np.float64]
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over: 90 % lie between
 NEARLY = 1.001  # of the air speed: terminal velocity of a granule that hangs in upward air for long; chosen

@@ -19,13 +19,10 @@ from ..core.lazy import cached_property
 from ..core.record import column
 from ..laws.collision import approach_speed, collide
 from ..laws.constants import GRAVITY
-from ..laws.drag import drag_laws, relaxation_time, slip_correction
+from ..laws.drag import drag_laws, relaxation_time, relaxed, slip_correction
 from ..laws.impaction import Front, Impaction, Met, approach, fronts
-from ..laws.relaxation import relaxed
 from ..laws.restitution import restitution_at
 from ..scene import Scene
-
-__all__ = ["Deflection", "deflection"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[Any]

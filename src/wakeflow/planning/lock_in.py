@@ -11,9 +11,7 @@ from dataclasses import dataclass
 from ..core.errors import SceneError, known
 from ..scene import Scene
 from .airflow import SHEDDING_ABOVE
-from .bounds import VIBRATION
-
-__all__ = ["AirMotion", "frequency_ratios", "vibration_of_air", "vibration_of_scene"]
+from .terms import VIBRATION
 
 SMALL = 0.1  # a w / U above which the body's motion is never left out
 ANYWHERE = 1.3  # largest change of mean drag or base pressure over a w / U, locked or not, up to SMALL

@@ -16,11 +16,9 @@ from ..core.graded import Notice, gravest_first, less_sure, void
 from ..laws.forces import forces
 from ..scene import Scene
 from ..scene.overrides import share_in
-from ..scene.switches import States, switched
-from .air_loading import feels_granules
+from ..scene.whole import States, switched
 from .airflow import AirflowPlan, choose_airflow
-from .approach import Approach, approaches, arrival_at_body
-from .bounds import COLLISIONS, LOADING, VIBRATION, bounds, moved_by_air
+from .approach import Approach, approaches, arrival_at_body, feels_granules
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits
 from .crowd import CrowdPlan, plan_crowd, too_many_to_meet, why_no_crowd
@@ -29,9 +27,22 @@ from .lock_in import AirMotion, vibration_of_scene
 from .meetings import Encounters, shifted
 from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan, whole_terms
-from .terms import AIR, SWITCHED_OFF, Gate, LeftOut, LeftOutTerm, check_switches, limit_of, open_gate, too_small
-
-__all__ = ["TURNING", "Planner", "make_plan"]
+from .terms import (
+    AIR,
+    COLLISIONS,
+    LOADING,
+    SWITCHED_OFF,
+    VIBRATION,
+    Gate,
+    LeftOut,
+    LeftOutTerm,
+    bounds,
+    check_switches,
+    limit_of,
+    moved_by_air,
+    open_gate,
+    too_small,
+)
 
 TURNING = "turning-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen

@@ -30,10 +30,8 @@ from ..laws.forces import FlightScales
 from ..laws.restitution import restitution_at
 from ..scene import Fraction, Scene
 from ..scene.fraction import COEFFICIENTS
-from .bounds import COLLISIONS, bounds
+from .terms import COLLISIONS, bounds
 from .uniform_fall import UniformFall
-
-__all__ = ["Encounters", "encounters", "shifted", "slope_of", "thrown_by"]
 
 Array = NDArray[np.float64]
 SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls stand for a fraction's, a third of its mass each

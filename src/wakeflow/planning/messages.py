@@ -7,24 +7,76 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ..core.graded import Notice, less_sure, void
+from ..core.geometry import normals
+from ..core.graded import Notice, information, less_sure, void
 from ..funnel import summary
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
 from .airflow import AirflowPlan
-from .airflow_cost import ranks_for, span_cost, typical_cells
-from .bounds import COLLISIONS, LOADING
+from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
 from .crowd import CrowdPlan, crowd_lines
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
-from .span import span_lines
-from .standing import standing
-from .terms import Gate
-from .unusual import unusual_lines
+from .terms import COLLISIONS, LOADING, Gate
+from .wake import span_lines
 
-__all__ = ["missing_lines", "used_lines", "warning_lines"]
+# -- What the plan warns of at the bodies: faces on which granules may stay, a record of vibration that ----------------
+SEAM = 0.1  # of a record's peak acceleration: a larger jump from its end to its beginning is warned of; chosen
 
+
+def standing(scene: Scene) -> Iterator[Notice]:
+    """One each: level faces, faces that friction alone makes a granule stay on, a record with a jump."""
+    for name, body in scene.body.items():
+        across, up = normals(body.outline()).T
+        slopes = np.unique(np.round(np.abs(across[up > 0]) / up[up > 0], 9))  # tangents
+        if slopes[0] == 0.0:
+            yield information(
+                f"body.{name} has a level face: granules come to rest on it unless [vibration] throws them off"
+            )
+        for kind, fraction in scene.fraction.items():
+            friction = fraction.properties.friction
+            held = slopes[(slopes > 0.0) & (slopes <= friction)]
+            if len(held) and fraction.inertia is None:  # what can roll, does
+                angle = math.degrees(math.atan(float(held[-1])))
+                yield less_sure(
+                    f"body.{name}: friction {friction:g} holds {kind} on its faces of up to {angle:.3g} deg unless "
+                    "[vibration] shakes it off"
+                )
+    vibration = scene.vibration
+    if vibration is not None and vibration.samples is not None and vibration.record.seam > SEAM:
+        yield less_sure(
+            "vibration.samples: from the record's end to its beginning the acceleration jumps by "
+            f"{vibration.record.seam:.0%} of its peak; give a whole number of periods"
+        )
+
+
+# -- Numbers that no machine has: most likely another unit was meant, or none was written ------------------------------
+AIRY = (0.1, 10.0)  # kg/m3: hot or thin air to heavy gases
+FASTEST = 500.0  # Hz: no sieve or feeder shakes so fast; 3000 rpm are 50 Hz
+LIGHTEST, HEAVIEST = 25.0, 23000.0  # kg/m3 of granules: foam beads, and no matter is denser
+
+
+def unusual_lines(scene: Scene) -> Iterator[Notice]:
+    """A notice of each number of the air, the vibration and the granules that is beyond what machines have."""
+    air, vibration = scene.air, scene.vibration
+    if air is not None and not AIRY[0] <= air.density <= AIRY[1]:
+        yield less_sure(f"air.density = {air.density:.4g} kg/m3, of air about 1.2: unit forgotten? Check air.density")
+    if vibration is not None and (often := vibration.frequency or 0.0) > FASTEST:
+        yield less_sure(f"{often:.4g} Hz is faster than machines shake; vibration.frequency = '{often:.4g} rpm'?")
+    for name, fraction in scene.fraction.items():
+        density = float(fraction.properties.density)
+        if scene.air is not None and density < scene.air.density <= AIRY[1]:
+            why = f"lighter than the air ({scene.air.density:.3g}), so that it rises"
+        elif not LIGHTEST <= density <= HEAVIEST:
+            why = "lighter than foam" if density < LIGHTEST else "denser than any matter"
+        else:
+            continue
+        meant = f" ('{density:.3g} g/cm3' if that was meant)" if density < LIGHTEST else ""
+        yield less_sure(f"{name}: {density:.3g} kg/m3, {why}; check fraction.{name}.density{meant}")
+
+
+# -- The plan in words: what is used and why, and where the model's assumptions strain, with numbers -------------------
 LARGE = 0.95  # mass quantile that stands for a fraction's large granules
 POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
 HARDLY = 0.5  # size above which calling it one makes the answer void; chosen

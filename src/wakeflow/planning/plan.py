@@ -13,25 +13,11 @@ from ..core.graded import Notice
 from ..core.number import Most
 from ..core.record import column, to_json
 from .airflow import AirflowPlan
-from .bounds import COLLISIONS
 from .coupling import Limit
 from .crowd import CrowdPlan
 from .impaction import Deflection
 from .stages import StageCost
-from .terms import LeftOut
-
-__all__ = [
-    "AT_ONCE",
-    "COMPARED",
-    "DRAWS",
-    "GATHERED",
-    "REPLICATES",
-    "SAME_AIR",
-    "FractionPlan",
-    "Plan",
-    "replicate_size",
-    "whole_terms",
-]
+from .terms import COLLISIONS, LeftOut
 
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
@@ -99,7 +85,7 @@ class FractionPlan(_Sendable):
 
 
 def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]:
-    """The terms among ``planning.bounds`` that are computed for the run as a whole, of all fractions together."""
+    """The terms among ``planning.terms`` that are computed for the run as a whole, of all fractions together."""
     return airflow.effects | ({COLLISIONS} if crowd is not None else set())
 
 

@@ -14,12 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..laws.constants import GRAVITY
-from ..laws.drag import drag_laws, slip_correction, terminal_velocity
+from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
 from ..laws.forces.scales import NEAR
-from ..laws.relaxation import relaxed
 from ..scene import Air, Scene
-
-__all__ = ["FallTimes", "UniformFall", "arrival_speed", "fall_speeds"]
 
 Array = NDArray[np.float64]
 STEP = 0.01  # of the time that the whole fall takes about; chosen: an error of about 1 %

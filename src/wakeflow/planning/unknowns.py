@@ -20,21 +20,12 @@ from ..core.quantities import split_quantity
 from ..core.registry import Registry
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
-from ..laws.material import materials
+from ..laws.material import default_margins, materials
 from ..laws.restitution import Restitution
-from ..laws.uncertainties import default_margins
 from ..scene import Fraction, Scene
 from .airflow import AirflowPlan
 from .plan import FractionPlan, Plan
 from .variation import Variation
-
-__all__ = [
-    "Unknown",
-    "UnknownKind",
-    "unknown_kinds",
-    "unknowns",
-    "variation_at",
-]
 
 Array = NDArray[np.float64]
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %

@@ -8,8 +8,6 @@ from types import MappingProxyType
 
 from ..scene import Scene
 
-__all__ = ["AS_GIVEN", "AirVariation", "GranuleVariation", "Variation"]
-
 ONE = 1.0
 
 

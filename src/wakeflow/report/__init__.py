@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from .outcome import Landed, Outcome
 
 if TYPE_CHECKING:
+    from ..answer.result import PictureSummary
     from ..funnel.delivered import FunnelSummary
-    from ..results.result import PictureSummary
 
 __all__ = [
     "Landed",

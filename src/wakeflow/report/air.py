@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ..field import FlowField
-    from ..results.airflow_summary import Airflow
+    from ..pipeline.airflow import Airflow
     from ..scene import Scene
     from .canvas import Window
 

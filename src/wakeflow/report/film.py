@@ -21,8 +21,20 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 from .air import Turning, tone
-from .canvas import BODY, INK, MM, STREAM, Window, air_arrow, canvas, draw_bins, frame, streams
-from .colours import COLOURS, fraction_colours
+from .canvas import (
+    BODY,
+    COLOURS,
+    INK,
+    MM,
+    STREAM,
+    Window,
+    air_arrow,
+    canvas,
+    draw_bins,
+    fraction_colours,
+    frame,
+    streams,
+)
 from .pictures.view import Path2D, body_displacement
 
 if TYPE_CHECKING:

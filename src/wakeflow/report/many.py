@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.table import Entry, ResultTable, TableQuantity
 from ..core.errors import SceneError
-from ..results.quantities import TableQuantity
-from ..results.table import Entry, ResultTable
-from .canvas import INK, new_figure, save, text_width
-from .colours import fraction_colours
+from .canvas import INK, fraction_colours, new_figure, save, text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..core.registry import Registry
 
 if TYPE_CHECKING:
+    from ..answer.result import Result
     from ..field import FlowField
-    from ..results.airflow_summary import Airflow
-    from ..results.result import Result
-    from ..results.solved_case import ForceHistory, PlaneCells
+    from ..pipeline.airflow import Airflow
     from ..scene import Scene
     from .canvas import Paper
+    from .solved_case import ForceHistory, PlaneCells
 
 # of a granule: time (m,) s, position (m, 2) m, velocity (m, 2) m/s; diameter () m; bin () as below, fate () of wf.Fate
 Track = Mapping[str, NDArray[Any]]

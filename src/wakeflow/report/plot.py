@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..answer.result import kept_granules
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
-from ..results.result import kept_granules
-from ..results.solved_case import PlaneCells
 from ..scene import Scene
 from ..scene.pictures import STANDARD_FIGURES
 from .outcome import Landed, Outcome, Track
+from .solved_case import PlaneCells
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from ..results.result import Result
+    from ..answer.result import Result
     from .canvas import AnyFigure
 
 OF_A_TRACK = {"diameter": "diameter (m)", "bin": "bin", "fate": "fate"}  # columns of tracks.vtp

@@ -10,17 +10,17 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from ..answer.table import DONE
 from ..core.number import Number
 from ..core.tables import Cell, CellTable
-from ..results.table import DONE
 from .many import main_quantities
 from .words import NO_VALUE, expected, holds, percent
 
 if TYPE_CHECKING:
+    from ..answer.result import Result
+    from ..answer.shares import BudgetRow, Separation
+    from ..answer.table import ResultTable
     from ..injection.impact_loads import ImpactForces, ImpactSummary
-    from ..results.landing_results import BudgetRow, Separation
-    from ..results.result import Result
-    from ..results.table import ResultTable
 
 SEPARATION_COLUMNS = (  # low and high: the 95 % interval, of which computing alone makes a part
     "fraction", "bin", "share (%)", "share low (%)", "share high (%)", "share by computing alone (+- %)", "purity (%)",

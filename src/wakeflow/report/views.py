@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from ..results.result import Result, accessors
+from ..answer.result import accessors
 from .plot import Plot
 from .tables import result_card
-
-__all__ = ["Result"]
 
 accessors.add("plot", Plot)
 accessors.add("html", result_card)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import SceneError
-from .canvas import BARS, BODY
-from .colours import fraction_colours
+from .canvas import BARS, BODY, fraction_colours
 from .vtk.files import machine_blocks
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 from ..budget.total import remedies
 from ..core.graded import Grade
 from ..core.number import Number
-from ..results.landing_results import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 
 if TYPE_CHECKING:
-    from ..results.difference import Difference
-    from ..results.result import Result
+    from ..answer.result import Result
+    from ..answer.table import Difference
 
 NO_VALUE = "–"
 OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"

@@ -7,13 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..answer.result import asked_in, refinement_in
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener, silent
-from ..results.result import (
-    asked_in,
-    refinement_in,
-)
 from ..scene import Scene
 from .one_run import run_once
 from .stages import one_thread_of_blas, stages_of
@@ -21,8 +18,6 @@ from .stages import one_thread_of_blas, stages_of
 if TYPE_CHECKING:
     from ..field import FlowField
     from ..pipeline.film_stage import Film
-
-__all__ = ["film_of", "report_again"]
 
 
 def report_again(folder: Path | str, *, pdf: bool = False) -> Path:

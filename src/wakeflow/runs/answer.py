@@ -10,50 +10,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..answer.notices import notices, with_mesh_error, with_residence
+from ..answer.provenance import Refinement, provenance_of
+from ..answer.result import FILE, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
+from ..answer.shares import BudgetRow, LandingResults, Separation, crowd_of
 from ..budget.air_loading import UNLOADED
 from ..budget.budget import flights_ahead, fly_again, make_budget, together
 from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
 from ..budget.source import Flights
 from ..budget.total import totalled
-from ..core.beside import beside
 from ..core.errors import known
 from ..core.files import atomic_write
 from ..core.graded import gravest_first
-from ..core.process import cores
+from ..core.process import beside, cores
 from ..funnel.delivered import FunnelSummary
 from ..injection.impact_loads import impact_loads
 from ..laws.momentum import momentum_pressure
-from ..meshing.quality import MeshReport
+from ..meshing.build import MeshReport
 from ..pipeline.airflow import Airflow, MomentumModel
 from ..pipeline.pipeline import Pipeline
-from ..report.views import Result
-from ..results.airflow_summary import with_mesh_error, with_residence
-from ..results.crowd_summary import crowd_of
-from ..results.input_summary import inputs_of
-from ..results.inputs import Inputs
-from ..results.landing_results import BudgetRow, LandingResults, Separation
-from ..results.notices import notices
-from ..results.partition import partition_curves
-from ..results.provenance import provenance_of
-from ..results.refinement import Refinement
-from ..results.result import (
-    FILE,
-    SCHEMA,
-    FlightResults,
-    Request,
-    key_in,
-    provenance_in,
-)
-from ..results.separation import separate
 from ..scene import Scene
-from .folder import field_files, report_into, some_granules
-from .packages import answer_key, versions
+from ..statistics.inputs import Inputs, inputs_of
+from ..statistics.partition import partition_curves
+from ..statistics.separation import separate
+from .folder import answer_key, field_files, report_into, some_granules, versions
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Landings, Tracked
-
-__all__ = ["OneRun"]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..answer.shares import Separation
 from ..core.number import Number
 from ..core.record import to_json
 from ..injection.feed import feedstock
@@ -14,11 +15,8 @@ from ..pipeline.realisations import Realisations
 from ..pipeline.tracks import Flight, landing_columns
 from ..planning.make import make_plan
 from ..planning.plan import Plan
-from ..results.landing_results import Separation
-from ..results.separation import separate
 from ..scene import Scene
-
-__all__ = ["Chained", "chain"]
+from ..statistics.separation import separate
 
 
 @dataclass(frozen=True)

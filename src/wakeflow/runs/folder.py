@@ -2,31 +2,61 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..answer.result import FILE, GRANULES, Request, Result, key_in
 from ..core.errors import SceneError
-from ..core.sources import code_key
-from ..core.store import content_key
+from ..core.record import to_json
+from ..core.sources import PACKAGE, code_key
+from ..core.store import content_key, digest_files
+from ..pipeline.airflow import Airflow
 from ..pipeline.pipeline import Pipeline
-from ..report.views import Result
-from ..results.airflow_summary import (
-    Airflow,
-)
-from ..results.result import FILE, GRANULES, key_in
-from ..results.solved_case import cells_of, forces_of
+from ..report.solved_case import cells_of, forces_of
 from ..scene import Scene
-from .packages import versions
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Landings, Tracked
     from ..report import Landed
 
-__all__ = ["LOCK", "field_files", "refuse_foreign", "report_into", "some_granules"]
 
+# -- What answers are made for: scenes and requests, this program, and the packages that they rest on ------------------
+PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Of python and of the packages that answers rest on."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": sys.version.split()[0]}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "missing"
+    return found
+
+
+def answer_key(scene: Scene, request: Request, *more: Any) -> str:
+    """What an answer is made for: the scene, the order of its tables, the request, whatever ``more`` there is, and all
+    versions and sources.
+    """
+    order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
+    return content_key(scene.tables(), order, to_json(request), *more, versions(), _sources())
+
+
+@cache
+def _sources() -> str:
+    return digest_files([PACKAGE])
+
+
+# -- What a run leaves in its folder beside result.json: the report, the field's files, a sample of --------------------
 LOCK = ".lock"  # stands in every folder that a run was begun in
 
 

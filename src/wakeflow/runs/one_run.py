@@ -7,29 +7,25 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..answer.provenance import Refinement
+from ..answer.result import Request, Result
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
 from ..core.process import check_workers
 from ..pipeline.cache import Listener, silent
 from ..planning.machine_rates import learn
 from ..planning.make import make_plan
-from ..progress import heard, unheard
-from ..refining.loop import refined
-from ..report.views import Result
-from ..results.refinement import Refinement
-from ..results.result import (
-    Request,
-)
 from ..scene import Scene
-from ..scene.switches import States
+from ..scene.whole import States
 from .answer import OneRun
 from .folder import LOCK, refuse_foreign
+from .progress import heard, unheard
+from .refine import refined
 from .stages import one_thread_of_blas, stages_of
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
 
-__all__ = ["run", "run_once"]
 
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
 

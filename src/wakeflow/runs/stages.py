@@ -9,23 +9,18 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..answer.result import Request, asked_in
 from ..core.errors import SceneError
 from ..funnel.delivered import FunnelSummary
 from ..pipeline.cache import Listener, in_turn
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import Planner
 from ..planning.stages import AirLabel
-from ..progress import unheard
-from ..results.result import (
-    Request,
-    asked_in,
-)
 from ..scene import Scene
+from .progress import unheard
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
-
-__all__ = ["one_thread_of_blas", "stages_of"]
 
 
 def one_thread_of_blas() -> AbstractContextManager[object]:

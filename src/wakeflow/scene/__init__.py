@@ -10,17 +10,14 @@ from typing import TYPE_CHECKING, Any
 from ..core.lazy import loaded
 
 if TYPE_CHECKING:
-    from .bins import Bin
-    from .consistency import OVER_THE_TOP, RESERVED_BIN
-    from .crowding import Crowding
-    from .distributions import Size, Speeds
-    from .feed import Feed, Profile
-    from .fraction import Fraction
+    from .checks import OVER_THE_TOP, RESERVED_BIN
+    from .feed import Crowding, Feed, Profile
+    from .fraction import Fraction, Size, Speeds
     from .funnel import Funnel
+    from .machine import Air, Bin, Body, Channel, Inlet, Samples, Vibration
     from .pictures import Picture, picture_tables
     from .rebound import Coefficient, Rebound
     from .scene import Scene, units_written
-    from .surroundings import Air, Body, Channel, Inlet, Samples, Vibration
     from .table import Table
     from .whole import Numerics, SceneTables
 

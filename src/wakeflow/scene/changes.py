@@ -10,8 +10,6 @@ from typing import Any
 
 from .scene import Scene
 
-__all__ = ["differing", "flat", "folder_name", "run_folder"]
-
 LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
 PARTS = "+"  # between the changes in a name
 

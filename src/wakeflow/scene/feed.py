@@ -1,4 +1,4 @@
-"""[feed]: the falling curtain."""
+"""[feed] and [collisions]: the falling curtain, and how its granules meet."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from pydantic import Field, model_validator
 from ..core.errors import SceneError
 from ..laws.constants import GRAVITY
 from ..laws.profile import crowding, profiles
-from .table import Array, Shorthand, Table, takes
-from .units import AnyAngle, Coordinate, Length, MassRate, Speed
-
-__all__ = ["Feed", "Profile"]
+from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, takes
 
 
+# -- [feed]: the falling curtain ---------------------------------------------------------------------------------------
 class Profile(Table):
     """How the curtain's mass is spread over its width: ``distribution`` and its parameters."""
 
@@ -105,3 +103,17 @@ class Feed(Table):
     def mass_flow(self) -> float:
         """kg/s of all fractions together."""
         return self.rate if self.rate is not None else self.depth * 1.0
+
+
+# -- [collisions]: how granules meet each other, in the slab of the machine in which every one of them -----------------
+class Crowding(Table):
+    """[collisions]: granules among themselves; whether their meetings are computed the plan decides, or --force."""
+
+    depth: Length | None = Field(
+        None, description="of the slab across the picture, periodic; default 15 of the coarsest granules' diameters"
+    )
+    count: Annotated[int, Field(ge=16, le=10_000_000)] | None = Field(
+        None, description="granules of a fraction that count in the slab; default what numerics.target_error needs"
+    )
+    restitution: Annotated[float, Field(ge=0, le=1)] = Field(0.5, description="of one granule on another")
+    friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="of one granule on another")

@@ -10,13 +10,10 @@ from pydantic import Field, model_validator
 from ..core.errors import SceneError
 from ..core.quantities import metres
 from ..laws.constants import GRAVITY
-from ..laws.discharge import beverloo
 from ..laws.material import Material, materials
 from ..laws.restitution import restitution_at
-from .table import Table
-from .units import Diameter, Frequency, Length, Mass, MassDensity, Modulus, SlopeAngle
-
-__all__ = ["LOOSE", "Funnel"]
+from ..laws.streams import beverloo
+from .table import Diameter, Frequency, Length, Mass, MassDensity, Modulus, SlopeAngle, Table
 
 LOOSE = 0.60  # packing of poured spheres (0.58 to 0.61), before it is measured in the bed
 MOST = 50_000  # beads: hours

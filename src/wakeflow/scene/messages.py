@@ -16,8 +16,6 @@ from ..core.registry import did_you_mean
 from .pictures import picture_tables
 from .schema import Place, allowed_range, at, described, known_keys, unit_and_example, values_in
 
-__all__ = ["dotted", "explain", "unit_of", "units_in"]
-
 WANTED = {  # pydantic's types of errors, in the user's words
     "greater_than": "too small",
     "greater_than_equal": "too small",

@@ -12,9 +12,7 @@ from typing import Any
 from ..core.errors import SceneError
 from ..core.quantities import quantity
 from ..core.registry import did_you_mean
-from .switches import ON_OFF
-
-__all__ = ["changed", "changes_of", "setting", "share_in", "share_of", "switches_of", "unquoted"]
+from .whole import ON_OFF
 
 
 def changes_of(settings: Sequence[str]) -> dict[str, Any]:

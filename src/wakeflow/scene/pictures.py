@@ -10,20 +10,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
-from .table import Table
-from .units import Duration, Length, Speed
-
-__all__ = [
-    "DRAWN",
-    "STANDARD_FIGURES",
-    "Animation",
-    "AnyPicture",
-    "Curves",
-    "Density",
-    "Picture",
-    "Streamlines",
-    "picture_tables",
-]
+from .table import Duration, Length, Speed, Table
 
 # figures of report.figures, in the order of the page: no picture takes a name
 STANDARD_FIGURES = (

@@ -12,10 +12,7 @@ from pydantic import Field, model_validator
 from ..core.errors import SceneError, known
 from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes, within
-from .table import Array, Table
-from .units import PositiveSpeed
-
-__all__ = ["Coefficient", "Rebound"]
+from .table import Array, PositiveSpeed, Table
 
 CUT = 0.05  # of a normal distribution: where more lies outside what a coefficient can be, it is not one
 

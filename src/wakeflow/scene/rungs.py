@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from ..core.errors import SceneError
 from ..core.registry import Registry, did_you_mean
 
-__all__ = ["Rung", "check_rung", "rungs"]
-
 GRIDS = 1.5  # refinement ratio between the grids of a study: three grids span 1.5^4 = 5 times the cells
 
 

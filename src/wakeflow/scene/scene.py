@@ -19,22 +19,16 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ..core.errors import SceneError
-from ..core.files import path_of
+from ..core.files import path_of, read_toml
 from ..core.quantities import say, speaking
-from ..core.toml import read_toml
 from ..laws.constants import STANDARD_AIR
-from .bins import Bin
-from .consistency import CHECKS, OVER_THE_TOP
-from .doubts import doubts, with_units
+from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
+from .machine import Bin
 from .messages import explain, units_in
 from .overrides import changed
-from .own_materials import with_own_materials
+from .own_files import air_of, find_case, read_samples, with_own_materials
 from .uncertainty import with_uncertainty_table
-from .user_case import air_of, find_case
-from .vibration_samples import read_samples
 from .whole import SceneTables
-
-__all__ = ["Scene", "units_written"]
 
 Array = NDArray[np.float64]
 MOST_MISTAKES = 3  # that are told of tables which do not agree: the first is often the cause of the others

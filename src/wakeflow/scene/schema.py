@@ -14,19 +14,6 @@ from ..core.quantities import say
 from ..core.registry import did_you_mean
 from .whole import SceneTables
 
-__all__ = [
-    "Place",
-    "allowed_range",
-    "at",
-    "described",
-    "known_keys",
-    "named_tables",
-    "refuse_unknown",
-    "scene_schema",
-    "unit_and_example",
-    "values_in",
-]
-
 Place = tuple[str | int, ...]  # keys, and places in lists, from the top of a scene
 Node = dict[str, Any]  # a schema within the schema
 LIMITS = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))

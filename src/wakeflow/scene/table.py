@@ -1,19 +1,21 @@
-"""What all tables of a scene share."""
+"""What all tables of a scene share, and their number types: SI, or a string with a unit."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import Parameter, signature
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
 from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
-__all__ = ["Shorthand", "Table", "takes"]
+from ..core.quantities import QUANTITY, quantity
 
+# -- What all tables of a scene share ----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 
 
@@ -46,3 +48,51 @@ def takes(kind: str, name: str, function: Callable[..., Any], given: Mapping[str
     unknown = [key for key in given if key not in wanted]
     parts = [f"{word} {', '.join(keys)}" for word, keys in (("lacks", missing), ("has no", unknown)) if keys]
     return f"{kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})"
+
+
+# -- Number types of scene files: a number in SI, or a string with a unit, each with the range that --------------------
+@dataclass(frozen=True)
+class WithUnit:
+    """Marks a number in ``unit``: a string with another unit of the kind, such as ``example``, is converted to it.
+
+    :func:`wakeflow.core.quantities.quantity` reads the strings; pint is loaded only for them. Stands after the range,
+    which is that of the number. The JSON schema allows both.
+    """
+
+    unit: str
+    example: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_before_validator_function(self._number, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        text = {"type": "string", "pattern": QUANTITY}
+        return {"anyOf": [handler(schema), text], "unit": self.unit, "examples": [self.example]}
+
+    def _number(self, value: Any) -> Any:
+        return quantity(value, self.unit, self.example) if isinstance(value, str) else value
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,40}$")]  # becomes a patch and a file name
+Length = Annotated[float, Field(gt=0, lt=1e3), WithUnit("m", "50 mm")]
+Coordinate = Annotated[float, Field(gt=-1e3, lt=1e3), WithUnit("m", "-120 mm")]
+Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Diameter = Annotated[float, Field(ge=1e-9, le=0.1), WithUnit("m", "4 mm")]
+SlopeAngle = Annotated[
+    float,
+    Field(ge=math.radians(10) - 1e-9, le=math.radians(80) + 1e-9),
+    WithUnit("rad", "60 deg"),
+]
+AnyAngle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi), WithUnit("rad", "90 deg")]
+ScatterAngle = Annotated[float, Field(ge=0, le=1), WithUnit("rad", "0.1 rad")]
+Speed = Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "1.4 m/s")]
+PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100), WithUnit("m/s", "5 m/s")]
+MassDensity = Annotated[float, Field(gt=0, le=3e4), WithUnit("kg/m^3", "1300 kg/m^3")]
+Viscosity = Annotated[float, Field(ge=1e-7, le=1), WithUnit("Pa*s", "1.8e-5 Pa*s")]
+Frequency = Annotated[float, Field(gt=0, le=1e4), WithUnit("Hz", "30 Hz")]
+Duration = Annotated[float, Field(gt=0, lt=1e4), WithUnit("s", "0.2 s")]
+MassRate = Annotated[float, Field(gt=0), WithUnit("kg/s", "500 kg/hour")]
+Mass = Annotated[float, Field(gt=0, lt=1e3), WithUnit("kg", "35 g")]
+Modulus = Annotated[float, Field(ge=5e6, le=1e9), WithUnit("Pa", "5 MPa")]
+SHARE = WithUnit("1", "90 %")
+Portion = Annotated[float, Field(gt=0, le=1), SHARE]

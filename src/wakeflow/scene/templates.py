@@ -6,11 +6,8 @@ import shlex
 from pathlib import Path
 
 from ..core.errors import SceneError
-from ..core.files import atomic_write
+from ..core.files import atomic_write, scene_templates
 from ..core.registry import did_you_mean
-from ..core.resources import scene_templates
-
-__all__ = ["write_template"]
 
 
 def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:

@@ -3,7 +3,7 @@
 ``fraction.wheat.restitution = {value = 0.5, uncertainty = 0.1}`` says that the mean restitution of the wheat at hand
 lies between 0.4 and 0.6 in 19 of 20 cases. The same stands in the table [uncertainty] under the key's own name, where
 every command finds it: ``uncertainty.fraction.wheat.restitution``. What is not given has the default of
-``laws.uncertainties``; 0 says that a number is exact.
+``laws.material``; 0 says that a number is exact.
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..core.quantities import quantity, split_quantity
-
-__all__ = ["OF_FRACTION", "OF_SCENE", "Margin", "margins", "with_uncertainty_table"]
 
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
 VALUE, MARGIN, TABLE = "value", "uncertainty", "uncertainty"

@@ -9,24 +9,54 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ..core.errors import known
+from ..core.errors import SceneError, known
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
-from .bins import Bin
-from .crowding import Crowding
-from .feed import Feed
+from .feed import Crowding, Feed
 from .fraction import Fraction
 from .funnel import Funnel
+from .machine import Air, Bin, Body, Channel, Vibration
 from .pictures import AnyPicture
 from .rungs import rungs
-from .surroundings import Air, Body, Channel, Vibration
-from .switches import states_of
-from .table import Array, Table
+from .table import Array, Name, Table, WithUnit
 from .uncertainty import Margin, margins
-from .units import Name, WithUnit
 
-__all__ = ["Numerics", "SceneTables", "SpanTable"]
+# -- Terms that are switched by hand: by a scene's [force], and by ``force`` in Python ---------------------------------
+States = Mapping[str, bool | str | Mapping[str, bool | str]]  # of terms: True or "on", False or "off"
+ON_OFF = "on", "off"
 
+
+def switched(force: States | None) -> dict[str, bool]:
+    """Terms that are switched from Python, each True, False, "on" or "off"; empty without any.
+
+    Raises SceneError for anything else: another text would count as true.
+    """
+    if force is None:
+        return {}
+    if not isinstance(force, Mapping):
+        raise SceneError(f"force = {force!r}: name each term and its state, {{'lift': 'off'}}")
+    try:
+        return states_of(force)
+    except ValueError as problem:
+        raise SceneError(f"force: {problem}") from None
+
+
+def states_of(table: States) -> dict[str, bool]:
+    """{"chaff.lift": True} from {chaff: {lift: "on"}}, as TOML reads ``chaff.lift = "on"``. Raises ValueError for a
+    state that is none.
+    """
+    found: dict[str, bool] = {}
+    for key, state in table.items():
+        if isinstance(state, Mapping):
+            found.update({f"{key}.{term}": on for term, on in states_of(state).items()})
+        elif isinstance(state, bool) or (isinstance(state, str) and state in ON_OFF):
+            found[str(key)] = state is True or state == "on"
+        else:
+            raise ValueError(f"{key} = {state!r}: write on or off")
+    return found
+
+
+# -- [numerics], and all tables of a scene together --------------------------------------------------------------------
 Margins = dict[str, float | str | dict[str, float | str | dict[str, float | str]]]
 Switches = dict[str, bool | Literal["on", "off"] | dict[str, bool | Literal["on", "off"]]]
 MOST_RANKS = 256  # beyond what any mesh of one layer can use

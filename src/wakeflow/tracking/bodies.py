@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..laws.vibration import Record, integrated
 
-__all__ = ["Body", "Motion"]
-
 Array = NDArray[np.float64]
 
 

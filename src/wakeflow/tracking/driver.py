@@ -22,13 +22,9 @@ from .granules import Granules
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
-from .pack import check_forces, pack_granules, pack_tables
-from .pack_air import pack_air
-from .pack_state import pack_state
-from .pack_walls import pack_lines, pack_walls
+from .pack import check_forces, pack_granules, pack_state, pack_tables
+from .pack_surroundings import pack_air, pack_lines, pack_walls
 from .tracks import Tracks
-
-__all__ = ["track"]
 
 Array = NDArray[np.float64]
 BLOCK = 512  # granules handed to a thread at a time
@@ -183,8 +179,7 @@ def _fly_crowd(
         raise SceneError(
             f"forces: {past[0]} remembers the past, which granules that meet have no record of; leave it out"
         )
-    from .crowd.driver import Slab
-    from .crowd.step import fly_crowd
+    from .crowd.driver import Slab, fly_crowd
 
     def alone(rows: NDArray[np.int64], forces: Sequence[str]) -> Tracks:
         some = replace(flight, grains=flight.grains[rows], forces=forces, points=0, table_of=flight.table_of[rows])

@@ -18,8 +18,6 @@ from ..field import FlowField, Swing
 from .bodies import Motion
 from .granules import Granules
 
-__all__ = ["MINUTE", "from_frame", "relative", "swing_of", "to_frame"]
-
 Array = NDArray[np.float64]
 SAME = 1e-9  # relative difference of frequencies and phases that counts as none
 MINUTE = 1e-9  # of an amplitude: relative motion below it is round-off

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..laws.restitution import Restitution
 
-__all__ = ["Granules"]
-
 Array = NDArray[np.float64]
 SCALARS: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may be, in words; test)
     "diameter": ("positive", lambda x: x > 0),
@@ -56,7 +54,7 @@ class Granules:
     the fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal
     velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
     approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
-    ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.rebound``);
+    ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.collision``);
     ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``);
     ``depth`` m, its place across the slab of a crowd, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
     which it came to the impact that it is born of, which the history force remembers, None: no impact. Raises

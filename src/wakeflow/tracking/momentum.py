@@ -19,13 +19,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.boxes import Boxes, ForceDensity
 from ..core.errors import SceneError
+from ..core.geometry import Boxes, ForceDensity
 from ..laws.constants import GRAVITY
 from .granules import Granules
 from .tracks import Tracks
-
-__all__ = ["force_on_the_air"]
 
 Array = NDArray[np.float64]
 PIECES = 4  # a track is laid into the boxes in pieces of at most this part of a box's edge; chosen

@@ -23,8 +23,6 @@ from .driver import track
 from .granules import Granules
 from .tracks import Fate, Tracks
 
-__all__ = ["ResidenceTime", "residence_time"]
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 COUNT = 2048  # tracers: an interval of some 12 % in the steady wake of the shipped scene, in 2 s of one core

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from .kernel import layout as at
 
-__all__ = ["CrowdFlight", "Fate", "Tracks"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 

@@ -59,7 +59,7 @@ def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: No
     ``slow``: a computed time-resolved wake besides the synthetic one, more and finer settings. Raises FoamError when
     OpenFOAM is not installed.
     """
-    from ..report.work_precision import draw
+    from ..report.curves import draw
 
     folder.mkdir(parents=True, exist_ok=True)
     scene, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"))

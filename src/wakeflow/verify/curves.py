@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.resources import scene_templates
+from ..core.files import scene_templates
 from ..field import FlowField
 from ..injection.feed import feedstock
 from ..injection.first_contact import motion_of

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ..core.resources import scene_templates
+from ..answer.result import Result
+from ..core.files import scene_templates
 from ..laws.constants import STANDARD_AIR
 from ..laws.drag import terminal_velocity
 from ..pipeline.compilation import COMPILED
-from ..results.result import Result
 from ..runs import run
 from ..scene import Scene
 from .extremes import Happened, add_row

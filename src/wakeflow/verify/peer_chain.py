@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..field import FlowField
 from ..pipeline.pipeline import Pipeline
-from ..planning.bounds import LOADING
 from ..planning.make import make_plan
+from ..planning.terms import LOADING
 from ..scene import RESERVED_BIN, Scene
 from ..tracking import Tracks, track
 from .curves import BenchmarkCase, benchmark_case

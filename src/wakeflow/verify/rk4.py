@@ -28,11 +28,10 @@ from ..tracking.kernel import layout as at
 from ..tracking.kernel.forces import drag_rate
 from ..tracking.kernel.jit import compiled, entry, inlined
 from ..tracking.kernel.locate import anywhere, barycentric, walk
-from ..tracking.kernel.restitution import restitution_of
+from ..tracking.kernel.rebound import restitution_of
 from ..tracking.kernel.walls import grasp, inside, overlap
 from ..tracking.pack import pack_granules, pack_tables
-from ..tracking.pack_air import pack_air
-from ..tracking.pack_walls import pack_lines, pack_walls
+from ..tracking.pack_surroundings import pack_air, pack_lines, pack_walls
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

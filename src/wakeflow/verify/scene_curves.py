@@ -13,16 +13,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from .. import runs
+from ..answer.provenance import KnobSettings
+from ..answer.result import Result
+from ..answer.shares import Separation
 from ..core.process import cores
 from ..pipeline.compilation import COMPILED
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import make_plan
-from ..refining.knobs import applied, knobs, own_settings
-from ..results.landing_results import Separation
-from ..results.refinement import KnobSettings
-from ..results.result import Result
-from ..results.separation import separate
+from ..runs.settings import applied, knobs, own_settings
 from ..scene import Scene
+from ..statistics.separation import separate
 from .peer_chain import PEER, peer_rows, why_no_peer
 from .report import Report, Table, Tell
 
@@ -47,7 +47,7 @@ def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: N
     computed with ``slow`` alone, else its draft. Beside them the peer's chain (``trackers.peer_chain``), where it can
     compute the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
-    from ..report.work_precision import draw_knobs, write_knobs
+    from ..report.curves import draw_knobs, write_knobs
 
     scene = Scene.load(path)
     rung = None if slow or make_plan(scene).airflow.stepping != "time-resolved" else "draft"

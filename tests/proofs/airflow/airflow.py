@@ -20,10 +20,11 @@ from proofs.airflow.published import Case, Published, cases, verification_scenes
 from proofs.report import NOTHING, Column, Report, Table, Tell, cell
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.laws.momentum import momentum_pressure
+from wakeflow.pipeline.airflow import GridEstimate
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.results.grid_convergence import GridEstimate, cell_size, estimate
 from wakeflow.scene import Scene
+from wakeflow.statistics.grid_convergence import cell_size, estimate
 
 REPORTED = "reported"  # in place of a gate
 COLUMNS: dict[str, Column] = {

@@ -18,9 +18,9 @@ from wakeflow.core.lazy import cached_property
 from wakeflow.core.number import Number
 from wakeflow.core.registry import Registry
 from wakeflow.field import FlowField
-from wakeflow.field.blend import blended_wake
+from wakeflow.field.combined import blended_wake
 from wakeflow.foam.case import read_parameters
-from wakeflow.foam.cost import core_seconds
+from wakeflow.foam.programs import core_seconds
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate, wakes
 from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.pipeline import Pipeline
@@ -48,7 +48,7 @@ class DustyWake:
         return residence_time(fields, self.outline, self.direction, self.speed, sheddings=air.cycles)
 
     def between(self, steady: DustyWake, theta: float, strength: float) -> DustyWake:
-        """The wake between ``steady`` and this one in time, see :func:`wakeflow.field.blend.blended_wake`."""
+        """The wake between ``steady`` and this one in time, see :func:`wakeflow.field.combined.blended_wake`."""
 
         def blended() -> Realisations:
             air, end = self.air(), steady.air().field

@@ -18,16 +18,15 @@ from typing import Any, get_args
 
 from proofs.report import Report, Row, Table, Tell
 from wakeflow.core.errors import known
-from wakeflow.core.files import write_json
-from wakeflow.core.resources import case_template
+from wakeflow.core.files import case_template, write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.foam import FlowSpec, solve_airflow
-from wakeflow.foam.cost import core_seconds
+from wakeflow.foam.programs import core_seconds
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.meshing.spec import Strategy
-from wakeflow.results.grid_convergence import cell_size, estimate
+from wakeflow.statistics.grid_convergence import cell_size, estimate
 
 NUMBERS = ("cd", "cp_base", "reversal")  # drag and base pressure coefficients, length of the reversed flow in widths
 FLOWS = ("triangle at Re 30", "rhombus at Re 16 500")

@@ -16,7 +16,7 @@ from wakeflow.budget.source import INPUTS
 from wakeflow.core.number import Number
 from wakeflow.laws.best_estimate import left_one_out
 from wakeflow.planning.unknowns import SIGMAS
-from wakeflow.results.separation import separate
+from wakeflow.statistics.separation import separate
 
 LEAST = 1e-3  # a number that is nearer than that to 0 in value and truth, or to 1 in both, is known trivially
 ROUND_OFF = 1e-9  # of an end of an interval

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from proofs.coverage.scenes import VariedScene, divided
 from proofs.coverage.stored_air import StoredPipeline, plan_in
+from wakeflow.answer.shares import BudgetRow, Separation
 from wakeflow.budget.budget import fly_again, make_budget
 from wakeflow.budget.source import Flights
 from wakeflow.budget.total import totalled
@@ -20,7 +21,7 @@ from wakeflow.core.files import write_json
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.store import Store, content_key
 from wakeflow.field import FlowField
-from wakeflow.field.varied import varied
+from wakeflow.field.combined import varied
 from wakeflow.injection.feed import feedstock
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline.cache import code_of
@@ -29,9 +30,8 @@ from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from wakeflow.planning.variation import AS_GIVEN, AirVariation, Variation
-from wakeflow.results.landing_results import BudgetRow, Separation
-from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
+from wakeflow.statistics.separation import separate
 
 Array = NDArray[np.float64]
 FEW = 64  # granules a fraction that show where bins are wanted

@@ -20,9 +20,9 @@ from wakeflow.core.files import write_json
 from wakeflow.core.store import Store, cache_root
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.results.separation import separate
 from wakeflow.scene import Scene
 from wakeflow.scene.uncertainty import OF_FRACTION, OF_SCENE
+from wakeflow.statistics.separation import separate
 
 FILE = Path(__file__).with_name("laminar.json")
 WIDTH, BLOCKED = 0.01, 8.0  # m, of the bodies; channel widths over it

@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 
 from proofs.crowd.machine import CHUNK, Flown, Machine
 from wakeflow.core.files import atomic_write
-from wakeflow.funnel.cone import write_triangles
-from wakeflow.funnel.engine import read_dump, run_script, write_settings
+from wakeflow.funnel.engine import read_dump, run_script, write_settings, write_triangles
 from wakeflow.funnel.pour import POISSON
 from wakeflow.injection.first_contact import motion_of
+from wakeflow.laws.collision import contact_time
 from wakeflow.laws.constants import GRAVITY
-from wakeflow.laws.hertz import contact_time
 from wakeflow.tracking import Granules
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wakeflow.core.resources import scene_templates
+from wakeflow.core.files import scene_templates
 from wakeflow.injection.stream import slab_stream
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.pipeline.tracks import bodies_and_walls, end_lines

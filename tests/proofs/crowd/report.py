@@ -22,11 +22,11 @@ from proofs.crowd.machine import Flown, Machine, fed, fly_machine, the_machine
 from proofs.report import Column, Report, Row, Table, Tell, cell
 from proofs.rows import Interval, mean_interval, plus_minus
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
-from wakeflow.foam.version import openfoam_version
+from wakeflow.foam.programs import openfoam_version
 from wakeflow.funnel.engine import liggghts_version
 from wakeflow.planning.unknowns import SIGMAS
-from wakeflow.results.separation import share_interval
 from wakeflow.scene import RESERVED_BIN
+from wakeflow.statistics.separation import share_interval
 from wakeflow.tracking import Granules
 
 FILE = "found.npz"

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.extremes.flying import timed_flight
+from wakeflow.answer.result import Result
 from wakeflow.budget.slab import SlabStep
 from wakeflow.core.graded import Grade
 from wakeflow.field import FlowField
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.results.result import Result
 from wakeflow.runs import run
 from wakeflow.runs.chain import chain
 from wakeflow.scene import Scene

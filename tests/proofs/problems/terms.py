@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from proofs.problems.exact import DENSITY, VISCOSITY, Answer, G, Setting, box, field_on, problem
 from proofs.problems.flights import taylor_green
 from proofs.problems.reference_all_terms import reference_end_states
-from wakeflow.laws.rotation import magnus_factor
+from wakeflow.laws.lift import magnus_factor
 from wakeflow.tracking import Granules
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ import wakeflow as wf
 from support import CASES
 from wakeflow.budget.air_loading import UNLOADED
 from wakeflow.budget.comparison import Shares, shares_of
-from wakeflow.core.boxes import ForceDensity
+from wakeflow.core.geometry import ForceDensity
 from wakeflow.core.record import load
 from wakeflow.field import FlowField, blended_wake
 from wakeflow.foam.airflow import solve_airflow

@@ -22,9 +22,9 @@ from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.pipeline.compilation import compile_slab, compile_tracker
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.make import make_plan
-from wakeflow.results.separation import separate
+from wakeflow.planning.terms import COLLISIONS
+from wakeflow.statistics.separation import separate
 
 __all__ = ["Pipeline", "Row", "compile_slab", "compile_tracker", "make_plan"]  # handed on
 

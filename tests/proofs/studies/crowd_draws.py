@@ -5,7 +5,7 @@ slab flies under some of the draws, each in air of its own while there are such.
 of all bin shares over those of granules alone: 1 where the assumption holds. Changes alone are of two halves of the
 granules, one the other's instrument, so that their sampling does not lower the slope; its interval is a jackknife's
 over the draws. *Taken* is the factor that an answer takes for it, from how many granules land near the ends of bins
-among others and alone (src/wakeflow/budget/bin_ends.py). Ten minutes a scene; docs/uncertainty.md.
+among others and alone (src/wakeflow/budget/comparison.py). Ten minutes a scene; docs/uncertainty.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.budget.bin_ends import AmongOthers
+from wakeflow.budget.comparison import AmongOthers
 from wakeflow.core.number import student
 from wakeflow.planning.plan import DRAWS, SAME_AIR
 

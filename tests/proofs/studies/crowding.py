@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from support import shipped
-from wakeflow.planning.bounds import COLLISIONS
 from wakeflow.planning.meetings import encounters
-from wakeflow.planning.terms import limit_of
-from wakeflow.results.separation import separate
+from wakeflow.planning.terms import COLLISIONS, limit_of
+from wakeflow.statistics.separation import separate
 
 from .common import COARSE, HOUR, MEET, Row, collisions_of, piped, separation, show
 

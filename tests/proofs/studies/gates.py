@@ -20,8 +20,8 @@ from wakeflow.injection.feed import feedstock
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.bounds import bounds
 from wakeflow.planning.plan import Plan
+from wakeflow.planning.terms import bounds
 
 from .common import BARE, COARSE, Pipeline, Row, make_plan, show
 

@@ -18,10 +18,10 @@ from typing import Any, Literal
 import numpy as np
 
 from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.case_fields import CaseFields, time_folders
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
 from wakeflow.foam.mesh_motion import MeshMotion, repeats
-from wakeflow.foam.segments import run_segment
+from wakeflow.foam.read import CaseFields, time_folders
+from wakeflow.foam.solver import run_segment
 from wakeflow.foam.start import perturb, start_from
 from wakeflow.foam.watch import Watch
 from wakeflow.laws.shape import shapes

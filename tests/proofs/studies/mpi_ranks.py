@@ -13,8 +13,7 @@ from pathlib import Path
 
 from support import shipped
 from wakeflow.foam.case import FlowSpec, write_parameters
-from wakeflow.foam.parallel import scatter
-from wakeflow.foam.programs import call
+from wakeflow.foam.programs import call, scatter
 from wakeflow.meshing import build_mesh
 from wakeflow.pipeline.specs import flow_spec, mesh_spec
 

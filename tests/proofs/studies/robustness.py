@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from wakeflow.core.errors import FoamError, MeshError
-from wakeflow.core.files import write_json
-from wakeflow.core.resources import case_template
+from wakeflow.core.files import case_template, write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.foam import time_resolved

@@ -15,13 +15,12 @@ import numpy as np
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.results.landing_results import Separation
-from wakeflow.results.quantities import TableQuantity
-from wakeflow.searching.history import DesignPoint, Evaluation
-from wakeflow.searching.loop import explore
-from wakeflow.searching.proposals import Proposer, at_random, by_estimator
-from wakeflow.searching.task import Goal, QuantityLimit, SearchTask
-from wakeflow.sweeps.axis import Axis
+from wakeflow.answer.shares import Separation
+from wakeflow.answer.table import TableQuantity
+from wakeflow.batch.axis import Axis
+from wakeflow.batch.designs import explore
+from wakeflow.batch.history import DesignPoint, Evaluation, Proposer, at_random, by_estimator
+from wakeflow.batch.task import Goal, QuantityLimit, SearchTask
 
 from .common import Row, show
 

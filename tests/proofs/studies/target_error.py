@@ -19,9 +19,9 @@ import numpy as np
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.provenance import KnobSettings
 from wakeflow.planning.make import make_plan
-from wakeflow.refining.knobs import applied, cheapest, knobs, own_settings
-from wakeflow.results.refinement import KnobSettings
+from wakeflow.runs.settings import applied, cheapest, knobs, own_settings
 from wakeflow.scene import Scene
 from wakeflow.verify.scene_curves import BinShares, bin_shares, largest_error, largest_half, reference_shares
 

@@ -23,14 +23,13 @@ from support import shipped
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
 from wakeflow.field import FlowField
-from wakeflow.field.cross_fade import cross_faded
+from wakeflow.field.combined import cross_faded
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec, axis_points
-from wakeflow.foam.case_fields import CaseFields
-from wakeflow.foam.cost import core_seconds
+from wakeflow.foam.programs import core_seconds
+from wakeflow.foam.read import CaseFields
 from wakeflow.foam.span_measure import measure_span
-from wakeflow.foam.span_read import lead_of, read_layers
-from wakeflow.foam.span_record import SpanRecord
+from wakeflow.foam.span_record import SpanRecord, lead_of, read_layers
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.specs import flow_spec, mesh_spec

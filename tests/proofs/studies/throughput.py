@@ -15,10 +15,10 @@ import numpy as np
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.planning.bounds import COLLISIONS, LOADING
-from wakeflow.report.colours import fraction_colours
-from wakeflow.results.landing_results import Separation
-from wakeflow.results.separation import separate
+from wakeflow.answer.shares import Separation
+from wakeflow.planning.terms import COLLISIONS, LOADING
+from wakeflow.report.canvas import fraction_colours
+from wakeflow.statistics.separation import separate
 
 from .common import HOUR, Row, collisions_of, percent, picture, piped, separation, show
 

@@ -5,18 +5,12 @@ The tracker computes what it is told to; the plan decides by a bound on the land
 
 from __future__ import annotations
 
-from .added_mass import ADDED_MASS
-from .brownian_motion import BROWNIAN_MOTION
-from .buoyancy import BUOYANCY
-from .drag_force import DRAG
+from .basic import ADDED_MASS, BUOYANCY, DRAG, GRAVITY_FORCE, PRESSURE_GRADIENT
+from .fluctuations import BROWNIAN_MOTION, DISPERSION
 from .history_force import HISTORY_FORCE
-from .pressure_gradient import PRESSURE_GRADIENT
+from .lift import SHEAR_LIFT, SPIN_LIFT
 from .record import Force, Granule, Instant, forces
 from .scales import Bound, FlightScales
-from .shear_lift import SHEAR_LIFT
-from .spin_lift import SPIN_LIFT
-from .turbulent_dispersion import DISPERSION
-from .weight import GRAVITY_FORCE
 
 __all__ = ["Bound", "FlightScales", "Force", "Granule", "Instant", "forces"]
 

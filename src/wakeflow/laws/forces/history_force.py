@@ -27,8 +27,6 @@ from ..drag import relaxation_time, terminal_velocity
 from .record import AirProperties, Array, Force, Grains, Granule, Slots
 from .scales import SIDEWAYS, Bound, FlightScales
 
-__all__ = ["HISTORY_FORCE", "MEMORIES", "history_kernel", "history_time", "memories_of"]
-
 SLOWEST = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
 NODES = 2001  # of the quadrature in time^(1/4): error below 1e-4
 # By what flights with and without the force exceed the estimate, in the shipped rhombus' steady wake (tests/planning):

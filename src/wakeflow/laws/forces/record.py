@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from ...core.registry import Registry
 from .scales import Bound
 
-__all__ = ["AirProperties", "Field", "Force", "Grains", "Granule", "Instant", "forces"]
-
 Array = NDArray[np.float64]
 Vector = tuple[float, float]
 Slots = Mapping[str, Array | float]  # by the name of a slot in tracking.kernel.layout

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 from ..constants import GRAVITY
 
-__all__ = ["NEAR", "SIDEWAYS", "Bound", "FlightScales"]
-
 # All chosen: round numbers with which the bounds hold for 95 % of the granules of cases/rhombus.toml, and are at most
 # 30 times what these move (tests/planning/test_plan_gate.py)
 NEAR = 3.0  # body widths: distance along which the body's own pressure and velocity field acts

@@ -13,6 +13,7 @@ from ...field.derived import vorticity
 from ...laws.momentum import momentum_pressure
 from ..air import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
 from ..canvas import (
+    COLOURS,
     INK,
     MM,
     TALLEST,
@@ -30,14 +31,13 @@ from ..canvas import (
     streams,
     triangulation,
 )
-from ..colours import COLOURS
 from ..outcome import add_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...field import FlowField
-    from ...results.airflow_summary import Airflow
+    from ...pipeline.airflow import Airflow
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Outcome

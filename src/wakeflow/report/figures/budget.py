@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...results.landing_results import SHARE_UNIT
-from ...results.sensitivity import InputMove, grouped, least_sure, regressed_moves
-from ..canvas import INK, new_figure, save
-from ..colours import BLUE, COLOURS, VERMILION
+from ...answer.shares import SHARE_UNIT
+from ...statistics.inputs import InputMove, grouped, least_sure, regressed_moves
+from ..canvas import BLUE, COLOURS, INK, VERMILION, new_figure, save
 from ..outcome import add_figure
 from ..words import condensed, source_seconds
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from ...results.landing_results import BudgetRow
+    from ...answer.shares import BudgetRow
     from ..canvas import Paper
     from ..outcome import Outcome
 

@@ -9,8 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..air import SUCTION_LEVEL, as_flown, pressure_coefficient, suction_nodes
-from ..canvas import INK, MM, air_arrow, canvas, draw_bins, frame, new_axes, save, solids, streams, triangulation
-from ..colours import COLOURS, fraction_colours
+from ..canvas import (
+    COLOURS,
+    INK,
+    MM,
+    air_arrow,
+    canvas,
+    draw_bins,
+    fraction_colours,
+    frame,
+    new_axes,
+    save,
+    solids,
+    streams,
+    triangulation,
+)
 from ..outcome import add_figure
 from .air import air_with_pressure
 
@@ -19,7 +32,7 @@ if TYPE_CHECKING:
 
     from ...field import FlowField
     from ...funnel.delivered import FunnelSummary
-    from ...results.airflow_summary import Airflow
+    from ...pipeline.airflow import Airflow
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Outcome, Track

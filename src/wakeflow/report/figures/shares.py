@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
-from ..canvas import INK, MM, bins_across, new_figure, save, text_width
-from ..colours import COLOURS, fraction_colours
+from ..canvas import COLOURS, INK, MM, bins_across, fraction_colours, new_figure, save, text_width
 from ..outcome import add_figure
 from ..words import percent
 
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from ...results.landing_results import LandingResults, PartitionCurve, Separation
+    from ...answer.shares import LandingResults, PartitionCurve, Separation
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Landed, Outcome

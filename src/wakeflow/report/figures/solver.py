@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..air import window_round_body
-from ..canvas import BODY, INK, MM, Window, first_outline, frame, new_figure, save
-from ..colours import COLOURS
+from ..canvas import BODY, COLOURS, INK, MM, Window, first_outline, frame, new_figure, save
 from ..outcome import add_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from ...results.airflow_summary import Airflow
-    from ...results.solved_case import ForceHistory, PlaneCells
+    from ...pipeline.airflow import Airflow
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Outcome
+    from ..solved_case import ForceHistory, PlaneCells
 
 DROPPED, KEPT = "#d9dde2", "#f7c873"
 SETTLED = 0.25  # of a record without a start-up: what the picture's height does not follow before that

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...core.files import atomic_write
 from ...scene import RESERVED_BIN, Scene
-from ..canvas import bins_across
-from ..colours import fraction_colours
+from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..many import main_quantities
 from ..words import NO_VALUE, difference_text, percent
@@ -17,10 +16,8 @@ from .document import inlined_pictures, page_template, shape_of
 from .rows import input_text, number
 
 if TYPE_CHECKING:
-    from ...results.difference import Difference
-    from ...results.quantities import TableQuantity
-    from ...results.result import Result
-    from ...results.table import Entry, ResultTable
+    from ...answer.result import Result
+    from ...answer.table import Difference, Entry, ResultTable, TableQuantity
 
 TOLD = ("share.", "purity.", "recovery.", "throughput.", "airflow.")  # the rest stands in differences.csv
 PARTS = ("share.", "purity.", "recovery.")  # of a whole: percent

@@ -10,15 +10,14 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
 from ...core.files import atomic_write
 from ...core.number import Number
 from ...core.quantities import say, speaking
-from ...results.landing_results import BudgetPart, BudgetRow, PartitionCurve
 from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
 from .. import words
-from ..canvas import bins_across
-from ..colours import fraction_colours
+from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..film import film_in, film_section
 from ..pictures import found
@@ -28,7 +27,7 @@ from . import rows
 from .live import live_data
 
 if TYPE_CHECKING:
-    from ...results.result import Result
+    from ...answer.result import Result
     from ..outcome import Outcome
 
 SKETCH = "sketch"  # the figure that stands beside the machine's measures

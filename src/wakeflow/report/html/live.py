@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..air import Turning, moments_of
-from ..canvas import MM, bins_across
-from ..colours import fraction_colours
+from ..canvas import MM, bins_across, fraction_colours
 from ..words import percent
 
 if TYPE_CHECKING:
+    from ...answer.result import Result
     from ...field import FlowField
-    from ...results.result import Result
     from ...scene import Scene
     from ..outcome import Outcome, Track
 

@@ -9,12 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ...answer.result import Request
 from ...core.number import Number
 from ...core.quantities import say, speaking
-from ...laws.material import materials
+from ...laws.material import default_margins, materials
 from ...laws.restitution import Restitution
-from ...laws.uncertainties import default_margins
-from ...results.result import Request
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
@@ -23,8 +22,8 @@ from ..words import NO_VALUE
 
 if TYPE_CHECKING:
     from ...funnel.delivered import FunnelSummary
-    from ...meshing.quality import MeshReport
-    from ...results.airflow_summary import Airflow
+    from ...meshing.build import MeshReport
+    from ...pipeline.airflow import Airflow
 
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
 QUANTITIES = {  # of a material: name, unit

@@ -9,9 +9,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...answer.result import PictureSummary
 from ...core.files import write_json
 from ...core.record import from_json, to_json
-from ...results.result import PictureSummary
 from ..canvas import SUFFIXES
 from .animation import draw_animation
 from .curves import draw_curves

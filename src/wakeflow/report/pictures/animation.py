@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from ...core.files import atomic_write
 from ...core.geometry import distance_to
 from ...scene.pictures import Animation
-from ..canvas import BODY, INK, MM, Window, new_figure, save
-from ..colours import fraction_colours
+from ..canvas import BODY, INK, MM, Window, fraction_colours, new_figure, save
 from .view import Drawn, Path2D, View, body_displacement
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ...injection.first_contact import motion_of
 from ...scene.pictures import Curves
-from ..canvas import MM, new_figure, save
-from ..colours import fraction_colours
+from ..canvas import MM, fraction_colours, new_figure, save
 from .view import Drawn, Path2D, View
 
 if TYPE_CHECKING:

@@ -19,6 +19,7 @@ from ..canvas import (
     PlotGrid,
     Window,
     air_arrow,
+    fraction_colours,
     frame,
     new_figure,
     save,
@@ -26,7 +27,6 @@ from ..canvas import (
     streams,
     triangulation,
 )
-from ..colours import fraction_colours
 from ..figures.air import draw_pressure
 from .view import Drawn, Path2D, View
 

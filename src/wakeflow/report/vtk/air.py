@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.links import link_or_copy
+from ...core.files import link_or_copy
 from ..air import as_flown, at_moments, dynamic_pressure, inlet_pressure
 from .files import lifted, save_piece, save_series
 
 if TYPE_CHECKING:
     from ...field import FlowField
-    from ...results.airflow_summary import Airflow
+    from ...pipeline.airflow import Airflow
     from ...scene import Scene
 
 Array = NDArray[np.float64]

@@ -17,8 +17,6 @@ from ..kernel.locate import INSIDE, reproject, walk
 from ..kernel.walls import inside
 from . import layout as of
 
-__all__ = ["GONE", "aim", "refresh", "stir"]
-
 GONE = -1  # what ``aim`` returns for a granule that has left the mesh
 
 

@@ -18,8 +18,6 @@ from ..kernel import layout as at
 from ..kernel.jit import compiled, inlined
 from . import layout as of
 
-__all__ = ["AHEAD", "across", "keep_lists", "near", "relist", "unlist"]
-
 PX, PY, PZ = np.int64(73856093), np.int64(19349663), np.int64(83492791)  # primes of Teschner et al.
 AHEAD = 16.0  # steps for which a range is meant at most; measured: twice and half of it are slower
 WIDE = 2.5  # a range is no larger than so many of the largest balls: cells stay small

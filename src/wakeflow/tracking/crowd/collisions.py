@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from ...core.errors import SceneError
 from ..granules import Granules
 
-__all__ = ["Collisions"]
-
 Array = NDArray[np.float64]
 
 
@@ -24,7 +22,7 @@ class Collisions:
     ``depth`` of the slab (m), some ten to twenty diameters of the largest granules. Coefficients of ``restitution``,
     ``friction`` and ``tangential_restitution`` between granules: numbers, or symmetric tables (k, k) by ``fraction`` of
     the two. ``tracers`` are fractions too fine and too many to be simulated one by one: those that fly are a sample;
-    the crowd can hit them, with the efficiency of impaction (:mod:`wakeflow.laws.sphere_impaction`), and does not
+    the crowd can hit them, with the efficiency of impaction (:mod:`wakeflow.laws.impaction`), and does not
     notice, nor do they meet each other. ``step`` (s) of the clock; None: as long as ``tolerance`` allows, found by
     flights of a sample (docs/crowd.md); ``measured`` hears it then, before the crowd flies. Raises SceneError for
     values out of range.

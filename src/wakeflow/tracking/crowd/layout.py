@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Cells", "Crowd", "Laws", "Nodes", "Room"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 

@@ -9,15 +9,12 @@ Moreau's time stepping, as on walls (``strikes``).
 from __future__ import annotations
 
 from ..kernel import layout as at
-from ..kernel.clearance import clearance
 from ..kernel.jit import compiled, inlined
+from ..kernel.walls import clearance
 from . import layout as of
 from .cells import near, relist
-from .flight import fly_on
+from .flight import PULLS, fly_on, press
 from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back, room_between
-from .strikes import PULLS, press
-
-__all__ = ["foretell", "meet_all", "settle_all"]
 
 MOST = 8  # meetings of one granule in a step that are followed one by one
 CHATTER = 2  # steps: two that meet again so soon, and nobody between, have not parted

@@ -6,18 +6,14 @@ import math
 
 import numpy as np
 
-from ...laws.sphere_impaction import sphere_caught
+from ...laws.impaction import sphere_caught
 from ..kernel import layout as at
 from ..kernel.dispersion import drawn
 from ..kernel.forces import drag_rate
 from ..kernel.jit import compiled
 from . import layout as of
 from .cells import across
-from .strikes import PULLS, pair_law
-
-__all__ = [
-    "MEETS", "OVERLAPS", "TOUCHES", "hit_tracer", "meet", "meeting_time", "part", "roll_back", "room_between",
-]  # fmt: skip
+from .flight import PULLS, pair_law
 
 _caught = compiled(sphere_caught)
 NEVER, MEETS, TOUCHES, OVERLAPS = np.int64(0), np.int64(1), np.int64(2), np.int64(3)

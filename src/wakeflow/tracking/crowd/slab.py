@@ -7,15 +7,12 @@ import math
 from ..kernel import layout as at
 from ..kernel.events import wall_displacement
 from ..kernel.jit import compiled, entry
-from ..kernel.track_points import store_point
-from ..kernel.track_start import begin_track
+from ..kernel.track_start import begin_track, store_point
 from . import layout as of
 from .air import refresh
 from .cells import keep_lists, unlist
 from .flight import fly_on
 from .meetings import foretell, meet_all, settle_all
-
-__all__ = ["march_slab"]
 
 LULL = 100.0  # steps for which a granule that leans on others must be slow before it counts as lying still
 CALM = 2.0  # steps of a pull: slower among others is at rest

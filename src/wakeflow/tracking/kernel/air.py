@@ -8,8 +8,6 @@ from . import layout as at
 from .jit import compiled, inlined
 from .locate import on_edge
 
-__all__ = ["air_at", "bracket", "gradient_at", "load_triangle", "nodal", "rise_at", "shares", "swinging"]
-
 
 @compiled
 def _knot(state, ints, affine, air):

@@ -15,8 +15,6 @@ from .events import first_below, level, wall_displacement
 from .jit import compiled, inlined
 from .walls import STILL
 
-__all__ = ["first_line", "first_wall"]
-
 BEND = 0.05  # sagitta over a granule's radius up to which its path by a corner counts as straight
 BENDS = 64  # pieces of such a path at most
 TURN = 0.4  # rad of a body's vibration looked at in one piece; of samples: change of the acceleration over its peak

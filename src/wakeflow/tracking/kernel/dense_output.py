@@ -19,8 +19,6 @@ import math
 from . import layout as at
 from .jit import compiled
 
-__all__ = ["along", "parabola", "phis", "sway"]
-
 # Taylor coefficients of phi_4: divisions would take most of the time of a step
 C0, C1, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11, C12, C13, C14, C15 = (1.0 / math.factorial(k + 4) for k in range(16))
 

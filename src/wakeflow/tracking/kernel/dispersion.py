@@ -18,8 +18,6 @@ from .forces import drag_rate
 from .jit import compiled, inlined
 from .locate import barycentric
 
-__all__ = ["drawn", "mirror", "renew", "renew_in"]
-
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
 _normals = compiled(normal_pair)

@@ -14,20 +14,6 @@ from . import layout as at
 from .dense_output import along
 from .jit import compiled
 
-__all__ = [
-    "PLANE",
-    "ROUND",
-    "SPEED",
-    "SPIN",
-    "cubic",
-    "first_below",
-    "harmonic",
-    "interval",
-    "level",
-    "next_turn",
-    "wall_displacement",
-]  # fmt: skip
-
 PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED, SLIPS, GRIPS = range(9)  # what ends a step
 SOON = 1e-3  # of a step: then a function that stands still at its beginning shows where it goes

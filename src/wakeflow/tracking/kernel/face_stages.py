@@ -11,11 +11,8 @@ from typing import NamedTuple
 
 from .dense_output import phis
 from .jit import inlined
-from .nodes import STIFF, excess
-from .quadrature import carried, displaced
+from .nodes import STIFF, carried, displaced, excess
 from .step import TRANSIENT
-
-__all__ = ["Bend", "Face", "Limits", "along_bend", "triangle_stages"]
 
 MARCH_SHARE = 0.2  # of the allowance: chosen by experiment: errors grow on their way through a sheared wake
 MOVED = 2.0  # allowances: more than that off the place foretold, the force is looked up anew

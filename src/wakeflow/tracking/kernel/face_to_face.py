@@ -14,14 +14,12 @@ import math
 from typing import NamedTuple
 
 from . import layout as at
-from .clearance import clearance
 from .dense_output import phis
 from .face_stages import Bend, Face, Limits, along_bend, triangle_stages
 from .jit import compiled, inlined
 from .locate import barycentric
 from .nodes import excess
-
-__all__ = ["march", "way_out"]
+from .walls import clearance
 
 SAMPLED = 4  # the error is looked at in every so many triangles: chosen by experiment for speed
 LONGER = 1.3  # than in the last triangle looked at: look again, since the error of a third-order step has doubled

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 
-from ...laws import lift, rotation
+from ...laws import lift
+from ...laws import lift as rotation
 from ...laws.drag import TABLE_CELLS, TABLE_DECADES
 from . import layout as at
 from .air import air_at, gradient_at, rise_at
 from .jit import compiled
-
-__all__ = ["drag_rate", "forces_in_gradient", "free_force", "gradient_forces", "spin_at", "spin_in_curl"]
 
 lift_coefficient = compiled(lift.lift_coefficient)
 magnus_factor = compiled(rotation.magnus_factor)

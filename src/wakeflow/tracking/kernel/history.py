@@ -20,8 +20,6 @@ from . import layout as at
 from .dense_output import phis
 from .jit import compiled
 
-__all__ = ["begin_memory", "bend_memory", "recall", "recall_line", "remember", "sampled"]
-
 RATES = 1.0 / MEMORIES
 CHATTERS = 32  # impacts after which a granule remembers nothing: what it remembers would keep it bouncing for good
 

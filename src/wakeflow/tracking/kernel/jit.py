@@ -15,8 +15,6 @@ import numba
 from ...core.sources import code_key
 from ...core.store import cache_root
 
-__all__ = ["compiled", "entry", "inlined"]
-
 # No reference counts: the kernel makes no arrays, and counting them at every call would take most of its time.
 OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 

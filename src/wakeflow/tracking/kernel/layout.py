@@ -10,8 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PackedAir", "Rules", "Walls"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 

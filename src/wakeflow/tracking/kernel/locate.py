@@ -7,8 +7,6 @@ import math
 from . import layout as at
 from .jit import compiled
 
-__all__ = ["anywhere", "barycentric", "on_edge", "reproject", "walk"]
-
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
 SELDOM = 32  # steps in the gap: then all triangles are looked at

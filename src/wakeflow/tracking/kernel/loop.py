@@ -11,24 +11,19 @@ import math
 from . import events
 from . import layout as at
 from .air import bracket, load_triangle
-from .contact import grip, rescue, settle, strike
-from .contact_ends import ends_of_slide, friction_turn, lets_go, takes_hold
+from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
 from .crossings import first_line, first_wall
 from .dense_output import along, sway
 from .dispersion import renew
-from .edge_crossing import cross_edge, hop, relocate
 from .events import wall_displacement
 from .forces import free_force, spin_at
 from .history import begin_memory, remember
 from .jit import entry, inlined, merged
 from .locate import reproject
 from .multi_cell import multi_cell_step
-from .step_control import HOP_LIMIT, confined_step, leaves, longest_step
-from .track_points import store_point
-from .track_start import begin_track
+from .step_control import HOP_LIMIT, confined_step, cross_edge, hop, leaves, longest_step, relocate
+from .track_start import begin_track, store_point
 from .walls import constrain, grasp, inside
-
-__all__ = ["fly_block"]
 
 PROGRESS = 1e-8  # of the step tried: less is none
 PRESSED = 1e-8  # of the square of the speed that a body's length of the pull gives: slower is at rest in a corner

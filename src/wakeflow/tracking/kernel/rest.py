@@ -15,8 +15,6 @@ from .forces import free_force
 from .jit import compiled
 from .walls import STILL, carry, constrain, facing, grasp, ride
 
-__all__ = ["STATIC", "caught", "held", "hold_still", "tangent", "unwedge", "wedge"]
-
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 STEEP = 0.05  # the same, of two walls along one of which a granule is put onto the other
 FOR_EVER = 40  # strikes in no time; an elastic granule leaves a corner of 4.5 degrees within as many

@@ -22,8 +22,6 @@ from .jit import compiled
 from .locate import barycentric
 from .walls import constrain
 
-__all__ = ["TRANSIENT", "attempt", "exit_time"]
-
 TRANSIENT = 4.0  # drag times; (z / (z + 4))^3 of a transient counts in z of them: third order if short, all if long
 STRAIGHT = 1e-3  # of the drag time: up to there a path is taken for a parabola
 OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step

@@ -1,0 +1,173 @@
+"""What a user must know of the airflow and of how the tracks ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..core.errors import known
+from ..core.graded import Notice, information, less_sure, void
+from ..core.number import Number
+from ..funnel import notices as funnel_notices
+from ..funnel.delivered import FunnelSummary
+from ..pipeline.airflow import Airflow, GridStudy, ResidenceTimes, WakeEnds
+from ..pipeline.pipeline import Pipeline
+from ..scene import OVER_THE_TOP, Scene
+from ..tracking import Fate
+from .shares import CrowdSummary
+
+if TYPE_CHECKING:
+    from ..pipeline.landings import Tracked
+
+
+# -- What a user must know of the airflow and of how the tracks ended --------------------------------------------------
+LOOSE_LOOP = 0.1  # of the rms fluctuation: a stored loop that joins with more kicks the granules once a period
+LONGER = 1e-9  # m: rounding of the mesh's ends, no longer channel
+JAM = "granules that lie still become more as long as it runs; widen the gap, or lower feed.rate"
+MANY = 0.05  # of a fraction: more granules without a landing void its shares; chosen
+ENDINGS = {  # fates that are no landing: what they mean, and what to change
+    "airborne": (
+        "were still in the air when tracking ended",
+        "; another air.speed, which does not hold them up, or a [bin.NAME] with points where they hover",
+    ),
+    "stopped": (
+        "hit the tracker's hard stop",
+        "; a larger numerics.tolerance, or a feed.position that does not begin inside a body",
+    ),
+    "resting": ("came to rest on a body or wall", "; [vibration], or a steeper body.NAME.slope_angle, throws them off"),
+}
+
+
+def notices(
+    scene: Scene,
+    pipeline: Pipeline,
+    airflow: Airflow | None,
+    funnel: FunnelSummary | None,
+    tracked: Tracked | None,
+    slab: CrowdSummary | None = None,
+) -> list[Notice]:
+    """What a user must know of the airflow, of the feed funnel and of how the tracks ended; those in the ``slab``,
+    where granules meet in one.
+    """
+    solved = airflow is not None and not pipeline.kind.at_once
+    found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
+    found += [] if funnel is None else [less_sure(line) for line in funnel_notices(funnel)]
+    if tracked is not None:
+        if slab is not None and slab.jammed:
+            found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
+        found += [
+            *_passing(pipeline, tracked),
+            *_out_of_the_top(scene, tracked),
+            *_unlanded(tracked.fates if slab is None else slab.fates),
+        ]
+    return found
+
+
+def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
+    """Of fractions whose first impact follows eq. (2): the granules that do not meet the body."""
+    for name, met in tracked.injected.items():
+        count = len(tracked.landings[name].bin)
+        if pipeline.plan.fractions[name].mode == "injected" and met < count:
+            yield information(
+                f"{name}: {count - met} of {count} granules fall beside the body or the air carries them round it; "
+                "they are released above it, their impacts resolved"
+            )
+
+
+def _out_of_the_top(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
+    """Of the fractions that leave the channel above the feed: what upward air carries into the bin that stands there
+    for it, and what no bin counts, carried or thrown.
+    """
+    carried = scene.air is not None and scene.air.direction == "up"
+    how = "leaves through the top with the air" if carried else "is thrown out through the top"
+    mend = "a [bin.NAME] with on = 'top' counts it" if carried else "a higher channel.top keeps it in"
+    above = list(scene.bin).index(OVER_THE_TOP) if carried and OVER_THE_TOP in scene.bin else None
+    for name, landing in tracked.landings.items():
+        mass, over = landing.mass_shares, landing.bin == above
+        if above is not None and over.any() and OVER_THE_TOP not in scene.fraction[name].targets:
+            yield information(
+                f"{name}: {mass[over].sum():.2g} of it {how}, counted as {OVER_THE_TOP}; a lower air.speed keeps it in"
+            )
+        gone = (landing.bin < 0) & (landing.fate == Fate.ESCAPED) & (landing.position[:, 1] > scene.level)
+        if (share := float(mass[gone].sum())) > 0.0:
+            yield less_sure(f"{name}: {share:.2g} of it {how} and counts as elsewhere; {mend}")
+
+
+def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
+    for name, fates in ended.items():
+        total = sum(fates.values())
+        for fate, (meaning, hint) in ENDINGS.items():
+            if fates.get(fate):
+                grade = void if fates[fate] > MANY * total else less_sure
+                yield grade(f"{name}: {fates[fate]} of {total} granules {meaning}; they count as elsewhere{hint}")
+
+
+def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
+    """Of a solved airflow, or of the user's own: what it does not settle, how it was solved, where it ends."""
+    resolves, notes = pipeline.plan.airflow.resolves, list(airflow.notes or ())
+    if resolves is not None and airflow.verdict != "steady":
+        why = notes.pop(0) if notes else f"the steady airflow does not settle ({airflow.verdict})"
+        yield less_sure(f"{why}; numerics.rung = '{resolves}' resolves it in time")
+    if airflow.period is not None and airflow.verdict == "broadband" and airflow.span is None:
+        yield information(
+            "the wake sheds irregularly: the few periods of the loop are a small sample, which the intervals hold"
+        )
+    yield from _solver_notices(airflow)
+    yield from map(less_sure, notes)
+    if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
+        yield less_sure(
+            f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation; a smaller "
+            "numerics.averaging records more of it"
+        )
+    suction = known(airflow.suction)
+    if suction.spans(scene.channel.width):
+        length = suction.reversal_length or 0.0
+        turned = f"the reversed flow behind the body is {1e3 * length:.3g} mm long" if length else "no air turns back"
+        yield information(f"the suction zone (Cp < -0.5) spans the channel, since the body narrows it; {turned}")
+    channel, spec = scene.channel, pipeline.mesh_spec
+    if spec.top > channel.top + LONGER or spec.bottom < channel.bottom - LONGER:
+        yield information(
+            f"the air is computed in a longer channel, y from {1e3 * spec.bottom:.0f} to {1e3 * spec.top:.0f} mm, so "
+            "that inlet and outlet do not touch the wake"
+        )
+
+
+def _solver_notices(airflow: Airflow) -> Iterator[Notice]:
+    """Which settings served."""
+    from ..foam.ladder import warning
+
+    if (safer := warning(airflow.settings or "normal", airflow.attempts or ())) is not None:
+        yield less_sure(safer)
+
+
+# -- What is known of an airflow, with what other grids and the near wake's dust say of it -----------------------------
+def with_mesh_error(airflow: Airflow, studies: Sequence[GridStudy]) -> Airflow:
+    """The airflow with the mesh's part in the intervals of what several grids were compared in. A best estimate keeps
+    its own: its grids are those of one end.
+    """
+    found = {study.quantity: study for study in studies if airflow.ends is None}
+    return replace(
+        airflow,
+        cd=_on_meshes(airflow.cd, found.get("cd")),
+        cp_base=_on_meshes(airflow.cp_base, found.get("cp_base")),
+    )
+
+
+def _on_meshes(number: Number | None, study: GridStudy | None) -> Number | None:
+    """A number with the wider of its own interval and that of a comparison of grids, which holds it."""
+    if number is None or study is None:
+        return number
+    own = number if number.known else study
+    return replace(number, low=min(own.low, study.low), high=max(own.high, study.high))
+
+
+def with_residence(airflow: Airflow, found: ResidenceTimes | None) -> Airflow:
+    """The airflow with the near wakes' residence times; as it is without."""
+    if found is None:
+        return airflow
+    ends = airflow.ends and WakeEnds(
+        replace(airflow.ends.steady, residence_time=found.steady),
+        replace(airflow.ends.time_resolved, residence_time=found.time_resolved),
+    )
+    return replace(airflow, residence_time=found.answer, ends=ends)

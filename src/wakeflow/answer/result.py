@@ -1,0 +1,354 @@
+"""The answer of a run as a whole: what result.json holds, and the one way to write and to read it."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ..core.errors import SceneError
+from ..core.files import path_of, write_json
+from ..core.graded import GRADES, Grade
+from ..core.lazy import cached_property
+from ..core.number import Number
+from ..core.record import column, columns, from_json, to_json
+from ..core.registry import Registry
+from ..core.tables import frame_of
+from ..funnel.delivered import FunnelSummary
+from ..injection.impact_loads import ImpactSummary
+from ..meshing.build import MeshReport
+from ..pipeline.airflow import Airflow
+from ..pipeline.cache import StageTime
+from ..planning.plan import Plan
+from ..planning.terms import AIR
+from ..scene.overrides import share_in
+from ..scene.rungs import check_rung
+from ..scene.whole import States, switched
+from .provenance import Provenance, Refinement
+from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation
+from .upgrade import upgraded
+
+SCHEMA = 2
+FILE = "result.json"
+GRANULES = "granules.npz"
+VOID = "void"  # the caveat of an answer that is worth nothing
+WIDE = 1.0  # body widths: an air that is left out and could move a fraction so far carries it past the bins' ends
+
+
+@dataclass(frozen=True)
+class Request:
+    """How the run was asked for, beside its scene."""
+
+    until: str | None = column("", "the last stage; null for all")
+    rung: str | None = column("", "instead of the scene's own; null for that")
+    force: dict[str, bool] = column("", "terms switched by hand")
+    target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
+    near: str | None = column("", "folder of the run whose airflow this one's starts from; left out where it starts "
+                                  "from rest", absent=True, default=None)  # fmt: skip
+
+    @classmethod
+    def asked(
+        cls,
+        until: str | None = None,
+        rung: str | None = None,
+        force: States | None = None,
+        target_error: float | str | None = None,
+        near: Path | str | None = None,
+    ) -> Self:
+        """The request of a caller from Python, who may write "on", "off" and "1 %". Raises SceneError where a part of
+        it means nothing in any scene.
+        """
+        if rung is not None:
+            check_rung(rung)
+        error = None if target_error is None else share_in(target_error, "target_error")
+        return cls(until, rung, switched(force), error, None if near is None else str(path_of(near, "near")))
+
+
+@dataclass(frozen=True)
+class FlightResults:
+    """How the flights of all granules began and ended."""
+
+    fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
+    met_by_law: dict[str, int] = column("1", "granules of each fraction whose first impact follows eq. (2)")
+    impact: ImpactSummary | None = column("", "what the stream does to the first body; null without one")
+
+
+FLAT = {"flights": FlightResults, "landings": LandingResults}  # parts whose keys are among those of result.json
+
+
+@dataclass(frozen=True)
+class PictureSummary:
+    """A picture that the scene asked for."""
+
+    kind: str = column("", "kind of picture")
+    files: tuple[str, ...] = column("", "in figures/, the PNG first")
+    text: str = column("", "what it shows, with its numbers")
+    numbers: dict[str, Any] = column("as the picture", "its numbers, by the kind of picture")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """A finished run: its folder and what result.json holds, as types; ``table`` is the same as plain JSON.
+
+    Read one with :meth:`load`. Parts that a run with ``until`` did not reach are None.
+    """
+
+    folder: Path = field(default=Path())
+    schema: int = column("1", "version of this table")
+    scene: dict[str, Any] = column("SI", "the scene as asked for, in SI units: docs/scenes.md")
+    options: Request = column("", "how the run was asked for")
+    plan: Plan = column("", "what is computed and what is not")
+    funnel: FunnelSummary | None = column("", "the feed funnel; null without one")
+    airflow: Airflow | None = column("", "the airflow; null at rung none and until it is there")
+    mesh: MeshReport | None = column("", "the mesh; left out without air", absent=True, default=None)
+    flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
+    landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
+    warnings: tuple[str, ...] = column("", "what a user must know, the gravest first")
+    grades: tuple[str, ...] = column("", GRADES)
+    seconds: dict[str, StageTime] = column("", "every stage by name, with the label of its airflow before it")
+    versions: dict[str, str] = column("", "of python and of the packages")
+    key: str = column("", "fingerprint of all that the answer depends on")
+    pictures: dict[str, PictureSummary] | None = column("", "what the scene asked for; left out before the tracks",
+                                                        absent=True, default=None)  # fmt: skip
+    provenance: Provenance | None = column("", "when, where and with what it was made; left out of results of versions "
+                                                "that did not tell", absent=True, default=None)  # fmt: skip
+    refinement: Refinement | None = column("", "how a target error was met; left out of a run without one", absent=True,
+                                           default=None)  # fmt: skip
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Self:
+        """The finished run in ``folder``. Raises SceneError where there is none, or one of another version."""
+        return cls.from_json(folder, _read(folder))
+
+    @classmethod
+    def from_json(cls, folder: Path | str, table: Any) -> Self:
+        """The result whose result.json holds ``table``. Raises SceneError, naming the key, where it is not one."""
+        if isinstance(table, dict):
+            table = upgraded(table)
+            for name, kind in FLAT.items():
+                inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
+                table |= {name: inside or None}
+        return replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
+
+    def to_json(self) -> dict[str, Any]:
+        """What result.json holds."""
+        table: dict[str, Any] = to_json(replace(self, folder=Path()))
+        del table["folder"]
+        for name in FLAT:
+            table |= table.pop(name) or {}
+        return table
+
+    def save(self) -> None:
+        """Write result.json into the folder."""
+        write_json(self.folder / FILE, self.to_json())
+
+    @cached_property
+    def table(self) -> dict[str, Any]:
+        """What result.json holds, as plain JSON."""
+        return self.to_json()
+
+    @property
+    def separation(self) -> dict[str, Any]:
+        """Bins, shares, purity, recovery and throughput, as plain JSON. Raises KeyError before there are any."""
+        found: dict[str, Any] = self.table["separation"]
+        return found
+
+    @cached_property
+    def plot(self) -> Any:
+        """The pictures, each on axes of your own: ``result.plot.tracks(axes)``; see :mod:`wakeflow.report.plot`."""
+        return accessors["plot"](self)
+
+    @property
+    def budget(self) -> tuple[BudgetRow, ...]:
+        """The error of every share and landing place; empty before there are any."""
+        return () if self.landings is None else self.landings.budget
+
+    def share(self, fraction: str, place: str) -> Number:
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares, and for a fraction or bin that there is not.
+        """
+        return self._shares.share(fraction, place)
+
+    def recovery(self, fraction: str) -> Number:
+        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares, and for a fraction that there is not or that has no
+        target.
+        """
+        return self._shares.recovered(fraction)
+
+    def purity(self, place: str, fraction: str) -> Number:
+        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
+
+        Raises SceneError where the run ended before the shares, for a bin or fraction that there is not, and for a bin
+        that stays empty.
+        """
+        return self._shares.part_of(place, fraction)
+
+    def frame(self) -> Any:
+        """The shares, a row for each fraction and bin: ``share`` by mass, ``low`` and ``high`` of its 95 % interval,
+        ``target``: whether the fraction should land there.
+
+        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. Raises SceneError where the run ended
+        before the shares.
+        """
+        rows = [(name, place, one) for name, places in self._shares.fractions.items() for place, one in places.items()]
+        return frame_of({
+            "fraction": np.array([name for name, _, _ in rows], dtype=object),
+            "bin": np.array([place for _, place, _ in rows], dtype=object),
+            "share": np.array([one.value for _, _, one in rows]),
+            "low": np.array([one.low for _, _, one in rows]),
+            "high": np.array([one.high for _, _, one in rows]),
+            "target": np.array([place in self.targets(name) for name, place, _ in rows]),
+        })  # fmt: skip
+
+    def granules(self) -> Any:
+        """Where granules ended, a row for each of those that the run keeps, ``numerics.keep`` of each fraction:
+        fraction, bin, x and y (m), diameter (m), time (s) since the feed began, impacts, fate (``wf.Fate``), weight (of
+        the feed's mass).
+
+        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. Raises SceneError where the run ended
+        before the tracks.
+        """
+        table = kept_granules(self.folder)
+        bins = np.array([*self._shares.bins], dtype=object)  # elsewhere is the last, and -1 in the file
+        names = np.array(table["names"], dtype=object)
+        x, y = table["position"].T
+        plain = {name: table[name] for name in ("diameter", "time", "impacts", "fate", "weight")}
+        return frame_of({"fraction": names[table["fraction"]], "bin": bins[table["bin"]], "x": x, "y": y, **plain})
+
+    @property
+    def _shares(self) -> Separation:
+        if self.landings is None:
+            raise SceneError(f"{self.folder} holds no shares: the run ended before them")
+        return self.landings.separation
+
+    @property
+    def void(self) -> bool:
+        """Whether a warning says that the answer is worth nothing."""
+        return Grade.VOID.value in self.grades
+
+    @property
+    def lacking(self) -> tuple[str, ...]:
+        """The parts of the error of any share whose size nobody knows: no interval holds them."""
+        rows = (row for row in self.budget if row.measure == SHARE_UNIT)
+        return tuple(dict.fromkeys(part.source for row in rows for part in row.parts if part.error is None))
+
+    @property
+    def caveat(self) -> str:
+        """What stands against the intervals in a word: that the answer is void, what they lack, or an air that was left
+        out and fills them; empty without.
+        """
+        if self.void or self.lacking:
+            return VOID if self.void else f"without {', '.join(self.lacking)}"
+        blown = [one.fraction for one in self.plan.left_out if one.name == AIR and (one.bound or 0.0) > WIDE]
+        return f"of {', '.join(map(str, blown))} mostly of the air, which is left out" if blown else ""
+
+    def __repr__(self) -> str:
+        """The folder, and what is recovered of each fraction, with its 95 % interval, and what is wrong with that."""
+        if self.landings is None:
+            return f"<Result {self.folder}: ended after {self.options.until}>"
+        shares = self.landings.separation
+        told = [_in_percent(name, one) for name, one in shares.recovery.items() if one is not None]
+        flaw = f"; {self.caveat}" if self.caveat else ""
+        return f"<Result {self.folder}: recovery {', '.join(told) or 'of nothing: no fraction has a target'}{flaw}>"
+
+    def _repr_html_(self) -> str:
+        """The table of shares, as a notebook shows it."""
+        shown: str = accessors["html"](self)
+        return shown
+
+    def targets(self, fraction: str) -> tuple[str, ...]:
+        """The bins where a fraction should land; empty when the scene names none."""
+        target = self.scene["fraction"].get(fraction, {}).get("target") or ()
+        return (target,) if isinstance(target, str) else tuple(target)
+
+
+def _in_percent(name: str, one: Number) -> str:
+    ends = f" [{100 * one.low:.1f}, {100 * one.high:.1f}]" if one.known else ""
+    return f"{name} {100 * one.value:.1f}{ends} %"
+
+
+accessors: Registry[Callable[[Result], Any]] = Registry("view of a result")  # filled by the layers that make them
+
+
+def _read(folder: Path | str) -> Any:
+    try:
+        return json.loads((path_of(folder, "folder of a run") / FILE).read_text())
+    except (FileNotFoundError, NotADirectoryError):
+        raise _unfinished(folder) from None
+    except json.JSONDecodeError:
+        damaged = f"{Path(folder) / FILE} is damaged"
+        raise SceneError(f"{damaged}; make it again with: wakeflow run SCENE --out {folder}") from None
+
+
+def _unfinished(folder: Path | str) -> SceneError:
+    place = Path(folder)
+    if place.is_file():
+        return SceneError(f"{folder} is a file; name the folder of a finished run")
+    inside = sorted(path.parent.name for path in place.glob(f"*/{FILE}"))
+    if inside:
+        return SceneError(f"{folder} is no run but holds some, {', '.join(inside)}: name {place / inside[0]}")
+    return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}")
+
+
+def asked_in(folder: Path | str, *, whole: bool = True) -> tuple[dict[str, Any], Request]:
+    """The scene and the request of the finished run in ``folder``, which may be one of an older version, and where it
+    need not be ``whole`` one that ended before the shares.
+
+    Raises SceneError where there is none.
+    """
+    table = _read(folder)
+    try:
+        scene, options = table["scene"], table["options"]
+        if whole and "separation" not in table:
+            raise SceneError(f"the run in {folder} ended before its shares; run its scene again without --until")
+        return scene, Request(None, options["rung"], options["force"], options.get("target_error"), options.get("near"))
+    except (KeyError, TypeError):
+        raise _unfinished(folder) from None
+
+
+def refinement_in(folder: Path | str) -> Refinement | None:
+    """How the settings of the finished run in ``folder`` came about; None where it had no target error.
+
+    Raises SceneError where there is no run.
+    """
+    table = _read(folder).get("refinement")
+    return None if table is None else from_json(Refinement, table, str(Path(folder) / FILE))
+
+
+def provenance_in(folder: Path | str, key: str) -> Provenance | None:
+    """When, where and with what the answer in ``folder`` was made, where it is that of ``key``; None without one."""
+    if key_in(folder) != key:
+        return None
+    table = _read(folder).get("provenance")
+    return None if table is None else from_json(Provenance, table, str(Path(folder) / FILE))
+
+
+def key_in(folder: Path | str) -> str | None:
+    """What the answer in ``folder`` was made for; None when there is none."""
+    try:
+        key = _read(folder)["key"]
+    except (SceneError, KeyError, TypeError):
+        return None
+    return key if isinstance(key, str) else None
+
+
+def kept_granules(folder: Path) -> dict[str, Any]:
+    """The arrays of granules.npz in a run's ``folder``, by name. Raises SceneError where there is none, or it is
+    damaged.
+    """
+    file = folder / GRANULES
+    if not file.exists():
+        raise SceneError(f"{folder} holds no {GRANULES}: the run ended before its tracks")
+    try:
+        with np.load(file) as data:
+            return {name: data[name] for name in data.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        raise SceneError(f"{file} is damaged; wakeflow report {folder} writes it anew") from None

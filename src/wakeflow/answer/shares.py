@@ -1,0 +1,272 @@
+"""What the landings say: shares with their intervals, the budget's rows, and the slab."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from ..core.errors import SceneError, known
+from ..core.number import Number
+from ..core.record import column
+from ..core.registry import did_you_mean
+from ..pipeline.landings import Landings
+from ..pipeline.slab import SlabFound
+from ..planning.plan import Plan
+from ..tracking import Fate
+
+
+# -- The slab in which granules meet: the ``slab`` table of result.json ------------------------------------------------
+@dataclass(frozen=True)
+class CrowdSummary:
+    """The slab of hard spheres that the shares with collisions come from."""
+
+    depth: float = column("m", "of the slab across the picture, periodic")
+    replicates: int = column("1", "independent runs of the slab")
+    start_up: float = column("s", "dropped at the beginning of each")
+    granules: dict[str, int] = column("1", "granules, or tracers, of each fraction that landed and count")
+    tracers: dict[str, float] = column("1", "share of each fraction's mass, its finest granules, that flew as tracers")
+    meetings: dict[str, float] = column("1", "with other granules on a flight, mean over each fraction's mass")
+    fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
+    step: float = column("s", "of its clock")
+    step_error: float | None = column(
+        "as plan.unit", "how far nine of ten granules that meet nobody land from where shorter steps put them, at most"
+    )
+    jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
+
+
+def crowd_of(plan: Plan, crowd: SlabFound) -> CrowdSummary:
+    """What the slab was, and what granules met in it."""
+    landings = crowd.landings
+    return CrowdSummary(
+        depth=crowd.depth,
+        replicates=crowd.replicates,
+        start_up=crowd.start_up,
+        granules={name: len(found.bin) for name, found in landings.items()},
+        tracers=dict(known(plan.crowd).tracers),
+        meetings={name: _mean_meetings(found) for name, found in landings.items()},
+        fates={
+            name: {fate.name.lower(): int(np.sum(found.fate == fate)) for fate in Fate}
+            for name, found in landings.items()
+        },
+        step=crowd.step,
+        step_error=None if np.isnan(crowd.step_error) else crowd.step_error,
+        jammed=crowd.jammed,
+    )
+
+
+def _mean_meetings(found: Landings) -> float:
+    return float(known(found.meetings) @ found.mass_shares)
+
+
+# -- What the landings say: shares, what the airflow could change of them, and the budget of their ---------------------
+Entry = TypeVar("Entry")
+
+SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
+# How an error is known: from this run, from flying granules again, from a bound and what was found, or not at all.
+MEASURED, COMPANION, CALIBRATED, UNKNOWN = "measured", "companion", "calibrated", "unknown"
+LEFT_OUT, NOT_COMPUTED = "left-out", "not-computed"  # kinds of a term: small enough for the accuracy, or not
+
+
+@dataclass(frozen=True)
+class PartitionCurve:
+    """The partition (Tromp) curve of a product: of the granules of all fractions that are alike in one property, by
+    mass, the share that lands in it. The cut is where the share passes a half; Ep is half of the distance between the
+    places where it passes a quarter and three quarters; the imperfection is Ep over the cut.
+    """
+
+    product: tuple[str, ...] = column("", "the bins that make it: targets of a fraction, or one bin")
+    by: str = column("", "the property: size or terminal velocity")
+    unit: str = column("", "of the property: m or m/s")
+    at: tuple[float, ...] = column("as unit", "the property's mean, by mass, in each class of granules")
+    mass: tuple[float, ...] = column("1", "share of the feed's mass in each class")
+    share: tuple[float, ...] = column("1", "of each class, what lands in the product")
+    low: tuple[float, ...] = column("1", "lower end of its 95 % interval, of the finite number of granules alone")
+    high: tuple[float, ...] = column("1", "upper end of it")
+    cut: Number | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
+    ep: float | None = column("as unit", "Ep; null where the curve does not pass both quarters")
+    imperfection: float | None = column("1", "Ep over the cut; null as Ep")
+    why: str | None = column(
+        "", "why there is no cut, or between which values no granules are; else left out", absent=True, default=None
+    )
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Which share of each fraction lands in which bin, by mass; ``elsewhere`` is the last bin."""
+
+    bins: tuple[str, ...] = column("", "bins in the scene's order, then elsewhere")
+    fractions: dict[str, dict[str, Number]] = column("1", "share of each fraction in each bin; they sum to 1")
+    purity: dict[str, dict[str, Number] | None] = column("1", "share of each fraction in a bin's mass; null if empty")
+    recovery: dict[str, Number | None] = column("1", "share of each fraction in its targets; null without a target")
+    throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
+    cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
+
+    def share(self, fraction: str, place: str) -> Number:
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a fraction or bin that there is not.
+        """
+        return _known("bin", _known("fraction", self.fractions, fraction), place)
+
+    def recovered(self, fraction: str) -> Number:
+        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a fraction that there is not, and for one without a target.
+        """
+        found = _known("fraction", self.recovery, fraction)
+        if found is None:
+            raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
+        return found
+
+    def part_of(self, place: str, fraction: str) -> Number:
+        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a bin or fraction that there is not, and for a bin that stays empty.
+        """
+        here = _known("bin", self.purity, place)
+        _known("fraction", self.fractions, fraction)
+        if here is None:
+            raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
+        return here[fraction]
+
+
+def _known(kind: str, table: Mapping[str, Entry], name: str) -> Entry:
+    if not isinstance(name, str) or name not in table:
+        raise SceneError(f"no {kind} {name!r}{did_you_mean(name, list(table))} (known: {', '.join(table)})")
+    return table[name]
+
+
+@dataclass(frozen=True)
+class BudgetPart:
+    """One source's part of an error."""
+
+    source: str = column("", "name of the source", default="")
+    error: float | None = column("1 or the row's unit", "size of the error; null where unknown", default=None)
+    seconds: float = column("s", "run time that knowing it took", default=0.0)
+    how: str = column("", "measured, companion, calibrated or unknown", default=UNKNOWN)
+    kind: str | None = column(
+        "", "of a term: left-out (small enough) or not-computed; else left out", absent=True, default=None
+    )
+    low: float | None = column(
+        "1", "of inputs: lower end of what they change; else left out", absent=True, default=None
+    )
+    high: float | None = column(
+        "1", "of inputs: upper end of what they change; else left out", absent=True, default=None
+    )
+    of_granules: float | None = column(
+        "1", "of the mesh: what a finite number of granules makes of it; else left out", absent=True, default=None
+    )
+    of_sheddings: float | None = column(
+        "1", "of the mesh: what a finite number of sheddings makes of it; else left out", absent=True, default=None
+    )
+    note: str | None = column(
+        "", "what stands behind the error; left out where nothing does", absent=True, default=None
+    )
+
+
+@dataclass(frozen=True)
+class BudgetTotal:
+    """All parts of a row together, as the half and the ends of a 95 % interval."""
+
+    error: float | None = column("1 or the row's unit", "null: a part is of unknown size, and `note` says what to do")
+    seconds: float = column("s", "run time of everything that the row rests on")
+    low: float | None = column("1", "of a share: lower end, of all known parts", absent=True, default=None)
+    high: float | None = column("1", "of a share: upper end, of all known parts", absent=True, default=None)
+    numerical: float | None = column("1", "of a share: half by computing alone", absent=True, default=None)
+    note: str | None = column("", "what is unknown or only a bound; else left out", absent=True, default=None)
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """The error of one quantity by its sources."""
+
+    quantity: str = column("", "share.FRACTION.BIN or landing.FRACTION")
+    unit: str | None = column("", "of the errors; null where it is 1")
+    parts: tuple[BudgetPart, ...] = column("", "what each source contributes")
+    total: BudgetTotal = column("", "the sum")
+
+    @property
+    def measure(self) -> str:
+        """The unit of the row's errors: "1" for shares."""
+        return SHARE_UNIT if self.unit is None else self.unit
+
+
+@dataclass(frozen=True)
+class LoadingEffect:
+    """A share of the same granules in air that does not feel them, and in air that does."""
+
+    without: float = column("1", "share in air that does not feel the granules")
+    loaded: float = column("1", "share in air that does")
+
+
+@dataclass(frozen=True)
+class InputPart:
+    """What one number of the scene that is not known exactly does to a share."""
+
+    half: float = column("1", "half of the 95 % range of the share that it alone gives")
+    variance: float = column("1", "its part of the share's variance over all unknowns: first-order index")
+    error: float = column("1", "how far that index may be off, 95 %")
+    rise: float | None = column(
+        "1", "change of the share where the number alone goes to its upper end: the half with its sign; left out of "
+        "results of versions that did not tell", absent=True, default=None,
+    )  # fmt: skip
+
+    @property
+    def uncertainty(self) -> float:
+        """Half of the 95 % interval of ``half``: a square's relative error is twice its root's."""
+        return 0.5 * self.half * self.error / self.variance if self.variance > 0.0 else self.half
+
+    @property
+    def tells(self) -> bool:
+        """Whether the share is known to move with the number at all, rather than by chance among the draws."""
+        return self.uncertainty < self.half
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputSummary(Number):
+    """A number of the scene that is not known exactly, as it was drawn."""
+
+    unit: str = column("", "of the number and its interval")
+    why: str = column("", "what the interval rests on")
+
+
+@dataclass(frozen=True)
+class LandingResults:
+    """What the landings of all granules amount to."""
+
+    separation: Separation = column("", "the answer: with the granules' collisions where `slab` stands")
+    bracket: dict[str, dict[str, dict[str, float]]] | None = column(
+        "1",
+        "share by fraction, bin and wake, each granule alone, the answer's own wake last; null where the wakes are "
+        "not compared",
+    )
+    budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")
+    without_collisions: Separation | None = column(
+        "", "the same of granules that meet no others; left out where the answer is that", absent=True, default=None
+    )
+    slab: CrowdSummary | None = column(
+        "", "where collisions were computed; left out where granules fly alone", absent=True, default=None
+    )
+    air_loading: dict[str, dict[str, LoadingEffect]] | None = column(
+        "1", "by fraction and bin, what the granules' force on the air does, each granule alone; left out where the "
+        "air does not feel them", absent=True, default=None,
+    )  # fmt: skip
+    inputs: dict[str, InputSummary] | None = column(
+        "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None
+    )
+    measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
+        "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
+    )
+
+
+def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:
+    """Of each fraction the bin whose share the unknown numbers move most, and what each of them does, largest first."""
+    found = {}
+    for name, places in (landings.measure_next or {}).items():
+        if places:
+            place = max(places, key=lambda one: sum(part.half**2 for part in places[one].values()))
+            found[name] = place, places[place]
+    return found

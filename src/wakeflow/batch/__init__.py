@@ -1,0 +1,1 @@
+"""Many scenes: sweeps, comparison, sensitivity and design search."""

@@ -1,0 +1,102 @@
+"""Runs that exist side by side: what differs in their scenes, and by how much their answers do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..answer.result import Result
+from ..answer.table import DONE, RUNG, SWITCHED, Difference, Entry, ResultTable, differences_of, quantities_of
+from ..core.errors import SceneError
+from ..core.tables import CellTable
+from ..scene import Scene
+from ..scene.changes import differing
+
+DIFFERENCES = {  # heads of differences.csv, and what each is of a difference
+    "scene": "scene", "against": "against", "quantity": "quantity", "difference": "value", "low": "low", "high": "high",
+    "clear": "clear", "unit": "unit",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """``runs`` in one ``table``, whose inputs are the keys in which their scenes differ."""
+
+    table: ResultTable
+    runs: tuple[Result, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f"<RunComparison: {self.table!r}>"
+
+    def _repr_html_(self) -> str:
+        """The table of main numbers, as a notebook shows it."""
+        from ..report.tables import table_card
+
+        return table_card(self.table)
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        """Of every later run from the first, quantity by quantity."""
+        return tuple(differences_of(self.table.entries))
+
+    def frame(self, *, wide: bool = False) -> Any:
+        """As :meth:`wakeflow.Sweep.frame`."""
+        return self.table.frame(wide=wide)
+
+    def write(self, folder: Path) -> None:
+        """Write compare.html, compare.csv, differences.csv and figures."""
+        from ..report.html.comparison import write_comparison
+        from ..report.many import draw_table_figures
+
+        self.table.tidy().write_csv(folder / "compare.csv")
+        CellTable.of(self.differences, DIFFERENCES).write_csv(folder / "differences.csv")
+        draw_table_figures(folder / "figures", self.table)
+        write_comparison(folder / "compare.html", self.table, self.differences, self.runs)
+
+
+def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
+    """Set finished runs, or their folders, side by side; the first is what the others are compared with.
+
+    Raises SceneError with fewer than two, and where a folder holds no finished run.
+    """
+    if isinstance(runs, Result | Path | str):
+        raise SceneError("give a list of runs to compare, as in compare([one, other])")
+    found = [run if isinstance(run, Result) else Result.load(run) for run in runs]
+    if len(found) < 2:
+        raise SceneError("give at least two runs to compare")
+    if twice := [run.folder for run in found if [other.folder for other in found].count(run.folder) > 1]:
+        raise SceneError(f"{twice[0]} is given twice")
+    columns = differing([Scene.parse(run.scene) for run in found]) | _options(found)
+    names = _names([run.folder for run in found])
+    targets: dict[str, tuple[str, ...]] = {}
+    entries = []
+    for place, (name, run) in enumerate(zip(names, found, strict=True)):
+        inputs = {key: values[place] for key, values in columns.items()}
+        entries.append(Entry(name, inputs, DONE, run.caveat, quantities_of(run)))
+        for fraction in run.scene["fraction"]:
+            targets.setdefault(fraction, run.targets(fraction))
+    return RunComparison(ResultTable(tuple(entries), targets), tuple(found))
+
+
+def _options(runs: Sequence[Result]) -> dict[str, list[Any]]:
+    """How the runs were asked for, where that differs: the rung that was computed, the accuracy, switched terms."""
+    terms = dict.fromkeys(term for run in runs for term in run.options.force)
+    columns: dict[str, list[Any]] = {
+        RUNG: [run.plan.rung for run in runs],
+        "target-error": [run.plan.target_error for run in runs],
+        **{f"{SWITCHED}{term}": [run.options.force.get(term) for run in runs] for term in terms},
+    }
+    return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
+
+
+def _names(folders: Sequence[Path]) -> list[str]:
+    """The last parts of the folders' paths, as many as tell them apart."""
+    parts = [folder.absolute().parts for folder in folders]
+    deep = max(len(one) for one in parts)
+    for count in range(1, deep + 1):
+        names = ["/".join(one[-count:]) for one in parts]
+        if len(set(names)) == len(names):
+            return names
+    return [str(folder) for folder in folders]

@@ -1,0 +1,233 @@
+"""A search carried out: designs become scenes, scenes are swept, and the answer is a table, a front and a design.
+
+Every level gets the same part of the budget, as in successive halving (Li et al. 2018, J. Mach. Learn. Res. 18, 185):
+many designs are tried where that is cheap, and few are known well. What finer levels were seen to change, in the mean
+over the designs that are known at both, is expected of the others too; how much it varies widens their intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..answer.result import Result
+from ..answer.table import Entry, TableQuantity
+from ..core.errors import SceneError
+from ..core.files import made_folder, path_of
+from ..core.process import check_workers, cores
+from ..pipeline.cache import Listener
+from ..runs.progress import heard
+from .compute import Sweep, executor_on, sweep
+from .history import DesignPoint, Evaluation, Expected, History, Proposer, by_estimator
+from .task import FAN, SearchTask, read_search_file
+from .variant import Variant, named
+
+if TYPE_CHECKING:
+    import distributed
+
+
+# -- search(): designs on the coarse level, those that may be best on finer ones, until the budget is ------------------
+# (level, places) to what was found at each of them
+Evaluator = Callable[[int, Sequence[DesignPoint]], Sequence[Evaluation]]
+
+
+def explore(
+    task: SearchTask,
+    evaluate: Evaluator,
+    propose: Proposer = by_estimator,
+    tell: Callable[[str], None] = lambda _: None,
+) -> History:
+    """Search as :class:`SearchTask` says. The next step follows from what was found alone, so that a search whose
+    evaluations are kept goes on where it was ended.
+
+    Raises SceneError as ``evaluate`` and :meth:`History.add` do.
+    """
+    history = History(task)
+
+    def compute(level: int, places: Sequence[DesignPoint]) -> None:
+        spent = sum(history.seconds(one) for one in range(len(task.levels)))
+        tell(
+            f"level {level + 1} of {len(task.levels)}: {len(places)} designs; {spent:.0f} of {task.budget:.0f} s spent"
+        )
+        history.add(level, dict(zip(places, evaluate(level, places), strict=True)))
+
+    while (batch := _next(history, propose)) is not None:
+        compute(*batch)
+    for level in range(1, len(task.levels)):  # an answer is of the finest level, at whatever cost
+        if not history.found[level]:
+            compute(level, history.contenders(level)[:1])
+    return history
+
+
+def _next(history: History, propose: Proposer) -> tuple[int, Sequence[DesignPoint]] | None:
+    """The level that is furthest behind its part of the budget and has something to compute, with designs for it; None
+    where what is left of the budget would not pay for them.
+    """
+    task, levels = history.task, range(len(history.task.levels))
+    left = task.budget - sum(history.seconds(level) for level in levels)
+    for level in sorted(levels, key=history.seconds):
+        made = history.found[level]
+        each = history.seconds(level) / len(made) if made else 0.0
+        most = task.at_a_time if each == 0.0 else min(task.at_a_time, int(left / each))
+        if level == 0:
+            return (0, propose(history, most)) if most > 0 and left > 0.0 else None
+        few = max(1, min(most, task.at_a_time // 4))
+        ready = len(history.found[level - 1]) >= task.at_a_time or history.found[level]
+        if most > 0 and left > 0.0 and ready and (able := _ahead(history, level, few)):
+            return level, able
+    return None
+
+
+def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
+    """A few contenders of a level, before them the scene as it stands: what every design is measured by."""
+    own, able = history.task.as_it_stands, history.contenders(level)[:few]
+    if own is None or own not in history.known() or own in history.found[level]:
+        return able
+    return [own, *(place for place in able if place != own)]
+
+
+# -- A search carried out: designs become scenes, scenes are swept, and the answer is a table, a front -----------------
+LEAST = 1.0  # s that a design costs, at least: planning, reading, writing
+
+
+@dataclass(frozen=True)
+class FoundDesign:
+    """One design at the finest level: the ``changes`` of the scene that make it, its ``quantities`` by name, its folder
+    in the sweep of that level, and whether it keeps all limits.
+    """
+
+    name: str
+    changes: Mapping[str, Any]
+    quantities: Mapping[str, TableQuantity]
+    folder: Path
+    allowed: bool
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a search found: the ``recommended`` design, the ``front`` of those that no other beats in all goals, and
+    ``rivals``, which within the intervals may be as good; the scene ``as_it_stands``, where it lies within the axes and
+    could be computed; ``tried`` designs and core-seconds spent by level.
+    """
+
+    task: SearchTask
+    folder: Path
+    recommended: FoundDesign
+    front: tuple[FoundDesign, ...]
+    rivals: tuple[FoundDesign, ...]
+    tried: tuple[int, ...]
+    seconds: tuple[float, ...]
+    as_it_stands: FoundDesign | None = None
+
+    def __repr__(self) -> str:
+        """What is recommended, out of how many."""
+        best = ", ".join(f"{key} = {value}" for key, value in self.recommended.changes.items())
+        return f"<Search {self.folder}: {best}; {len(self.front)} on the front, {len(self.rivals)} rivals>"
+
+    @property
+    def result(self) -> Result:
+        """The whole result of the recommended design."""
+        return Result.load(self.recommended.folder)
+
+
+def search(
+    task: SearchTask | Path | str,
+    out: Path | str = Path("runs", "search"),
+    *,
+    scheduler: str | distributed.Client | Executor | None = None,
+    workers: int | None = None,
+    listener: Listener | None = None,
+) -> Search:
+    """Find the best design of a search, or of the search file at a path, and write its tables to the folder ``out``.
+
+    ``scheduler`` and ``workers`` as of :func:`wakeflow.sweep`. The same call goes on where an interrupted or killed one
+    ended: what was computed is kept, and each step follows from what was found before.
+
+    Raises SceneError where the task is none, a level lacks a quantity that is asked for, or no design can be computed.
+    """
+    asked = task if isinstance(task, SearchTask) else read_search_file(task)
+    check_workers(workers)
+    folder, (listener, _) = made_folder(path_of(out, "out")), heard(listener)
+    with executor_on(scheduler, workers or cores(), folder) as executor:
+        scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
+        history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))
+        best = history.recommended()
+        if best is None:
+            raise SceneError(f"no design could be computed; the first: {next(iter(scenes.problems.values()))}")
+        for level, made in enumerate(history.found):  # the tables and figures of all designs, nothing is computed
+            scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
+    known = history.known()
+    design = partial(scenes.design, history.found[-1], known)
+    tried = tuple(len(made) for made in history.found)
+    seconds = tuple(history.seconds(level) for level in range(len(asked.levels)))
+    front, rivals = (tuple(map(design, places)) for places in (history.front(), history.rivals()))
+    own = asked.as_it_stands
+    stands = None if own is None or own not in history.found[-1] or own not in known else design(own)
+    return Search(asked, folder, design(best), front, rivals, tried, seconds, stands)
+
+
+@dataclass
+class _Scenes:
+    """Designs as scenes of a task, swept in folders below ``out``; ``problems`` of those that cannot be computed."""
+
+    task: SearchTask
+    out: Path
+    compute: Any  # sweep, with where it computes
+    problems: dict[DesignPoint, str] = field(default_factory=dict)
+    counted: set[tuple[str, float]] = field(default_factory=set)
+
+    def folder(self, level: int) -> Path:
+        """The folder of a level's sweep."""
+        return self.out / f"level-{level + 1}"
+
+    def changes(self, place: DesignPoint) -> dict[str, Any]:
+        """What a design changes of the scene."""
+        found: dict[str, Any] = {}
+        for axis, along in zip(self.task.within, place, strict=True):
+            found |= axis.changes(axis.at(along))
+        return found
+
+    def variant(self, level: int, place: DesignPoint) -> Variant:
+        """A design at a level, as a scene of a sweep."""
+        changes = self.changes(place)
+        try:
+            scene = self.task.scene.replace({**self.task.levels[level], **changes})
+        except SceneError as problem:
+            return named([Variant("", changes, None, str(problem))])[0]
+        return named([Variant("", changes, scene)])[0]
+
+    def evaluate(self, level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
+        """Sweep designs at a level."""
+        variants = [self.variant(level, place) for place in places]
+        found: Sweep = self.compute(variants, self.folder(level), figures=False)
+        return [self._evaluation(place, entry, found) for place, entry in zip(places, found.table.entries, strict=True)]
+
+    def design(
+        self, made: Mapping[DesignPoint, Evaluation], known: Mapping[DesignPoint, Expected], place: DesignPoint
+    ) -> FoundDesign:
+        """A design of the finest level as it is handed out."""
+        last = len(self.task.levels) - 1
+        name = self.variant(last, place).name
+        allowed = bool((known[place].excess <= 0.0).all())
+        return FoundDesign(name, self.changes(place), made[place].quantities, self.folder(last) / name, allowed)
+
+    def _evaluation(self, place: DesignPoint, entry: Entry, found: Sweep) -> Evaluation:
+        if not entry.quantities:
+            self.problems[place] = entry.reason
+            return Evaluation(LEAST, problem=entry.reason)
+        spent = {(stage, time.seconds) for stage, time in found.result(entry.name).seconds.items()}
+        new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
+        self.counted |= new
+        return Evaluation(max(LEAST, sum(seconds for _, seconds in new)), _with_fan(entry.by_name))
+
+
+def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:
+    """The quantities with the power that the air takes, W per metre of depth: pressure drop times flow rate."""
+    drop, rate = quantities.get("airflow.pressure_drop"), quantities.get("airflow.flow_rate")
+    if drop is None or rate is None:
+        return quantities
+    return {**quantities, FAN: TableQuantity(*drop.times(rate.value), name=FAN, unit="W/m")}

@@ -1,0 +1,166 @@
+"""What a search is asked for: goals, limits, bounds, levels from coarse to fine, and a budget; read from a file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..answer.table import names_for
+from ..core.errors import SceneError
+from ..core.lazy import cached_property
+from ..core.quantities import quantity
+from ..core.registry import did_you_mean
+from ..scene import Scene
+from ..scene.changes import flat
+from ..scene.schema import refuse_unknown
+from .axis import Axis, axes_of
+from .variant import TaskFile
+
+KNOWN = ("scene", "maximise", "minimise", "where", "within", "set", "level", "budget", "seed", "at_a_time")
+DIRECTIONS = {"maximise": 1, "minimise": -1}
+FAN = "airflow.fan_power"  # made of the pressure drop and the flow rate
+AT_A_TIME = 8  # designs that are proposed and computed together, unless the file says otherwise
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A quantity of a result, named as in the tables of a sweep, that should be large, or small (``sign`` -1)."""
+
+    quantity: str
+    sign: int = 1
+
+    def __str__(self) -> str:
+        return f"{'most' if self.sign > 0 else 'least'} {self.quantity}"
+
+
+@dataclass(frozen=True)
+class QuantityLimit:
+    """What a quantity must not fall below (``least``) or exceed (``most``)."""
+
+    quantity: str
+    least: float | None = None
+    most: float | None = None
+
+    def excess(self, value: float) -> float:
+        """By how much a value breaks the limit; 0 or less where it keeps it."""
+        below = [] if self.least is None else [self.least - value]
+        above = [] if self.most is None else [value - self.most]
+        return max(below + above)
+
+
+@dataclass(frozen=True)
+class SearchTask:
+    """A search: the ``scene`` and the axes ``within`` which it may change; ``goals`` and ``limits``; ``levels`` of
+    fidelity from coarse to fine, each a set of changes; a ``budget`` of core-seconds; the ``seed`` of what is drawn.
+    """
+
+    scene: Scene
+    within: tuple[Axis, ...]
+    goals: tuple[Goal, ...]
+    budget: float
+    limits: tuple[QuantityLimit, ...] = ()
+    levels: tuple[Mapping[str, Any], ...] = field(default_factory=lambda: ({},))
+    seed: int = 0
+    at_a_time: int = AT_A_TIME
+
+    @cached_property
+    def as_it_stands(self) -> tuple[float, ...] | None:
+        """Where the scene as it stands lies along the axes; None where it lies outside of them."""
+        tables = flat(json.loads(self.scene.model_dump_json(by_alias=True)))
+        places = [axis.where(tables) for axis in self.within]
+        known = tuple(place for place in places if place is not None)
+        return known if len(known) == len(places) else None
+
+    @property
+    def asked(self) -> list[str]:
+        """Names of the quantities of goals and limits, each once."""
+        names = [goal.quantity for goal in self.goals] + [limit.quantity for limit in self.limits]
+        return list(dict.fromkeys(names))
+
+
+def read_search_file(
+    path: Path | str, fixed: Mapping[str, Any] | None = None, budget: str | float | None = None
+) -> SearchTask:
+    """The search of a file with a [search] table: docs/search.md. ``fixed``: keys of the scene that are the same in all
+    designs at all levels, those to be searched too; ``budget``: instead of the file's own.
+
+    Raises SceneError where the file is no search, and where it names quantities or keys that its scene does not have.
+    """
+    held = dict(fixed or {})
+    with TaskFile.open(path, "search", KNOWN) as file:
+        goals = [Goal(name, sign) for key, sign in DIRECTIONS.items() for name in _names(file.table, key)]
+        if not goals:
+            raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
+        levels = file.table.get("level", [{}])
+        task = SearchTask(
+            Scene.load(file.scene, {**flat(file.inside("set")), **held}),
+            tuple(_within(file, held)),
+            tuple(goals),
+            _seconds(file.table.get("budget") if budget is None else budget),
+            tuple(_limit(name, ends) for name, ends in file.inside("where").items()),
+            tuple({key: value for key, value in flat(level).items() if key not in held} for level in levels),
+            file.whole_number("seed") or 0,
+            file.whole_number("at_a_time", least=1) or AT_A_TIME,
+        )
+        _check_names(task)
+        return task
+
+
+def _check_names(task: SearchTask) -> None:
+    """Raise SceneError where a goal, a limit or a key to change is none of the scene: before anything is computed."""
+    known = names_for(task.scene) + ([FAN] if task.scene.air is not None else [])
+    for name in task.asked:
+        if name not in known:
+            example = f"recovery.{next(iter(task.scene.fraction))}"
+            raise SceneError(f"no quantity {name!r}{did_you_mean(name, known) or f' (as {example!r} is one)'}")
+    tables = task.scene.tables()
+    for key in (key for axis in task.within for key in axis.keys):
+        refuse_unknown(key, tables, f"search.within.{key}")
+    for level in task.levels:
+        for key in level:
+            refuse_unknown(key, tables, f"search.level.{key}")
+
+
+def _within(file: TaskFile, held: Mapping[str, Any]) -> list[Axis]:
+    """The axes of a search, without those whose keys are ``held``."""
+    axes = axes_of(file.inside("within"), "search.within")
+    if fixed := [axis.key for axis in axes if len(axis.values) < 2]:
+        raise SceneError(f"search.within.{fixed[0]}: needs from and to, or values; what is fixed is for search.set")
+    if down := [axis.key for axis in axes if axis.ends is not None and axis.ends[0] > axis.ends[1]]:
+        raise SceneError(f"search.within.{down[0]}: from must be below to")
+    if parted := [axis.key for axis in axes if 0 < len(held.keys() & set(axis.keys)) < len(axis.keys)]:
+        raise SceneError(f"{parted[0]}: keys that are tied are held together or not at all")
+    free = [axis for axis in axes if not held.keys() & set(axis.keys)]
+    if not free:
+        raise SceneError("search.within is missing: give the keys that may change, with from and to")
+    return free
+
+
+def _names(table: Mapping[str, Any], key: str) -> Sequence[str]:
+    found = table.get(key, [])
+    names = [found] if isinstance(found, str) else found
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise SceneError(f"search.{key}: name quantities, such as 'recovery.wheat'")
+    return names
+
+
+def _limit(name: str, ends: Any) -> QuantityLimit:
+    numbers = isinstance(ends, Mapping) and ends and all(isinstance(end, int | float) for end in ends.values())
+    if not numbers or not set(ends) <= {"least", "most"}:
+        raise SceneError(f"search.where.'{name}': write {{ least = 0.9 }} or {{ most = ... }}, the name in quotes")
+    return QuantityLimit(name, ends.get("least"), ends.get("most"))
+
+
+def _seconds(given: Any) -> float:
+    if given is None:
+        raise SceneError("search.budget is missing: the time of one core that may be spent, such as '2 hour'")
+    try:
+        budget = quantity(given, "s", "2 hour") if isinstance(given, str) else float(given)
+    except (TypeError, ValueError) as problem:
+        raise SceneError(f"search.budget = {given!r}: {problem}") from None
+    if budget <= 0.0:
+        raise SceneError(f"search.budget = {given!r}: must be above 0")
+    return budget

@@ -1,0 +1,64 @@
+"""What all that is printed on a screen shares: tables, lines, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from ..core.graded import Grade
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+MOST_WARNINGS = 3  # on screen; the rest is in the report
+
+
+def screen_table(
+    heads: Sequence[str],
+    rows: Iterable[Sequence[object] | None],
+    title: str | None = None,
+    caption: str | None = None,
+    *,
+    left: int = 1,
+    whole: bool = False,
+) -> Table:
+    """A table whose first columns, ``left`` of them, lean to the left and the others to the right; None among the
+    ``rows`` of words draws a line. ``whole``: no cell is broken into lines.
+    """
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(
+        title=title, title_justify="left", caption=caption, caption_justify="left", pad_edge=False,
+        collapse_padding=True, box=SIMPLE_HEAD,
+    )  # fmt: skip
+    for place, head in enumerate(heads):
+        table.add_column(head, justify="left" if place < left else "right", overflow="fold", no_wrap=whole)
+    for row in rows:
+        if row is None:
+            table.add_section()
+        else:
+            table.add_row(*row)  # type: ignore[arg-type]  # words, or Text
+    return table
+
+
+def print_lines(lines: Iterable[str], style: str | None = None) -> None:
+    """Print lines as they are, however long."""
+    from rich.console import Console
+
+    console = Console()
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True, style=style)
+
+
+def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MOST_WARNINGS) -> None:
+    """Print the gravest warnings with their grades, at ``most`` so many, and how many more there are."""
+    from rich.console import Console
+
+    console = Console()
+    for line, grade in list(zip(warnings, grades, strict=True))[:most]:
+        style = "bold red" if grade == Grade.VOID.value else "yellow" if grade == Grade.LESS_SURE.value else ""
+        console.print(f"! {grade}: {line}", highlight=False, markup=False, style=style)
+    if len(warnings) > most:
+        console.print(f"! and {len(warnings) - most} more: report.html, or --json", highlight=False)

@@ -1,0 +1,251 @@
+"""What a person at a terminal sees of many runs: sweeps, comparisons, searches, sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from ..answer.result import VOID
+from ..answer.table import DONE, Difference, Entry, ResultTable, TableQuantity
+from ..batch.comparison import RunComparison
+from ..batch.compute import Sweep, SweepEstimate
+from ..batch.designs import FoundDesign, Search
+from ..batch.sensitivity import Sensitivity
+from ..core.quantities import duration, say, speaking, split_quantity
+from ..report.many import main_quantities
+from ..report.sketch import UNITS
+from ..report.words import NO_VALUE, difference_text, percent
+from ..statistics.inputs import InputMove
+from .screen import print_lines, screen_table
+from .show_result import measure_next
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+FEW = 5  # scenes that are named in a line
+MOST_ROWS = 50  # of a table on a terminal; all are in the file
+MOST_INPUTS = 8  # told of a quantity; all are in the file
+GAP = 2  # letters between columns
+AS_IT_STANDS = "the scene as it stands"
+DIFFERENCES_HOLD = (
+    "bold: zero lies outside of the interval, of what computing adds; of all that is not known where rungs or terms "
+    "differ, and of purities"
+)
+
+Column = tuple[str, ...]  # its head and its cells
+
+
+def show_estimate(estimate: SweepEstimate, workers: int) -> None:
+    """Print how many scenes there are, what they share, and the cost."""
+    before = f", {estimate.finished} finished before" if estimate.finished else ""
+    spent, alone = duration(estimate.seconds / workers), duration(estimate.seconds)
+    lines = [
+        f"{_counted(estimate.scenes, 'scene')}{before}: {_counted(estimate.airflows, 'airflow')} and "
+        f"{_counted(estimate.flights, 'flight')} to compute",
+        f"about {spent} on {_counted(workers, 'core')} ({alone} of one), {estimate.disk / 1e6:.0f} MB of disk",
+        *(f"! {name}: {reason}" for name, reason in estimate.failed.items()),
+    ]
+    print_lines(lines)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def show_sweep(found: Sweep) -> None:
+    """Print the table of a sweep, what failed, and where everything is."""
+    show_table(found.table)
+    print_lines((f"! {name}: {reason}" for name, reason in found.failed.items()), "yellow")
+    print_lines([f"results: {found.folder}"])
+
+
+def show_table(table: ResultTable) -> None:
+    """Print a row a scene: its inputs and the quantities that it is made for, with half their 95 % intervals; where not
+    all columns fit beside each other, in several tables.
+    """
+    from rich.console import Console
+
+    shown, names = table.entries[:MOST_ROWS], main_quantities(table)
+    inputs = list(zip(_heads(table), *(_inputs(table, entry) for entry in shown), strict=True))
+    numbers = list(
+        zip((name.replace(".", "\n") for name in names), *(_cells(names, one) for one in shown), strict=True)
+    )
+    console, title = Console(), "percent, with 95 % interval"
+    for columns in _fitting(inputs, numbers, console.width):
+        rows = zip(*(cells for _, *cells in columns), strict=True)
+        console.print(screen_table([head for head, *_ in columns], rows, title, left=0))
+        title = ""
+    if len(table.entries) > MOST_ROWS:
+        console.print(f"more in the file: {_counted(len(table.entries) - MOST_ROWS, 'scene')}")
+    print_lines(_doubts(table), "yellow")
+
+
+def _doubts(table: ResultTable) -> Iterator[str]:
+    """What stands against the numbers of a table."""
+    for caveat, names in table.caveats.items():
+        where = "every scene" if len(names) == len(table.done) > 1 else ", ".join(names[:FEW])
+        more = f" and {len(names) - FEW} more" if where != "every scene" and len(names) > FEW else ""
+        yield f"! {where}{more}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
+    for key in table.idle():
+        yield f"! {key} changes no number here: what is left out of these scenes does not feel it"
+
+
+def _inputs(table: ResultTable, entry: Entry) -> list[str]:
+    return [_input(entry.inputs.get(key)) for key in table.inputs] or [entry.name]
+
+
+def _input(value: object) -> str:
+    return NO_VALUE if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _cells(names: Sequence[str], entry: Entry) -> list[str]:
+    return [percent(entry.by_name.get(name)) if entry.state == DONE else entry.state for name in names]
+
+
+def _fitting(inputs: list[Column], numbers: list[Column], room: int) -> Iterator[list[Column]]:
+    """The columns of each table: the inputs, and of the numbers as many as fit into so many letters, one at least."""
+    left = [*numbers]
+    while True:
+        columns, used = [*inputs], sum(map(_width, inputs))
+        while left and (len(columns) == len(inputs) or used + _width(left[0]) <= room):
+            used += _width(left[0])
+            columns.append(left.pop(0))
+        yield columns
+        if not left:
+            return
+
+
+def _width(column: Column) -> int:
+    """Letters of a column and of the gap before it."""
+    return max(len(line) for cell in column for line in cell.split("\n")) + GAP
+
+
+def _heads(table: ResultTable) -> Sequence[str]:
+    """Keys with their parts below each other, so that columns stay narrow."""
+    heads = {key: key.replace(".", "\n") for key in table.inputs}
+    return [f"{heads[key]}\n({unit})" if unit else heads[key] for key, unit in table.inputs.items()] or ["scene"]
+
+
+def show_comparison(found: RunComparison) -> None:
+    """Print what differs in the scenes, the answers, and the differences from the first run."""
+    from rich.console import Console
+
+    show_table(found.table)
+    first, names = found.table.entries[0].name, set(main_quantities(found.table))
+    names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
+    others = [entry.name for entry in found.table.entries[1:]]
+    told: dict[str, dict[str, Difference]] = {}
+    for one in found.differences:
+        told.setdefault(one.quantity, {})[one.scene] = one
+    rows = [
+        [quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others)]
+        for quantity, row in told.items()
+        if quantity in names
+    ]
+    table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
+    Console().print(table if rows else f"no number of {first} stands in another of these runs")
+
+
+def _difference(one: Difference) -> str:
+    text = difference_text(one).replace("[", "\\[")
+    return f"[bold]{text}[/]" if one.clear else text
+
+
+def show_search(found: Search) -> None:
+    """Print the front, the recommended design first, how sure it is, and what to measure to be surer."""
+    from rich.console import Console
+
+    task = found.task
+    keys = [axis.keys[0] for axis in task.within]
+    rows = [
+        [
+            label,
+            *(_value(design.changes[key]) for key in keys),
+            *(_quantity(design.quantities.get(name)) for name in task.asked),
+        ]
+        for label, design in _labelled(found)
+    ]
+    heads = ["", *(head.replace(".", "\n") for head in (*keys, *task.asked))]
+    Console().print(screen_table(heads, rows, f"designs for {', '.join(map(str, task.goals))}"))
+    print_lines([*_verdict(found, found.recommended), *measure_next(found.result), f"results: {found.folder}"])
+
+
+def _labelled(found: Search) -> Iterator[tuple[str, FoundDesign]]:
+    """The recommended design, the others on the front, and the scene as it stands, each once."""
+    best, own = found.recommended, found.as_it_stands
+    name = None if own is None else own.name
+    yield "recommended" if best.name != name else f"recommended: {AS_IT_STANDS}", best
+    for design in found.front:
+        if design.name != best.name:
+            yield "on the front" if design.name != name else f"on the front: {AS_IT_STANDS}", design
+    if own is not None and name not in {best.name, *(design.name for design in found.front)}:
+        yield AS_IT_STANDS if own.allowed else f"{AS_IT_STANDS}, beyond the limits", own
+
+
+def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
+    levels = zip(found.tried, found.seconds, strict=True)
+    cost = ", ".join(f"{tried} designs in {seconds:.0f} s" for tried, seconds in levels)
+    lines = [f"recommended, the first: {best.folder}", f"computed, from the coarsest level on: {cost} of one core"]
+    if not best.allowed:
+        lines.append("! no design that was computed keeps the limits; this one comes nearest")
+    if found.rivals:
+        lines.append(f"! within the intervals {len(found.rivals)} other designs may be as good")
+    return lines
+
+
+def _quantity(one: TableQuantity | None) -> str:
+    return percent(one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
+
+
+def _value(value: object) -> str:
+    """A value to four digits, with its unit."""
+    if isinstance(value, str) and (parts := split_quantity(value)):
+        return f"{parts[0]:.4g} {parts[1]}".strip()
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def show_sensitivity(found: Sensitivity, quantities: Sequence[str] = ()) -> None:
+    """Print what each input alone does to ``quantities``, by default to each fraction's share that is moved most, and
+    the part that it has of the variance; what failed, and where the draws do not tell enough.
+    """
+    from rich.console import Console
+
+    console, shown = Console(), found.of(quantities)
+    for name, moves in shown.items():
+        told = [one for one in moves if one.error is None or one.error < one.reach]
+        if told:
+            console.print(_moves_table(name, told[:MOST_INPUTS]))
+        if rest := len(moves) - len(told):
+            which = f"{rest} other input{'s' if rest > 1 else ''}" if told else "any input"
+            console.print(f"{name}: what {which} may change is within its own error", soft_wrap=True)
+    lines = [f"! {name}: {reason}" for name, reason in found.failed.items()]
+    lines += [_advice(name, left, shown[name]) for name in shown if (left := found.unexplained(name)) is not None]
+    print_lines(lines)
+
+
+def _moves_table(name: str, moves: Sequence[InputMove]) -> Table:
+    one = moves[0]
+    title = f"{name}, {_number(one, one.value)} {'%' if one.is_part else one.measure}; changes"
+    title += f" in {'percentage points' if one.is_part else one.measure}"
+    return screen_table(("input", "from", "to", "at from", "at to", "±", "part"), map(_row, moves), title)
+
+
+def _row(one: InputMove) -> list[str]:
+    with speaking(UNITS):
+        ends = [say(end, one.unit or "1", 3) for end in (one.low, one.high)]
+    changes = (NO_VALUE if change is None else f"{_number(one, change):+.2g}" for change in (one.at_low, one.at_high))
+    error = NO_VALUE if one.error is None else f"{_number(one, one.error):.2g}"
+    index = NO_VALUE if one.index is None else f"{100 * one.index:.0f} %"
+    return [one.key, *ends, *changes, error, index]
+
+
+def _number(one: InputMove, number: float) -> float:
+    return float(f"{(100.0 if one.is_part else 1.0) * number:.3g}")
+
+
+def _advice(name: str, left: float, moves: Sequence[InputMove]) -> str:
+    """How to know more of a share of which what each input does alone explains too little."""
+    keys = " ".join(f"--over {one.key}" for one in moves[:2])
+    part = f"{100 * left:.0f} % of its uncertainty (of the variance)"
+    return f"{name}: {part} is no single input's; runs at both ends of the largest tell more: {keys}"

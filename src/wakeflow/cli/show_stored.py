@@ -1,0 +1,121 @@
+"""What is at hand, on a screen: materials, all in a table or one with all that is known of it; stages in the cache."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from ..core.quantities import duration
+from ..core.store import KeptStage
+from ..laws.material import Material, default_margins
+from .screen import screen_table
+
+NONE = "–"
+MOST_ROWS = 50  # of the cache
+RANGE = 2.0  # standard deviations: 95 % of the granules lie within
+NOTE = (
+    "+-: from granule to granule, 95 % within. Trust: of size and terminal velocity.\n"
+    "Sources: wakeflow materials NAME. Your own: materials = 'mine.toml' in a scene."
+)
+
+
+class _Quantity(NamedTuple):
+    """A quantity of a material: its name in scenes, and its unit."""
+
+    name: str
+    unit: str
+
+
+QUANTITIES = (
+    _Quantity("terminal_velocity", "m/s"),
+    _Quantity("restitution", ""),
+    _Quantity("friction", ""),
+    _Quantity("rebound_scatter", "rad"),
+    _Quantity("tangential_restitution", ""),
+    _Quantity("impact", ""),
+)
+
+
+def show_materials(known: Mapping[str, Material]) -> None:
+    """Print a row for each material."""
+    from rich.console import Console
+
+    rows = [
+        [
+            name, f"{1e3 * one.diameter:.3g}", f"{one.density:.4g}", _within(one, "terminal_velocity"),
+            _within(one, "restitution"), _within(one, "friction"), one.confidence,
+        ]
+        for name, one in known.items()
+    ]  # fmt: skip
+    heads = ("material", "mm", "kg/m3", "falls at, m/s", "restitution", "friction", "trust")
+    Console().print(screen_table(heads, rows, caption=NOTE, whole=True), highlight=False)
+
+
+def show_material(name: str, one: Material) -> None:
+    """Print every value of a material, how well a lot's mean is taken to be known, how far to trust it, its source."""
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.text import Text
+
+    console = Console()
+    for told, source in _values(name, one):
+        console.print(told, highlight=False, markup=False, style="bold")
+        console.print(Padding(Text(source), (0, 0, 0, 4)))
+
+
+def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
+    """What is known of each quantity, and its source."""
+    yield f"{name}: {1e3 * one.diameter:.3g} mm, {one.density:.4g} kg/m3; {one.confidence}", one.source
+    for quantity in QUANTITIES:
+        if quantity.name in one.evidence:
+            known = one.evidence[quantity.name]
+            value = f"{_within(one, quantity.name)} {quantity.unit}".strip()
+            yield f"{quantity.name}: {value}{_mean(one, quantity)}; {known.confidence}", known.source
+    if one.moisture is not None:
+        ends = zip(one.moisture.share, one.moisture.terminal_velocity, strict=True)
+        told = ", ".join(f"{speed:.3g} m/s at {share:.0%}" for share, speed in ends)
+        yield f"terminal_velocity by moisture: {told}", one.moisture.source
+
+
+def _within(one: Material, name: str) -> str:
+    """A value with the range in which 95 % of the granules lie."""
+    value, std = getattr(one, name), getattr(one, f"{name}_std", 0.0)
+    if not isinstance(value, int | float):
+        return NONE if value is None else str(value)
+    return f"{value:.3g} +- {RANGE * std:.2g}" if std else f"{value:.3g}"
+
+
+def _mean(one: Material, quantity: _Quantity) -> str:
+    """Half of the 95 % interval of a lot's mean, where a scene says nothing better; empty where it has none."""
+    value, margin = getattr(one, quantity.name), default_margins().get(quantity.name)
+    if margin is None or not isinstance(value, int | float):
+        return ""
+    half = margin.half(float(value), one.evidence[quantity.name].confidence, 0.0)
+    return f" (a lot's mean: +- {half:.2g})"
+
+
+def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
+    """Say in one line what was or would be removed from the cache, and what making it again would take."""
+    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
+    verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
+    print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
+
+
+def show_stages(stages: Sequence[KeptStage]) -> None:
+    """Print what the cache holds, the one that was used longest ago first: size, time to make it again."""
+    from rich.console import Console
+
+    def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
+        size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
+        return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
+
+    rows: list[list[str] | None] = []
+    for one in stages[:MOST_ROWS]:
+        used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
+        again = NONE if one.seconds is None else duration(one.seconds)
+        rows.append([used, one.stage, one.folder.name[:12], f"{one.size / 1e6:.1f}", again])
+    if len(stages) > MOST_ROWS:
+        rows.append(sums("later", "more", stages[MOST_ROWS:]))
+    heads = ("used", "stage", "key", "MB", "to make again")
+    Console().print(screen_table(heads, [*rows, None, sums("all", "stages", stages)], "in the cache", left=3))

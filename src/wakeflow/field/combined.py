@@ -1,0 +1,261 @@
+"""Fields made of others: blended, faded into a period, changed, at another speed.
+
+u = (1 - theta) u_s + theta u_m + strength u', with u_s the steady solution, u_m the mean of the one in time and u' its
+fluctuation; the pressure likewise. The form is linear, its ends are the two solutions (theta = 0 without fluctuation;
+theta = strength = 1), and every air between them keeps its volume, the walls and the inlet, since each of the three
+does. k and its dissipation take min(strength, theta) of their fluctuation: what is left is then a mixture of positive
+numbers, and stays positive.
+
+No stretch of a turbulent record repeats, so that there is no loop to look for. The first snapshots of the record, the
+lead-in, are taken off, and the last ones turn into them over the same time: the field that follows the end, the first
+after the lead-in, is then the one that followed it in reality. Fluctuations about the mean over time are added with
+weights a and b whose squares have the sum 1, so that their variance is that of the record where the two are
+uncorrelated; mean and fluctuations are free of divergence, and so is the sum. What cannot be negative (k and its
+dissipation) is weighted by a^2 and b^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import SceneError, known
+from .flow import NODAL, FlowField
+from .modes import fit
+from .triangles import Triangles
+
+# -- The wake between its two ends: a steady solution and one in time, blended on the nodes of the ---------------------
+Array = NDArray[np.float64]
+POSITIVE = ("k", "dissipation")
+NEAR = 8  # triangles tried for a point outside the mesh: those whose centres are nearest
+AT_REST, FIXED = 1e-3, 1e-6  # of the fastest air: mean speed at a wall, moving or not; fluctuation where air is given
+SAMPLES = 8  # of the swing for each knot of the splines in time: enough that the fit is theirs
+
+
+def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength: float) -> FlowField:
+    """The air between ``steady`` and the field in time ``resolved``, on the latter's nodes and functions of time.
+
+    ``theta``: share of the mean of ``resolved`` in the mean; ``strength``: rms of the fluctuation over that of
+    ``resolved``; both 0 to 1. ``steady`` may stand on another mesh of the same channel. A field that is steady itself
+    comes back as it is, and without fluctuation the result is steady. On a mesh that swings with the body the steady
+    air swings with it as it would past a slow body: u_s + V (e - u_s / U), V(t) e the velocity of the mesh and U the
+    mean air speed, which is V at the body and the given velocity at the inlet.
+    Raises SceneError for numbers out of range, and for a ``steady`` field that lacks what ``resolved`` has.
+    """
+    for name, number in (("theta", theta), ("strength", strength)):
+        if not 0.0 <= number <= 1.0:
+            raise SceneError(f"blended_wake: {name} = {number:g}, allowed 0 to 1")
+    if resolved.times is None or theta == strength == 1.0:
+        return resolved
+    share = resolved.time_axis.mean_weights()
+    own = {name: values for name in NODAL if (values := getattr(resolved, name)) is not None}
+    middle = {name: np.tensordot(share, values, axes=1) for name, values in own.items()}
+    still = _with_boundary(resolved, interpolated(steady, _like(steady, own), resolved.points), middle["velocity"])
+    mean = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
+    if strength == 0.0 and resolved.motion is None:
+        return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **_any(mean))
+    kept = {name: min(strength, theta) if name in POSITIVE else strength for name in own}
+    if resolved.coefficients is None:
+        nodal = {name: mean[name] + kept[name] * (values - middle[name]) for name, values in own.items()}
+    else:  # part 0 is the mean, the others have none
+        nodal = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
+    made = replace(resolved, **_any(nodal))
+    return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
+
+
+def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
+    """Nodal arrays (N, ..) of ``mesh`` by name, at ``points`` (n, 2) m: linear inside every triangle.
+
+    A point that lies outside, by round-off or beside the corners of a curved wall, takes the nearest value of the
+    triangle that it is least outside of.
+    """
+    from scipy.spatial import cKDTree
+
+    triangle = mesh.locate(points)
+    out = np.flatnonzero(triangle < 0)
+    if len(out):
+        centres = cKDTree(mesh.points[mesh.triangles].mean(axis=1))
+        near = centres.query(points[out], k=min(NEAR, len(mesh.triangles)))[1].reshape(len(out), -1)
+        spread = np.repeat(points[out], near.shape[1], axis=0)
+        least = mesh.barycentric(near.ravel(), spread).min(axis=1).reshape(near.shape)
+        triangle[out] = near[np.arange(len(out)), least.argmax(axis=1)]
+    weight = np.clip(mesh.barycentric(triangle, points), 0.0, None)
+    weight /= weight.sum(axis=1, keepdims=True)
+    corner = mesh.triangles[triangle]
+    return {name: np.einsum("nk,nk...->n...", weight, values[corner]) for name, values in nodal.items()}
+
+
+def _like(steady: FlowField, own: Mapping[str, Array]) -> dict[str, Array]:
+    """The nodal arrays of the steady field that a field in time has as well."""
+    if steady.times is not None:
+        raise SceneError("blended_wake: the steady field is one in time")
+    given: dict[str, Any] = {
+        name: steady.pressure_gradient if name == "given_gradient" else getattr(steady, name) for name in own
+    }
+    for name, values in given.items():
+        if values is None:
+            raise SceneError(f"blended_wake: the steady field has no {name}, the one in time has")
+    return given
+
+
+def _with_boundary(resolved: FlowField, still: dict[str, Array], mean: Array) -> dict[str, Array]:
+    """The steady arrays with the velocity (N, 2) at walls and inlets as it is given there: that of the field in time.
+
+    These are the nodes of the boundary where the mean air rests, or where nothing fluctuates.
+    """
+    moving = resolved.velocity - mean if resolved.coefficients is None else resolved.velocity[1:]
+    fastest = float(np.linalg.norm(mean, axis=1).max())
+    rests = np.linalg.norm(mean, axis=1) < AT_REST * fastest
+    given = np.linalg.norm(moving, axis=-1).max(axis=0, initial=0.0) < FIXED * fastest
+    fixed = np.zeros(len(mean), dtype=bool)
+    fixed[resolved.boundary] = (rests | given)[resolved.boundary]
+    return {**still, "velocity": np.where(fixed[:, None], mean, still["velocity"])}
+
+
+def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
+    """The ``field`` with ``share`` of what the swing of its mesh does to the steady air ``still`` (N, 2) m/s."""
+    amplitude = np.array(known(field.motion)[:2])
+    along = amplitude / np.linalg.norm(amplitude)
+    width, height = np.ptp(field.points, axis=0)
+    through = float(field.area @ still[field.triangles, 1].mean(axis=1)) / (width * height)  # the same at every height
+    pushed = along - still * float(along[1]) / through
+    if field.coefficients is None:
+        speed = known(field.motion).velocity(known(field.times)) @ along
+        return replace(field, velocity=field.velocity + share * speed[:, None, None] * pushed)
+    count = len(known(field.times))
+    times = known(field.times)[0] + np.arange(SAMPLES * count) * (known(field.period) / (SAMPLES * count))
+    found = fit(times, (known(field.motion).velocity(times) @ along)[:, None], known(field.period), count)
+    nodal = {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+    more = {name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal.items()}
+    more["velocity"][-1] = share * pushed
+    return replace(field, coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **_any(more))
+
+
+def _any(arrays: Mapping[str, Array]) -> dict[str, Any]:
+    """Arrays by name as the arguments of :func:`replace`, whose other fields are of other types."""
+    return dict(arrays)
+
+
+# -- A record of an irregular wake made periodic: its end is faded into what came before its beginning -----------------
+EVEN = 1e-3  # of the time between snapshots: how far they may be off an even spacing (OpenFOAM rounds times)
+SIGNED = ("velocity", "pressure", "given_gradient")
+
+
+def fade(values: Array, lead: int, *, positive: bool) -> Array:
+    """Snapshots (t, ...) less the first ``lead`` of them, into which the last ``lead`` turn; (t - ``lead``, ...)."""
+    loop = np.array(values[lead:])
+    share = np.arange(1, lead + 1) / (lead + 1)
+    a, b = (np.reshape(f(0.5 * np.pi * share), (lead, *[1] * (values.ndim - 1))) for f in (np.cos, np.sin))
+    ending, before = values[len(values) - lead :], values[:lead]
+    if positive:
+        loop[len(loop) - lead :] = a**2 * ending + b**2 * before
+    else:
+        mean = loop.mean(axis=0)
+        loop[len(loop) - lead :] = mean + a * (ending - mean) + b * (before - mean)
+    return loop
+
+
+def cross_faded(field: FlowField, lead: int) -> FlowField:
+    """The periodic field of a record of evenly spaced snapshots: its first ``lead`` are faded into.
+
+    Raises SceneError for a field that is not such a record, or has fewer than four times as many snapshots.
+    """
+    if field.times is None or field.period is not None or field.coefficients is not None:
+        raise SceneError("cross_faded: the field must hold snapshots that do not repeat")
+    step = np.diff(field.times)
+    if len(field.times) < 4 * lead or lead < 1:
+        raise SceneError(f"cross_faded: {len(field.times)} snapshots are too few to fade {lead} of them")
+    if np.ptp(step) > EVEN * step.mean():
+        raise SceneError("cross_faded: the snapshots are not evenly spaced in time")
+    changes: dict[str, Any] = {
+        name: fade(values, lead, positive=name in POSITIVE)
+        for name in (*SIGNED, *POSITIVE)
+        if (values := getattr(field, name)) is not None
+    }
+    count, mean = len(field.times) - lead, float(step.mean())
+    changes["times"] = mean * np.arange(count)
+    return replace(field, **changes, period=count * mean)
+
+
+# -- What something changes of one field, brought to another field of the same channel ---------------------------------
+MOST = 10.0  # times as much, or as little, k and dissipation as before: chosen, where there was next to none before
+
+
+def changed_as(field: FlowField, before: FlowField, after: FlowField) -> FlowField:
+    """``field`` with the change from ``before`` to ``after``, two steady fields on one mesh of the same channel.
+
+    Velocity and pressure change by the difference, all through time; k and dissipation by the factor, at most MOST, so
+    that they stay positive. Walls stay at rest. Each of the three fields conserves volume, and so does the result, to
+    the error of interpolation. The change of a field as of ``before`` itself gives ``after``.
+    Raises SceneError where before and after differ in their mesh or in what they hold, or lack what ``field`` has.
+    """
+    own = {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+    change = _change(own, before, after)
+    same = len(field.points) == len(before.points) and bool(np.array_equal(field.points, before.points))
+    if not same:
+        change = interpolated(before, change, field.points)
+        change["velocity"][_walls(field)] = 0.0
+    made: dict[str, Any] = {}
+    for name, values in own.items():
+        if name in POSITIVE:
+            made[name] = values * change[name]
+        elif field.coefficients is None:
+            made[name] = values + change[name]
+        else:  # part 0 is the mean, the others have none
+            made[name] = np.concatenate([values[:1] + change[name], values[1:]])
+    return replace(field, **made)
+
+
+def _change(own: Mapping[str, Array], before: FlowField, after: FlowField) -> dict[str, Array]:
+    """Differences, of POSITIVE ones the factor, of all arrays in ``own``, on the nodes of both fields."""
+    if before.times is not None or after.times is not None or not np.array_equal(before.points, after.points):
+        raise SceneError("changed_as: before and after must be steady fields on one mesh")
+    change = {}
+    for name in own:
+        source = "pressure_gradient" if name == "given_gradient" else name
+        old, new = getattr(before, source), getattr(after, source)
+        if old is None or new is None:
+            raise SceneError(f"changed_as: the fields of the change have no {name}, the one to be changed has")
+        if name in POSITIVE:
+            least = np.finfo(float).tiny
+            change[name] = np.clip(np.maximum(new, least) / np.maximum(old, least), 1.0 / MOST, MOST)
+        else:
+            change[name] = new - old
+    return change
+
+
+def _walls(field: FlowField) -> NDArray[np.int64]:
+    """Nodes of the boundary where the mean air rests."""
+    speed = np.linalg.norm(field.mean().velocity, axis=1)
+    edge = np.unique(field.boundary)
+    return np.asarray(edge[speed[edge] < AT_REST * speed.max()])
+
+
+# -- The same airflow at another speed, or with other turbulence: what uncertain numbers of the air make ---------------
+def varied(field: FlowField, speed: float = 1.0, energy: float = 1.0, lifetime: float = 1.0) -> FlowField:
+    """``field`` with the factor ``speed`` on its velocity, ``energy`` on the kinetic energy of its turbulence beside
+    that, ``lifetime`` on that of the eddies k / dissipation beside both.
+
+    By similarity at an unchanged Reynolds number: pressure and k go with the speed's square, dissipation with its cube,
+    times with its inverse, so that the Strouhal number stays; a length scale k^3/2 / dissipation stays where the energy
+    changes. That the flow itself does not change with its Reynolds number holds for some per cent about the computed
+    one. On a mesh that swings with the body the clock stays, which is the vibration's.
+    """
+    factors = {
+        "velocity": speed,
+        "pressure": speed**2,
+        "given_gradient": speed**2,
+        "k": energy * speed**2,
+        "dissipation": energy**1.5 * speed**3 / lifetime,
+    }
+    made: dict[str, Any] = {
+        name: factors[name] * values for name in NODAL if (values := getattr(field, name)) is not None
+    }
+    if field.times is not None and field.motion is None:
+        made["times"] = field.times / speed
+        made["period"] = None if field.period is None else field.period / speed
+    return replace(field, **made)

@@ -1,0 +1,91 @@
+"""What a granule is given at birth: random numbers, and what a draw of the unknowns changes."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..laws.restitution import Restitution
+from ..laws.size import normal_quantile
+from ..planning.plan import REPLICATES, replicate_size
+from ..planning.variation import GranuleVariation
+from ..tracking import Granules
+
+# -- Random numbers of granules at birth: scrambled Sobol points, a set of its own for every fraction ------------------
+Array = NDArray[np.float64]
+ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1, where a distribution may be infinite
+PLACED = 5  # random numbers of a granule at most that say where, when and how large: dimensions of its Sobol set
+TRAITS = 4  # and those of what else is its own: restitution, friction, terminal velocity, angle at its first impact
+
+
+def samples(
+    name: str, count: int, seed: int, replicates: Sequence[int] = range(REPLICATES), dimensions: int = 4
+) -> tuple[Array, NDArray[np.int64]]:
+    """Scrambled Sobol points (n, dimensions) in the unit cube of some ``replicates``, and the one each belongs to.
+
+    The stream depends on the fraction's own name and on the replicate, not on the other fractions.
+    """
+    size = replicate_size(count)
+    parts = [_replicate(name, size, seed, replicate, dimensions) for replicate in replicates]
+    return np.concatenate(parts), np.repeat(np.asarray(replicates), size)
+
+
+def traits_of(name: str, count: int, seed: int, replicates: Sequence[int]) -> Array:
+    """Points (n, TRAITS) in the unit cube for what each granule has of its own, beside the first of ``samples``.
+
+    They are the next dimensions of a Sobol set of their own: where and when granules are released is the same with them
+    and without, so that the effect of a spread is seen between the same granules.
+    """
+    size = replicate_size(count)
+    return np.concatenate([_points(name, size, seed, one, PLACED + TRAITS, 1)[:, PLACED:] for one in replicates])
+
+
+@lru_cache(maxsize=64)  # a search flies the same granules through many scenes
+def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
+    return _points(name, size, seed, replicate, dimensions)
+
+
+def normal_points(dimensions: int, count: int, *seed: int) -> Array:
+    """Points (count, dimensions) of independent standard normal numbers, scrambled Sobol's."""
+    from scipy.stats import qmc
+
+    if not dimensions:
+        return np.zeros((count, 0))
+    points = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed)).random(count)
+    return np.asarray(normal_quantile(np.clip(points, ROUND_OFF, 1.0 - ROUND_OFF)), dtype=float)
+
+
+def _points(name: str, size: int, seed: int, replicate: int, dimensions: int, *apart: int) -> Array:
+    """``size`` points of one set; ``apart`` tells sets of one fraction and replicate from each other."""
+    from scipy.stats import qmc
+
+    source = np.random.default_rng([seed, zlib.crc32(name.encode()), replicate, *apart])
+    points = qmc.Sobol(dimensions, scramble=True, rng=source).random(size)
+    return np.asarray(np.clip(points, ROUND_OFF, 1 - ROUND_OFF))
+
+
+# -- Granules as a draw of what is unknown has them --------------------------------------------------------------------
+MOST_SCATTER = 1.0  # rad, as the tracker takes it
+
+
+def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
+    """``grains`` with the variation's shift and factors; what leaves the range of a quantity ends at it."""
+    own = grains.restitution
+    restitution: Any = (
+        own.shifted(variation.restitution)
+        if isinstance(own, Restitution)
+        else np.clip(own + variation.restitution, 0.0, 1.0)
+    )
+    return grains.replace(
+        diameter=grains.diameter * variation.size,
+        restitution=restitution,
+        friction=grains.friction * variation.friction,
+        scatter=np.minimum(grains.scatter * variation.scatter, MOST_SCATTER),
+        drag_scale=grains.drag_scale * variation.drag,
+        inertia=grains.inertia / variation.turning,
+    )

@@ -1,0 +1,362 @@
+"""The stage of the slab: granules that meet each other, flown in replicates of steady operation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, as_completed, wait
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import tracking
+from ..core.errors import SceneError, known
+from ..core.files import atomic_write
+from ..core.lazy import cached_property
+from ..core.process import cores
+from ..core.store import content_key
+from ..field import FlowField
+from ..injection.stream import SlabFeed, slab_stream
+from ..laws.constants import GRAVITY
+from ..laws.forces import forces
+from ..planning.crowd import CrowdPlan
+from ..planning.plan import Plan
+from ..planning.variation import AS_GIVEN, Variation
+from ..scene import Scene
+from .cache import StageCache, code_of
+from .landings import Landings
+from .realisations import Realisations
+from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
+
+if TYPE_CHECKING:
+    from .landings import Tracked
+
+
+# -- The stage of the slab: the landings of granules that meet each other, from the cache, or flown --------------------
+FEWEST = 2  # replicates of a companion
+DRAWN = 4  # replicates of a draw
+SMALL = 0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/crowd.md)
+
+
+@dataclass(frozen=True)
+class CrowdCompanion:
+    """Part of the replicates flown again with one thing changed; ``name`` among the stages, factors on the step of the
+    slab's clock and on its depth.
+    """
+
+    name: str
+    step: float = 1.0
+    depth: float = 1.0
+
+
+@dataclass(frozen=True)
+class SlabFound:
+    """What the slab found: the landings of every fraction's granules that came in steady operation; the slab's
+    ``depth`` (m), the ``start_up`` (s) that was dropped, and the ``replicates`` that were flown; the ``step`` of its
+    clock (s) with the landing error that it was seen to make (body widths), and in how many replicates the feed
+    ``jammed``.
+    """
+
+    landings: Mapping[str, Landings]
+    depth: float
+    start_up: float
+    replicates: int
+    step: float
+    step_error: float
+    jammed: int
+
+
+@dataclass
+class CrowdStage:
+    """The slab of one scene under one plan through one airflow, in whose ``airs`` ``tracked`` has flown alone before.
+
+    ``tracks_key``: everything that those tracks depend on.
+    """
+
+    scene: Scene
+    plan: Plan
+    cache: StageCache
+    airs: Realisations
+    tracks_key: str
+    tracked: Tracked
+    workers: int | None = None
+
+    @property
+    def crowd(self) -> CrowdPlan:
+        """What the plan says of the slab. The plan must have one."""
+        return known(self.plan.crowd)
+
+    @cached_property
+    def start_up(self) -> float:
+        """Seconds until the slab is steady."""
+
+        return steady_after(self.plan, self.tracked.landings)
+
+    @property
+    def tolerance(self) -> float:
+        """Landing error (body widths) of a step of the slab's clock: a mean shift moves about half of it as a share."""
+        numerics = self.scene.numerics
+        return max(numerics.tolerance, SMALL * self.plan.target_error)
+
+    @cached_property
+    def key(self) -> str:
+        """Everything the slab's landings depend on."""
+        feed, crowd = self.scene.feed, self.crowd
+        fed = feed.mass_flow, feed.depth, self.scene.mass_shares(), repr(self.scene.collisions)
+        flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
+        return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("slab"))
+
+    def fly(self, companion: CrowdCompanion | None = None) -> SlabFound:
+        """The slab; under a ``companion``'s change some of its replicates."""
+
+        change = companion or CrowdCompanion("slab")
+        depth = change.depth * self.crowd.depth
+        replicates = self.crowd.replicates if companion is None else max(FEWEST, self.crowd.replicates // 4)
+        step = None if companion is None else change.step * self.fly().step
+        flight = SlabFlight(
+            self.scene, self.plan, self.airs, depth, self.start_up, self.crowd.operation, self.tolerance,
+            step, self.workers, partial(self.cache.tell, change.name),
+        )  # fmt: skip
+        key = content_key(self.key, change.step, depth, replicates)
+        folder = self.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))
+        found = load_crowd(folder, self.scene, replicates)
+        how = found.step, found.step_error, found.jammed
+        return SlabFound(found.landings, depth, self.start_up, replicates, *how)
+
+    def fly_drawn(self, number: int, variation: Variation, airs: Realisations) -> Mapping[str, Landings]:
+        """Landings of the first replicates under draw ``number``: what it makes of the granules, and its ``airs``."""
+
+        name, step = f"slab-draw-{number}", self.fly().step
+        flight = SlabFlight(
+            variation.fed(self.scene), self.plan, airs, self.crowd.depth, self.start_up, self.crowd.operation,
+            self.tolerance, step, self.workers, partial(self.cache.tell, name), variation=variation,
+        )  # fmt: skip
+        key = content_key(self.key, "draw", number, repr(variation), DRAWN, code_of("draws"))
+        folder = self.cache.make(name, key, partial(flight.fly_all, replicates=DRAWN))
+        return load_crowd(folder, self.scene, DRAWN).landings
+
+
+# -- The slab flown: replicates of steady operation in which granules meet each other, one after the -------------------
+LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
+SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
+
+
+@dataclass(frozen=True)
+class SlabFlight:
+    """How a slab of ``depth`` (m) is flown: ``start_up`` (s) until it is steady, at least ``operation`` (s) that count,
+    in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step of its clock, or the ``step``
+    (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of progress; granules are as the
+    ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
+    """
+
+    scene: Scene
+    plan: Plan
+    airs: Realisations
+    depth: float
+    start_up: float
+    operation: float
+    tolerance: float
+    step: float | None = None
+    workers: int | None = None
+    tell: Callable[[str], None] = lambda _: None
+    measured: Callable[[float], object] | None = None
+    variation: Variation = AS_GIVEN
+
+    def fly_all(self, folder: Path, replicates: int) -> None:
+        """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
+        left alone. Where no ``step`` is given the first finds that of the others, which wait for no more than that.
+        """
+        left = [number for number in range(replicates) if not _file(folder, number).exists()]
+        pool = ThreadPoolExecutor(self.workers or cores())
+        try:
+            jobs: list[Future[None]] = []
+            step = self.step
+            if step is None and 0 in left:
+                first, step = self._first(pool, folder)
+                jobs.append(first)
+                left.remove(0)
+            others = replace(self, step=step_of(folder) if step is None else step)
+            jobs += [pool.submit(others.keep, number, folder) for number in left]
+            for done, job in enumerate(as_completed(jobs), replicates - len(jobs)):
+                job.result()
+                self.tell(f"{done + 1} of {replicates} replicates")
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def _first(self, pool: ThreadPoolExecutor, folder: Path) -> tuple[Future[None], float]:
+        """The first replicate's flight, and the step (s) that it has found."""
+        step: Future[float] = Future()
+        job = pool.submit(replace(self, measured=step.set_result).keep, 0, folder)
+        both: tuple[Future[Any], ...] = (step, job)
+        wait(both, return_when=FIRST_COMPLETED)
+        if not step.done():
+            job.result()  # raises: it failed before it knew
+        return job, step.result()
+
+    def keep(self, number: int, folder: Path) -> None:
+        """Fly one replicate and keep its landings in ``folder``, unless they are there already."""
+        path = _file(folder, number)
+        if path.exists():
+            return
+        self.tell(f"replicate {number + 1}")
+        columns: dict[str, Any] = self._fly(number)
+        with atomic_write(path, "wb") as stream:
+            np.savez(stream, **columns)
+
+    def _fly(self, number: int) -> dict[str, NDArray[Any]]:
+        """The landings of one replicate. Where an airflow's mirror image is as likely, every second one flies in it,
+        and the two of a pair count as one: between an airflow and its image there is no sampling error to find.
+        """
+        mirrored = self.plan.airflow.mirrored and self.airs.field is not None
+        pair, image = (number // 2, number % 2 == 1) if mirrored else (number, False)
+        realisation = pair % len(self.airs)
+        field = self.airs.make(realisation)
+        if image and field is not None:
+            field = field.reflected()
+        period = self.airs.period
+        operation = self.operation if period is None else period * math.ceil(self.operation / period)
+        timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
+        stream = slab_stream(self.scene, self.plan, field, number, **timing, variation=self.variation)
+        tracks = self._track(field, stream, number)
+        kept = stream.counted
+        bin_, fate = tracks.ends(len(self.scene.bin))
+        assert tracks.crowd is not None
+        return {
+            "step": np.array([tracks.crowd.step, tracks.crowd.step_error]),
+            "jammed": np.array(tracks.crowd.jammed),
+            "flown": np.array(tracks.crowd.flown),
+            "fraction": stream.fraction[kept].astype(np.int16),
+            "position": tracks.position[kept],
+            "bin": bin_[kept].astype(np.int16),
+            "replicate": np.full(int(kept.sum()), pair, dtype=np.uint8),
+            "diameter": stream.granules.diameter[kept].astype(np.float32),
+            "fate": fate[kept].astype(np.int8),
+            "time": (tracks.time - stream.granules.time)[kept].astype(np.float32),
+            "impacts": tracks.impacts[kept].astype(np.int32),
+            "realisation": np.full(int(kept.sum()), realisation, dtype=np.uint8),
+            "cycle": self.airs.cycle_of(stream.granules.time)[kept],
+            "weight": stream.mass[kept],
+            "meetings": known(tracks.meetings)[kept].astype(np.int32),
+            "drag": stream.granules.drag_scale[kept].astype(np.float32),
+        }
+
+    def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
+        """The first replicate's feed over ``operation``, no whole periods, in the first realisation of the airflow, and
+        its tracks with ``points`` kept of each.
+        """
+        timing = {"begin": self._begin(0), "start_up": self.start_up, "operation": self.operation, "depth": self.depth}
+        stream = slab_stream(self.scene, self.plan, self.airs.field, 0, **timing, variation=self.variation)
+        return stream, self._track(self.airs.field, stream, 0, record=points)
+
+    def _begin(self, number: int) -> float:
+        """When a replicate begins (s): at any moment of the airflow's period, or of the vibration's."""
+        vibration = self.scene.vibration
+        cycle = self.airs.period or (0.0 if vibration is None else vibration.period)
+        return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
+
+    def _track(self, field: FlowField | None, stream: SlabFeed, number: int, *, record: int = 0) -> tracking.Tracks:
+        scene, rebound = self.scene, self.scene.collisions
+        height = scene.channel.top - scene.channel.bottom
+        speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
+        last = float(np.max(stream.granules.time, initial=0.0))
+        flown = {force for how in self.plan.fractions.values() for force in how.forces}
+        return tracking.track(
+            field,
+            stream.granules,
+            until=last + max(SEVERAL * self.start_up, PATIENCE * height / speed),
+            tolerance=self.tolerance,
+            length=scene.width,
+            forces=[name for name in forces if name in flown and forces[name].memory is None],
+            drag=2 * [how.drag for how in self.plan.fractions.values()],  # of the granules, then of the tracers
+            seed=seed_of(scene.feed.seed, "slab", number),
+            bodies=bodies_and_walls(scene),
+            lines=end_lines(scene),
+            gravity=(0.0, -GRAVITY),
+            workers=1,
+            record=record,
+            collisions=tracking.Collisions(
+                depth=self.depth,
+                restitution=rebound.restitution,
+                friction=rebound.friction,
+                tracers=stream.tracers,
+                step=self.step,
+                measured=self.measured,
+            ),
+        )
+
+
+def steady_after(plan: Plan, landings: Mapping[str, Landings]) -> float:
+    """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one."""
+    crowd = known(plan.crowd)
+    real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
+    return max(float(np.quantile(landings[name].time, LATE)) for name in real)
+
+
+def _file(folder: Path, number: int) -> Path:
+    return folder / f"replicate-{number}.npz"
+
+
+def step_of(folder: Path) -> float:
+    """The step (s) that the first replicate in a folder flew with."""
+    with np.load(_file(folder, 0)) as data:
+        return float(data["step"][0])
+
+
+@dataclass(frozen=True)
+class SlabFlown:
+    """What ``SlabFlight.fly_all`` kept: ``landings`` by fraction; the ``step`` (s) of the clock and the landing error
+    that it was seen to make (body widths), NaN where the step was given; in how many replicates the feed ``jammed``;
+    steps of granules in all.
+    """
+
+    landings: dict[str, Landings]
+    step: float
+    step_error: float
+    jammed: int
+    steps: int
+
+
+def _grouped(
+    fraction: NDArray[Any], replicate: NDArray[Any], realisation: NDArray[Any], fractions: int
+) -> NDArray[Any]:
+    """Replicates taken together, two and two, until every one holds granules of every fraction: a share of nothing is
+    no sample. Those of one realisation of the airflow only.
+    """
+    count, fields = int(replicate.max()) + 1, int(realisation.max()) + 1
+    while count % 2 == 0 and count > 2 and (count // 2) % fields == 0:
+        held = np.zeros((fractions, count), dtype=bool)
+        held[fraction, replicate] = True
+        if held.all():
+            break
+        count //= 2
+        replicate = replicate % count
+    return replicate
+
+
+def load_crowd(folder: Path, scene: Scene, replicates: int) -> SlabFlown:
+    """The landings in a folder, and how they were flown."""
+    parts = []
+    for number in range(replicates):
+        with np.load(_file(folder, number)) as data:
+            parts.append({key: data[key] for key in data.files})
+    step, error = parts[0]["step"].tolist()
+    jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
+    parts = [{key: part[key] for key in part if key not in ("step", "jammed", "flown")} for part in parts]
+    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    fraction = columns.pop("fraction")
+    columns["replicate"] = _grouped(fraction, columns["replicate"], columns["realisation"], len(scene.fraction))
+    found = {}
+    for number, name in enumerate(scene.fraction):
+        own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
+        if not len(own["bin"]):
+            raise SceneError(
+                f"fraction.{name}: none of it came in the slab's steady operation; raise feed.count or collisions.depth"
+            )
+        weight = own["weight"]
+        own["weight"] = weight * (weight.sum() / (weight @ weight))
+        found[name] = Landings(**own)
+    return SlabFlown(found, step, error, jammed, flown)

@@ -1,0 +1,314 @@
+"""The rounds of a run with a target error, and what no setting brings there.
+
+The target is met when every bin share's half width by computing alone is below it: what the scene does not say exactly
+no computing time makes known. The total stands beside it, with what to measure for it to meet the target as well.
+Every round is a whole run, whose stages come from the cache where an earlier round, or an interrupted run, made them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import hypot, sqrt
+
+from ..answer.provenance import KnobSettings, Refinement, RefinementRound
+from ..answer.result import Result
+from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
+from ..budget.source import INPUTS, Source, source_of
+from ..core.errors import SceneError
+from ..pipeline.cache import Listener
+from ..pipeline.compilation import COMPILED
+from ..planning.make import TURNING
+from ..planning.plan import Plan
+from ..planning.terms import AIR, COLLISIONS, LOADING, VIBRATION, bounds, check_switches
+from ..scene import Scene
+from .settings import (
+    Choice,
+    applied,
+    cheapest,
+    choose_surely,
+    expected_half,
+    expected_part,
+    expected_seconds,
+    finer,
+    finest_of,
+    knobs,
+    own_settings,
+    reachable,
+)
+
+# -- What computing cannot bring to a target error, and what to give, run or measure instead ---------------------------
+WEIGHTY = 0.5  # of the target: a part that stays larger than that stands in the way
+LEAST_FACTOR = 0.25  # an interval is asked to shrink to that at most, as long as others can shrink too
+SPARED = 0.5  # of the target: what computing may take of it, for the inputs to have the rest
+OF_THE_WAKE = "wake."  # keys of unknowns that only a resolved wake makes known
+WHOLE_RUN = (COLLISIONS, VIBRATION, LOADING)  # terms that are switched for all fractions together
+OTHERS: Mapping[str, str] = {  # terms that are no bounds, and what has them computed
+    AIR: "compute the air (--rung draft)",
+    TURNING: "release the granules above the body (--set feed.mode=resolved)",
+}
+
+
+@dataclass(frozen=True)
+class _Obstacle:
+    """A ``part`` of a fraction's error in a bin, as it is with the finest settings: too large all the same."""
+
+    name: str
+    place: str
+    part: BudgetPart
+
+    @property
+    def error(self) -> float:
+        return self.part.error or 0.0
+
+
+def told_unmet(
+    rows: Sequence[BudgetRow], now: KnobSettings, target: float, scene: Scene, plan: Plan
+) -> tuple[str, ...]:
+    """A line for each fraction and part of its error, but for the inputs, that is beyond the ``target`` however fine
+    the settings; the ``rows`` were found with those of ``now``.
+    """
+    worst: dict[tuple[str, str], _Obstacle] = {}
+    unknown: dict[str, str] = {}
+    for row in rows:
+        for found in _obstacles(row, now, target):
+            at = found.name, found.part.source
+            if at not in worst or found.error > worst[at].error:
+                worst[at] = found
+        if any(part.error is None for part in row.parts) and row.total.note is not None:
+            unknown.setdefault(row.total.note, row.quantity.removeprefix("share."))
+    lines = [_line(found, scene, plan) for found in sorted(worst.values(), key=lambda one: -one.error)]
+    return (*lines, *(f"{place}: {note}" for note, place in unknown.items()))
+
+
+def _obstacles(row: BudgetRow, now: KnobSettings, target: float) -> Iterator[_Obstacle]:
+    """The parts of a row that stand in its way: bounds beyond the target, and what no setting computes well enough."""
+    finest = finest_of(now)
+    name, _, place = row.quantity.removeprefix("share.").partition(".")
+    parts = (replace(part, error=expected_part(part, now, finest)) for part in row.parts if part.source != INPUTS)
+    left = sorted(parts, key=lambda part: -(part.error or 0.0))
+    computed = [part for part in left if part.kind is None and part.error is not None]
+    beyond = [part for part in left if part.kind is not None and (part.error or 0.0) > target]
+    if expected_half(row, now, finest) > target:
+        beyond += computed[:1] + [part for part in computed[1:] if (part.error or 0.0) > WEIGHTY * target]
+    for part in beyond:
+        yield _Obstacle(name, place, part)
+
+
+def _line(found: _Obstacle, scene: Scene, plan: Plan) -> str:
+    """One obstacle in words, with what to do."""
+    source = found.part.source
+    where, much = f"{found.name} in {found.place}", f"{100 * found.error:.2g} points"
+    if found.part.kind in (LEFT_OUT, NOT_COMPUTED):
+        return f"{where}: {source} is not computed and could change it by up to {much}: {_switch(found, scene, plan)}"
+    known = source_of(found.part) or Source
+    return f"{where}: {source} stays at {much}: {known.if_large}"
+
+
+def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
+    """How to have a term computed, or why it cannot be."""
+    source = found.part.source
+    if source not in bounds:
+        return OTHERS.get(source, "nothing in this version computes it")
+    key = source if source in WHOLE_RUN else f"{found.name}.{source}"
+    try:
+        check_switches(plan.airflow.flown(scene), {key: True}, plan.airflow.turbulence)
+    except SceneError as problem:
+        return str(problem).partition(": ")[2]
+    return f"--force {key}=on"
+
+
+def what_to_measure(result: Result, target: float) -> tuple[str, ...]:
+    """For each fraction whose least certain share misses the ``target`` for its inputs: which of them to measure, how
+    well, so that the total meets it.
+    """
+    landings = result.landings
+    if landings is None or not landings.inputs or not landings.measure_next:
+        return ()
+    worst: dict[str, tuple[float, BudgetRow, float]] = {}
+    for row in result.budget:
+        inputs = next((part.error for part in row.parts if part.source == INPUTS), None)
+        if not inputs or row.total.numerical is None:
+            continue
+        name, total = row.quantity.split(".")[1], hypot(inputs, row.total.numerical)
+        if total > target and total > worst.get(name, (0.0,))[0]:
+            worst[name] = total, row, inputs
+    lines = []
+    for name, (total, row, half) in worst.items():
+        place = row.quantity.removeprefix(f"share.{name}.")
+        parts = landings.measure_next.get(name, {}).get(place, {})
+        beside = min(row.total.numerical or 0.0, SPARED * target)
+        told = _measurements(parts, landings.inputs, half, sqrt(target**2 - beside**2))
+        if told:
+            lines.append(f"{name} in {place} is known to {100 * total:.2g} points in all: {told}")
+    return tuple(lines)
+
+
+def _measurements(
+    parts: Mapping[str, InputPart], known: Mapping[str, InputSummary], half: float, room: float
+) -> str | None:
+    """Which inputs to know how well, so that all of them together are worth ``room`` instead of ``half``; None where
+    they are.
+
+    With first-order parts s_i of the variance, intervals that shrink to the factor f leave 1 - (1 - f^2) sum s_i of it.
+    """
+    wanted = (room / half) ** 2
+    if wanted >= 1.0:
+        return None
+    ranked = sorted(parts, key=lambda key: -parts[key].variance)
+    removed = 0.0
+    for count, key in enumerate(ranked, start=1):
+        removed += parts[key].variance
+        square = 1.0 - (1.0 - wanted) / removed if removed > 0.0 else 0.0
+        if square >= LEAST_FACTOR**2:
+            return _asked(ranked[:count], known, sqrt(square))
+    return _asked(ranked, known, sqrt(wanted))
+
+
+def _asked(keys: Sequence[str], known: Mapping[str, InputSummary], factor: float) -> str:
+    measured = [_interval(key, known[key], factor) for key in keys if not key.startswith(OF_THE_WAKE)]
+    resolved = [_interval(key, known[key], factor) for key in keys if key.startswith(OF_THE_WAKE)]
+    told = [f"measure {', '.join(measured)}"] if measured else []
+    told += [f"run rung 3d for {', '.join(resolved)}"] if resolved else []
+    return " and ".join(told)
+
+
+def _interval(key: str, known: InputSummary, factor: float) -> str:
+    half, unit = 0.5 * (known.high - known.low), "" if known.unit == "1" else f" {known.unit}"
+    return f"{key} to +- {factor * half:.2g}{unit} (now {half:.2g})"
+
+
+# -- The rounds of a run with a target error: look, choose, compute, check ---------------------------------------------
+MOST_ROUNDS = 6
+STAGE = "target error"  # as the listener hears of it
+
+
+def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], plan: Plan, listener: Listener) -> Result:
+    """Run ``scene``, of this ``plan``, by ``compute`` until every bin share is known to the ``target`` (half width, by
+    computing alone), or no setting brings it there. Returns the last round, saved with the table of all of them.
+    Raises as the runs do.
+    """
+    way = _Way(scene, target, plan, listener)
+    now: KnobSettings | None = cheapest(way.own, target)
+    assert now is not None
+    own = plan.estimate["seconds"]
+    way.tell(f"first look with {_words(now)}; the scene's own settings would take about {own:.2g} s")
+    choice: Choice | None = None
+    while True:
+        result = compute(applied(scene, now))
+        table = way.judged(result, now, choice)
+        result = replace(result, refinement=table)
+        result.save()  # the answer so far, were the next round to be interrupted
+        choice = None if len(way.rounds) == MOST_ROUNDS else way.next(result, now)
+        if choice is None:
+            way.tell_end(table)
+            return result
+        now = choice.settings
+
+
+@dataclass
+class _Way:
+    """The rounds of one run so far, and what decides on the next."""
+
+    scene: Scene
+    target: float
+    plan: Plan
+    listener: Listener
+    rounds: list[RefinementRound] = field(default_factory=list)
+    made: set[tuple[str, float]] = field(default_factory=set)  # stages of all rounds, told apart by their run times
+
+    @property
+    def own(self) -> KnobSettings:
+        """What the scene asks for."""
+        return own_settings(self.scene, self.plan)
+
+    def judged(self, result: Result, now: KnobSettings, choice: Choice | None) -> Refinement:
+        """The table of all rounds, with the one that ``result`` is of."""
+        rows, can = _rows(result), reachable(_rows(result), now, self.target)
+        taken = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
+        spent = set(taken) - self.made
+        self.made |= spent
+        before = self.rounds[-1].settings if self.rounds else None
+        self.rounds.append(
+            RefinementRound(
+                settings=now,
+                bought="a first look" if before is None else _bought(before, now),
+                expected=None if choice is None else choice.half,
+                found=_largest(can),
+                expected_seconds=None if choice is None else choice.seconds,
+                seconds=sum(seconds for _, seconds in spent),
+            )
+        )
+        unmet = told_unmet(rows, now, self.target, self.scene, self.plan)
+        totals = [row.total.error for row in rows]
+        known = [error for error in totals if error is not None]
+        return Refinement(
+            target=self.target,
+            met=_largest(rows) <= self.target and not any(part.error is None for row in rows for part in row.parts),
+            numerical=_largest(rows),
+            total=max(known, default=0.0) if len(known) == len(totals) else None,
+            rounds=tuple(self.rounds),
+            unmet=unmet,
+            measure=what_to_measure(result, self.target),
+        )
+
+    def next(self, result: Result, now: KnobSettings) -> Choice | None:
+        """What to compute with next; None where that is done. Says it, and in the first round what cannot be met."""
+        rows, spent = _rows(result), result.seconds
+        can = reachable(rows, now, self.target)
+        chosen = now
+        if _largest(can) > self.target:
+            chosen = choose_surely(can, spent, now, self.target).settings
+        if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
+            chosen = finer(chosen, self.own)
+        if len(self.rounds) == 1:
+            self._tell_first(result, now)
+        if chosen == now:
+            return None
+        half = max((expected_half(row, now, chosen) for row in can), default=0.0)
+        choice = Choice(chosen, half, expected_seconds(spent, now, chosen))
+        self.tell(
+            f"found {100 * _largest(can):.2g} points; next {_words(chosen)}: {_bought(now, chosen)}, for "
+            f"{100 * half:.2g} points in about {choice.seconds:.2g} s"
+        )
+        return choice
+
+    def _tell_first(self, result: Result, now: KnobSettings) -> None:
+        for line in told_unmet(_rows(result), now, self.target, self.scene, self.plan):
+            self.tell(f"cannot be met by computing: {line}")
+        for line in what_to_measure(result, self.target):
+            self.tell(f"by a first look, {line}")
+
+    def tell_end(self, table: Refinement) -> None:
+        """Say whether the target is met."""
+        met = "met" if table.met else "not met"
+        self.tell(f"{100 * self.target:.2g} points by computing {met}: {100 * table.numerical:.2g} points")
+
+    def tell(self, text: str) -> None:
+        """A line that stays on the screen."""
+        self.listener(STAGE, f"done {text}")
+
+
+def _rows(result: Result) -> list[BudgetRow]:
+    """The rows of shares."""
+    return [row for row in result.budget if row.total.numerical is not None]
+
+
+def _largest(rows: Sequence[BudgetRow]) -> float:
+    return max((row.total.numerical or 0.0 for row in rows), default=0.0)
+
+
+def _words(settings: KnobSettings) -> str:
+    """The settings in a line."""
+    values = ((knobs[name], knobs[name].of(settings)) for name in knobs)
+    return ", ".join(f"{knob.name} {value:.4g}" for knob, value in values if value is not None)
+
+
+def _bought(before: KnobSettings, now: KnobSettings) -> str:
+    """What became finer, in words."""
+    told = []
+    for name in knobs:
+        was, now_is = knobs[name].of(before), knobs[name].of(now)
+        if was is not None and now_is is not None and was != now_is:
+            told.append(f"{name} {was:.4g} to {now_is:.4g}")
+    return ", ".join(told) or "nothing"

@@ -1,0 +1,321 @@
+"""Checks of a scene: what its tables must agree on, and lengths that were most likely meant in another unit."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import deepcopy
+from statistics import median
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import contains, distance_between, edges, segments_cross
+from ..core.quantities import metres, quantity, say, speaking, spoken
+from ..core.registry import did_you_mean
+from .messages import dotted, units_in
+from .pictures import STANDARD_FIGURES, Streamlines
+from .rungs import rungs
+from .schema import Place, at, unit_and_example, values_in
+from .uncertainty import OF_FRACTION, OF_SCENE
+from .whole import SceneTables
+
+# -- What the tables of a scene must agree on: bodies, feed and bins inside the channel, shares that add ---------------
+APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
+OVER_THE_TOP = "top"  # the bin of what upward air carries out of the channel, where the scene has none up there
+RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
+Array = NDArray[np.float64]
+
+
+def _bodies_apart(scene: SceneTables) -> Iterator[str]:
+    outlines = [(name, body.outline()) for name, body in scene.body.items()]
+    for (name, one), (other_name, other) in itertools.combinations(outlines, 2):
+        gap = distance_between(one, other)
+        if gap < APART * scene.width:
+            how = "touch each other" if gap == 0.0 else f"are only {metres(gap, 3)} apart"
+            yield f"body.{name} and body.{other_name} {how} (allowed: at least {metres(APART * scene.width, 3)})"
+
+
+def _body_fits(scene: SceneTables) -> Iterator[str]:
+    channel = scene.channel
+    if not channel.bottom < channel.top:
+        yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
+    swing_x, swing_y = np.abs(scene.motion[0])
+    for name, body in scene.body.items():
+        (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
+        reach = max(-left, right)
+        if reach >= 0.49 * channel.width:
+            yield (
+                f"body.{name} reaches x = {metres(reach)}: no room beside it in channel.width = "
+                f"{metres(channel.width)}; leave a gap to the wall (allowed: x below {metres(0.49 * channel.width)})"
+            )
+        elif low <= channel.bottom or high >= channel.top:
+            inside = f"{metres(channel.bottom)} to {metres(channel.top)}"
+            yield f"body.{name} reaches from y = {metres(low)} to {metres(high)}, out of the channel, {inside}"
+        elif swing_x > 0.5 * (channel.width / 2 - reach) or swing_y > 0.5 * min(
+            low - channel.bottom, channel.top - high
+        ):
+            amplitude = math.hypot(swing_x, swing_y)
+            yield f"vibration: an amplitude of {metres(amplitude, 3)} brings body.{name} too near to the channel's ends"
+
+
+def _feed_fits(scene: SceneTables) -> Iterator[str]:
+    feed, half = scene.feed, scene.channel.width / 2
+    sizes_of = {name: float(fraction.diameters(np.array([0.99]))[0]) for name, fraction in scene.fraction.items()}
+    for name, size in sizes_of.items():
+        if size > scene.width:
+            what = "body" if scene.body else "channel"
+            yield f"fraction.{name}: granules of {metres(size, 3)} are wider than the {what} ({metres(scene.width, 3)})"
+    if abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
+        place = f"feed.position = {metres(feed.position)}"
+        yield f"feed.width = {metres(feed.width)} at {place} touches the channel's walls"
+    if not scene.body:
+        return
+    if feed.mode == "injected" and scene.obstacles:
+        names = ", ".join(f"body.{name}" for name in scene.obstacles)
+        yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
+    x = next(iter(scene.body.values())).outline()[:, 0]
+    left, right = feed.position - feed.width / 2, feed.position + feed.width / 2
+    if feed.start == "resting" and (left < x.min() or right > x.max()):
+        reach = f"from {metres(x.min())} to {metres(x.max())}"
+        yield f"feed: granules lie from x = {metres(left)} to {metres(right)}, the body reaches {reach}"
+    level = min(scene.level + scene.release[0], scene.channel.top)
+    curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
+    for name, body in list(scene.body.items())[1:]:
+        if _meets(body.outline(), curtain):
+            yield f"feed: the curtain begins at y = {metres(level, 3)}, inside body.{name}; move either"
+    if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
+        reach = f"x from {metres(x.min())} to {metres(x.max())}"
+        yield f"feed.position = {metres(feed.position)}: the curtain falls past the body ({reach})"
+
+
+def _rate_can_fall(scene: SceneTables) -> Iterator[str]:
+    """Refuse a curtain that would be denser than its granules: the rate of another unit than was meant."""
+    feed, speed = scene.feed, scene.feed.fall_speed
+    if feed.rate is None or feed.start == "resting" or speed == 0.0:
+        return
+    densest = max(fraction.properties.density for fraction in scene.fraction.values())
+    most = densest * speed * feed.width * feed.depth
+    if feed.rate > most:
+        alone = spoken("kg/s") is None and feed.rate / 3600 <= most
+        hint = f"; '{str(feed.rate).removesuffix('.0')} kg/hour' meant?" if alone else ""
+        curtain = f"a curtain of {metres(feed.width)} x {metres(feed.depth)} that falls at {say(speed, 'm/s', 3)}"
+        allowed = f"(allowed: at most {say(most, 'kg/s', 3)})"
+        yield f"feed.rate = {say(feed.rate, 'kg/s')}: {curtain} would be denser than its granules {allowed}{hint}"
+
+
+def _body_needed(scene: SceneTables) -> Iterator[str]:
+    """Check the keys that go only with a body, or only without one."""
+    if not scene.body:
+        yield from _goes_without_a_body(scene)
+        yield from _air_is_known_without_a_body(scene)
+        return
+    for key in ("level", "direction"):
+        if getattr(scene.feed, key) is not None:
+            first = next(iter(scene.body))
+            yield f"feed.{key}: for a channel without a body; here the curtain falls onto body.{first}"
+
+
+def _goes_without_a_body(scene: SceneTables) -> Iterator[str]:
+    feed, channel = scene.feed, scene.channel
+    if not channel.bottom < channel.top:
+        yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
+    if not channel.bottom < scene.level <= channel.top:
+        yield f"feed.level = {metres(scene.level)} lies outside channel.bottom .. channel.top"
+    if feed.start == "resting":
+        yield "feed.start = 'resting': there is no body to lie on; add one, or leave start out"
+    if feed.mode == "injected":
+        yield "feed.mode = 'injected': there is no body to meet; choose auto or resolved"
+    if scene.vibration is not None:
+        yield "vibration: there is no body that could vibrate; add one, or leave the table out"
+
+
+def _air_is_known_without_a_body(scene: SceneTables) -> Iterator[str]:
+    air, channel = scene.air, scene.channel
+    if channel.inlet:
+        yield "channel.inlet: secondary streams are computed only round a body; add one, or leave them out"
+    if air is not None and air.case is not None:
+        yield "air.case: give the bodies of the case; without one the air is known and needs no case"
+    elif air is not None and (air.profile == "parabolic") != (channel.walls == "no-slip"):
+        yield (
+            f"air.profile = {air.profile!r} with channel.walls = {channel.walls!r}: without a body the air is uniform "
+            "between slip walls, or parabolic (laminar) between no-slip walls"
+        )
+
+
+def _shares_add_up(scene: SceneTables) -> Iterator[str]:
+    given = [f.mass_share for f in scene.fraction.values()]
+    if any(s is not None for s in given) and any(s is None for s in given):
+        yield "fraction: give mass_share for every fraction or for none"
+    total = sum(scene.mass_shares().values())
+    if abs(total - 1.0) > 1e-6:
+        yield f"fraction: mass_share values add up to {total:g}, they must add up to 1"
+
+
+def _bins_exist(scene: SceneTables) -> Iterator[str]:
+    if RESERVED_BIN in scene.bin:
+        yield f"bin.{RESERVED_BIN}: this name is reserved for granules that reach no bin"
+    for name, fraction in scene.fraction.items():
+        known = list(scene.bin)
+        if len(set(fraction.targets)) < len(fraction.targets):
+            yield f"fraction.{name}.target names a bin twice"
+        for target in fraction.targets:
+            if target not in known:
+                hint = f"no such bin{did_you_mean(target, known)} (known: {', '.join(known)})"
+                yield f"fraction.{name}.target = {target!r}: {hint}"
+    for name, collector in scene.bin.items():
+        half, slack = scene.channel.width / 2, 1e-9 * scene.channel.width
+        x, y = collector.line(scene.channel).T
+        if (
+            np.abs(x).max() > half + slack
+            or y.min() < scene.channel.bottom - slack
+            or y.max() > scene.channel.top + slack
+        ):
+            reach = f"x from {metres(x.min())} to {metres(x.max())}, y from {metres(y.min())} to {metres(y.max())}"
+            duct = f"x within {metres(half)} of 0, y from {metres(scene.channel.bottom)} to {metres(scene.channel.top)}"
+            yield f"bin.{name} lies outside the channel: {reach} (allowed: {duct})"
+        bodies = scene.body.values()
+        if collector.points is not None and any(_meets(body.outline(), collector.points) for body in bodies):
+            yield f"bin.{name} runs through a body"
+
+
+def _meets(outline: Array, points: list[list[float]]) -> bool:
+    """Whether a polyline touches or enters an outline."""
+    line = np.asarray(points)
+    start, end = edges(outline)
+    crosses = segments_cross(line[:-1, None], line[1:, None], start, end).any()
+    return bool(crosses or contains(outline, line).any())
+
+
+def _bins_apart(scene: SceneTables) -> Iterator[str]:
+    placed = [(n, b) for n, b in scene.bin.items() if b.points is None]
+    for i, (name, one) in enumerate(placed):
+        for other_name, other in placed[i + 1 :]:
+            assert one.start is not None and one.to is not None and other.start is not None and other.to is not None  # noqa: PT018
+            low, high = max(one.start, other.start), min(one.to, other.to)
+            if one.on == other.on and high - low > 1e-9:
+                yield f"bin.{name} and bin.{other_name} overlap from {metres(low)} to {metres(high)}"
+
+
+def _inlets_fit(scene: SceneTables) -> Iterator[str]:
+    channel, placed = scene.channel, list(scene.channel.inlet.items())
+    if placed and scene.air is None:
+        yield "channel.inlet: secondary air streams need an [air] table"
+    for name, one in placed:
+        low, high = one.span
+        if low <= channel.bottom or high >= channel.top:
+            reach = f"from y = {metres(low)} to {metres(high)}"
+            yield f"channel.inlet.{name} reaches {reach}, outside channel.bottom .. channel.top"
+    for (name, one), (other_name, other) in itertools.combinations(placed, 2):
+        if one.side == other.side and abs(one.position - other.position) < (one.width + other.width) / 2:
+            yield f"channel.inlet.{name} and channel.inlet.{other_name} overlap"
+    for bin_name, collector in scene.bin.items():
+        for name, one in placed:
+            if collector.points is None and collector.on == one.side:
+                low, high = one.span
+                if min(high, collector.to or 0.0) - max(low, collector.start or 0.0) > 1e-9:
+                    yield f"bin.{bin_name} overlaps channel.inlet.{name}"
+
+
+def _pictures_fit(scene: SceneTables) -> Iterator[str]:
+    known = list(scene.fraction)
+    for name, picture in scene.picture.items():
+        key = f"picture.{name}"
+        if name in STANDARD_FIGURES:
+            yield f"{key}: every run draws one of this name; choose another"
+        for one in picture.fractions or []:
+            if one not in known:
+                yield f"{key}.fractions: no fraction {one!r}{did_you_mean(one, known)} (known: {', '.join(known)})"
+        if isinstance(picture, Streamlines) and (scene.air is None or not scene.body):
+            yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
+        asked, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))
+        if asked is not None and asked > most:
+            peak = f"the body rises by at most {say(most, 'm/s', 3)}"
+            yield f"{key}.body_speed = {say(asked, 'm/s')}: {peak}; change [vibration]"
+
+
+def _rung_fits(scene: SceneTables) -> Iterator[str]:
+    if scene.air is None and rungs[scene.numerics.rung].needs_air:
+        yield f"numerics.rung = {scene.numerics.rung!r} needs an [air] table"
+
+
+def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
+    known = [*(f"fraction.{name}.{key}" for name in scene.fraction for key in OF_FRACTION), *OF_SCENE]
+    for key in scene.uncertainty:
+        if key not in known:
+            able = f"{', '.join(OF_SCENE)}, and of a fraction {', '.join(OF_FRACTION)}"
+            yield f"uncertainty.{key}: no number that takes an uncertainty{did_you_mean(key, known)} (which do: {able})"
+
+
+CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
+    _bodies_apart,
+    _body_fits,
+    _feed_fits,
+    _rate_can_fall,
+    _body_needed,
+    _shares_add_up,
+    _bins_exist,
+    _bins_apart,
+    _inlets_fit,
+    _pictures_fit,
+    _rung_fits,
+    _uncertain_numbers_exist,
+)
+
+
+# -- Lengths without a unit that are far off the scene's scale: a number alone is in metres, and "60" is ---------------
+OFF = 100.0  # times the scene's scale: a centimetre that was meant is a metre, a millimetre a thousandth of one
+LARGEST = 20.0  # m: beyond any separator, where a whole scene was written without units
+MACHINE = ("body", "channel", "feed", "bin", "vibration", "funnel")  # tables whose lengths have one scale
+TOLD = 3  # doubts in one message
+
+
+def doubted_lengths(data: Mapping[str, Any]) -> Iterator[tuple[Place, float, float]]:
+    """Place and value (m) of every length in a scene's tables that stands without a unit and is OFF times the median of
+    all of them, or above LARGEST; and that median (m). One with a unit is never doubted.
+    """
+    given = {
+        place: (value, _metres(value))
+        for place, value, node in values_in(data)
+        if place[0] in MACHINE and (unit_and_example(node) or ("",))[0] == "m"
+    }
+    sizes = [abs(length) for _, length in given.values() if length]
+    scale = median(sizes) if sizes else 0.0
+    for place, (value, length) in given.items():
+        if not isinstance(value, str) and length and (abs(length) >= OFF * scale or abs(length) > LARGEST):
+            yield place, length, scale
+
+
+def _metres(value: Any) -> float | None:
+    """The length that a value says; None where it says none, which is another message's matter."""
+    if not isinstance(value, str):
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    try:
+        return quantity(value, "m", "")
+    except ValueError:
+        return None
+
+
+def doubts(data: Mapping[str, Any], among: Iterable[Place] = ((),)) -> str:
+    """What to ask about the doubted lengths of a scene's tables, empty for none; ``among``: those in these places."""
+    found = [one for one in doubted_lengths(data) if any(one[0][: len(place)] == place for place in among)]
+    if not found:
+        return ""
+    usual = units_in(data).get("m", "m")
+    told = [f"{dotted(place)} = {length:g} m" for place, length, _ in found[:TOLD]]
+    more = f" and {len(found) - TOLD} more" if len(found) > TOLD else ""
+    _, length, scale = found[0]
+    with speaking({"m": usual}):
+        usually = f"lengths of this scene are about {metres(scale, 2)}"
+    meant = f"'{length:g} {'mm' if usual == 'm' else usual}', or '{length:g} m' if that is meant"
+    return f"{', '.join(told)}{more}: unit forgotten? Other {usually}; write {meant}"
+
+
+def with_units(data: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of tables in SI numbers whose doubted lengths say that they are metres."""
+    copy = deepcopy(dict(data))
+    for place, length, _ in list(doubted_lengths(copy)):
+        at(copy, place[:-1])[place[-1]] = f"{length!r} m"
+    return copy

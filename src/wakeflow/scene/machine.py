@@ -1,0 +1,259 @@
+"""[body.NAME], [channel], [air], [vibration] and [bin.NAME]: the machine."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field, model_validator
+
+from ..core.errors import SceneError, known
+from ..core.geometry import is_simple, rounded
+from ..core.quantities import metres
+from ..laws.constants import GRAVITY, STANDARD_AIR
+from ..laws.shape import shapes
+from ..laws.vibration import Record, integrated
+from .table import (
+    AnyAngle,
+    Array,
+    Coordinate,
+    Frequency,
+    Length,
+    MassDensity,
+    Name,
+    Point,
+    PositiveSpeed,
+    SlopeAngle,
+    Table,
+    Viscosity,
+    WithUnit,
+    takes,
+)
+
+# -- [body.NAME], [channel], [air] and [vibration]: what stands in the air, and the air --------------------------------
+MOST_GAMMA = 50.0  # peak acceleration over g
+
+
+class Body(Table):
+    """[body.NAME]: a solid in the flow."""
+
+    shape: str = Field(description="one of: " + ", ".join(shapes))
+    width: Length | None = Field(None, description="horizontal extent; not for polygon")
+    slope_angle: SlopeAngle | None = Field(None, description="of the faces, from the horizontal: 10 to 80 deg")
+    height: Length | None = Field(None, description="instead of slope_angle")
+    apex: Literal["up", "down"] | None = Field(None, description="prism only")
+    length: Length | None = Field(None, description="plate only: along its faces")
+    thickness: Length | None = Field(None, description="plate only")
+    descends: Literal["left", "right"] | None = Field(None, description="plate only: to which side it falls; right")
+    points: list[Point] | None = Field(None, description="polygon only: corners in the body's own frame")
+    corners: Annotated[int, Field(ge=16, le=720)] | None = Field(None, description="circle only: of its polygon; 120")
+    rounding: Length | None = Field(
+        None, description="radius of all edges; width and height are those of the sharp shape"
+    )
+    at: Point = Field([0.0, 0.0], description="where the body's centre is")
+
+    @model_validator(mode="after")
+    def _has_an_outline(self) -> Body:
+        if not is_simple(self.outline()):
+            raise SceneError("the outline crosses itself")
+        return self
+
+    def outline(self) -> Array:
+        """Corners (k, 2) in the scene's frame (m), counter-clockwise."""
+        given = self.model_dump(exclude_none=True, exclude={"shape", "at", "rounding"})
+        try:
+            sharp = shapes[self.shape](**given)
+        except TypeError:
+            raise SceneError(takes("shape", self.shape, shapes[self.shape], given)) from None
+        shape: Array = sharp if self.rounding is None else rounded(sharp, self.rounding)
+        return np.asarray(shape + np.asarray(self.at))
+
+
+class Inlet(Table):
+    """[channel.inlet.NAME]: a secondary air stream through an opening in a wall, normal to it; granules that reach the
+    opening leave the channel there.
+    """
+
+    side: Literal["left", "right"] = Field(description="the wall that it comes through")
+    position: Coordinate = Field(description="y of its middle")
+    width: Length = Field(description="of the opening, along the wall")
+    velocity: PositiveSpeed = Field(description="into the channel, uniform")
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """y of its lower and upper end (m)."""
+        return self.position - self.width / 2, self.position + self.width / 2
+
+
+class Channel(Table):
+    """[channel]: the vertical duct, centred on x = 0, from ``bottom`` (the floor) to ``top``."""
+
+    width: Length
+    top: Coordinate
+    bottom: Coordinate
+    walls: Literal["slip", "no-slip"] = Field("slip", description="for the air; granules bounce off either")
+    extend: bool = Field(True, description="compute the air in a longer channel where an end is too near to a body")
+    inlet: dict[Name, Inlet] = Field({}, description="secondary air streams through the walls")
+
+
+def _speed_or_case(schema: dict[str, Any]) -> None:
+    """A case's speed is read before the tables are validated: in the schema either will do."""
+    schema["anyOf"] = [{"required": [key]} for key in (*schema.pop("required"), "case")]
+
+
+class Air(Table):
+    """[air]: leave the table out for a vacuum.
+
+    With ``case`` the air of a user's own OpenFOAM case, already solved; what the case says of speed, direction and
+    viscosity need not be given, what is given is checked against it.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_speed_or_case)
+    speed: PositiveSpeed
+    direction: Literal["down", "up"] = Field("down", description="to which the air blows")
+    density: MassDensity = STANDARD_AIR[0]
+    viscosity: Viscosity = STANDARD_AIR[1]
+    turbulence: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "5 %")] = Field(
+        0.05, description="inlet intensity, u'/U"
+    )
+    profile: Literal["uniform", "parabolic"] = Field(
+        "uniform", description="at the inlet; parabolic: fully developed laminar flow, speed is its mean"
+    )
+    case: str | None = Field(None, description="folder of a solved OpenFOAM case, relative to the scene file")
+    time: Literal["latest", "mean", "all"] | None = Field(
+        None, description="of the case: its last time (default), the mean of its times, or all of them"
+    )
+
+    @model_validator(mode="after")
+    def _case_alone(self) -> Air:
+        if self.case is None and self.time is not None:
+            raise SceneError("time is for a case of your own: give case as well")
+        if self.case is not None and self.profile != "uniform":
+            raise SceneError("profile does not go with case: the case has its own inlet")
+        return self
+
+
+def _or_a_file(schema: dict[str, Any]) -> None:
+    """The name of a file is read before the tables are validated, and allowed in the schema only."""
+    given = schema.pop("anyOf", None) or [{"$ref": schema.pop("$ref")}]
+    schema["anyOf"] = [*given, {"type": "string"}]
+
+
+class Samples(Table):
+    """A measured acceleration along the vibration's direction: one period, which repeats."""
+
+    time: list[float] = Field(description="s, increasing; the last sample is the first of the next period")
+    acceleration: list[float] = Field(description="m/s2; its mean is taken off")
+
+
+class Vibration(Table):
+    """[vibration]: motion of the bodies along ``direction``: harmonic, displacement = amplitude sin(2 pi f t), or by
+    measured samples of the acceleration.
+    """
+
+    frequency: Frequency | None = None
+    amplitude: Length | None = None
+    gamma: Annotated[float, Field(gt=0, le=MOST_GAMMA)] | None = Field(None, description="peak acceleration over g")
+    direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
+    samples: Samples | None = Field(
+        None,
+        description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists",
+        json_schema_extra=_or_a_file,
+    )
+
+    @model_validator(mode="after")
+    def _one_motion(self) -> Vibration:
+        if self.samples is not None:
+            if (self.frequency, self.amplitude, self.gamma) != (None, None, None):
+                raise SceneError("samples say how fast and how far it moves: leave out frequency, amplitude and gamma")
+            if (found := self.record.peak_acceleration / GRAVITY) > MOST_GAMMA:
+                raise SceneError(f"samples: peak acceleration of {found:.3g} g, allowed {MOST_GAMMA:g} g")
+        elif self.frequency is None:
+            raise SceneError("give frequency, and either amplitude or gamma; or samples")
+        elif (self.amplitude is None) == (self.gamma is None):
+            raise SceneError("give either amplitude or gamma")
+        return self
+
+    @cached_property
+    def record(self) -> Record:
+        """The motion that the samples make. Only where there are samples."""
+        return integrated(known(self.samples).time, known(self.samples).acceleration)
+
+    @property
+    def period(self) -> float:
+        """Seconds after which the motion repeats."""
+        if self.samples is not None:
+            return self.record.period
+        return 1.0 / known(self.frequency)
+
+    @property
+    def omega(self) -> float:
+        """Angular frequency (rad/s); for samples that of their period."""
+        return 2 * math.pi / self.period
+
+    @property
+    def along(self) -> Array:
+        """Unit vector (2,) of the direction."""
+        return np.array([math.cos(self.direction), math.sin(self.direction)])
+
+    @property
+    def displacement(self) -> Array:
+        """Amplitude vector (m), shape (2,); from Gamma = a w^2 / g when gamma is given; for samples the largest
+        displacement.
+        """
+        if self.samples is not None:
+            return self.record.reach * self.along
+        if self.amplitude is not None:
+            return self.amplitude * self.along
+        return known(self.gamma) * GRAVITY / self.omega**2 * self.along
+
+    @property
+    def speed(self) -> Array:
+        """Peak velocity vector (m/s), shape (2,)."""
+        return self.displacement * self.omega if self.samples is None else self.record.peak_speed * self.along
+
+    @property
+    def strength(self) -> float:
+        """Gamma: peak acceleration over g."""
+        if self.samples is not None:
+            return self.record.peak_acceleration / GRAVITY
+        return float(np.linalg.norm(self.displacement)) * self.omega**2 / GRAVITY
+
+
+# -- [bin.NAME]: the collectors ----------------------------------------------------------------------------------------
+class Bin(Table):
+    """[bin.NAME]: a collector, a stretch of the channel's boundary or a line of points."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
+    start: Coordinate | None = Field(None, alias="from", description="x on the floor or top, y on a side")
+    to: Coordinate | None = None
+    on: Literal["floor", "left", "right", "top"] = Field("floor", description="the side of the channel it lies on")
+    points: list[Point] | None = Field(None, description="a polyline anywhere in the channel, instead of from and to")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Bin:
+        if self.points is not None:
+            if self.start is not None or self.to is not None:
+                raise SceneError("give either points, or from and to")
+            if len(self.points) < 2:
+                raise SceneError("points needs at least two [x, y] pairs")
+            if not np.all(np.linalg.norm(np.diff(self.points, axis=0), axis=1) > 0):
+                raise SceneError("points repeats a point")
+        elif self.start is None or self.to is None:
+            raise SceneError("give from and to (or points)")
+        elif not self.start < self.to:
+            raise SceneError(f"from = {metres(self.start)} must be below to = {metres(self.to)}")
+        return self
+
+    def line(self, channel: Channel) -> Array:
+        """The collector as a polyline, (k, 2) in metres."""
+        if self.points is not None:
+            return np.asarray(self.points, dtype=float)
+        along = np.array([known(self.start), known(self.to)])
+        fixed = {"floor": channel.bottom, "top": channel.top, "left": -channel.width / 2, "right": channel.width / 2}[
+            self.on
+        ]
+        across = np.full(2, fixed)
+        return np.stack([along, across] if self.on in ("floor", "top") else [across, along], axis=1)

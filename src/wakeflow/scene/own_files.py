@@ -1,0 +1,175 @@
+"""Files of the user's that a scene names: materials, vibration samples and an OpenFOAM case."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import SceneError, known
+from ..core.files import read_toml
+from ..laws.material import Material, materials, read_material
+
+# -- Materials of the user's own: a TOML file beside the scene, written as laws/materials.toml is ----------------------
+SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shape is known, where they are not 0
+
+
+def read_materials(path: Path) -> dict[str, Material]:
+    """The materials of a file by their names. Raises SceneError, one line, where it is none."""
+    try:
+        tables = read_toml(path)
+    except OSError as problem:
+        raise SceneError(f"materials = {str(path)!r}: {problem.strerror}") from None
+    found = {}
+    for name, table in tables.items():
+        if name in materials:
+            raise SceneError(f"{path.name}: {name}: is a built-in material; give yours another name")
+        if not isinstance(table, Mapping):
+            raise SceneError(f"{path.name}: {name} = {table!r}: write [{name}] and its keys below it")
+        found[name] = read_material(name, table, path.name)
+    return found
+
+
+def with_own_materials(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
+    """The tables with what the file ``materials`` says in place of its name, so that results tell what was computed: a
+    fraction of such a material has its values, but for those that it gives itself.
+
+    Raises SceneError as :func:`read_materials` does.
+    """
+    file = data.get("materials")
+    if not isinstance(file, str):
+        return data
+    try:
+        known = read_materials(base / file)
+    except SceneError as problem:
+        raise SceneError(f"{name}: {problem}") from None
+    fractions = {
+        which: _as_fraction(known[table["material"]], table)
+        if isinstance(table, Mapping) and table.get("material") in known
+        else table
+        for which, table in dict(data.get("fraction", {})).items()
+    }
+    return {**{key: table for key, table in data.items() if key != "materials"}, "fraction": fractions}
+
+
+def _as_fraction(material: Material, table: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a fraction of a ``material``, those in its own ``table`` first."""
+    values: dict[str, Any] = {
+        "size": material.diameter, "density": material.density, "impact": material.impact,
+        "restitution": _spread(material.restitution, material.restitution_std),
+        "friction": _spread(material.friction, material.friction_std),
+    }  # fmt: skip
+    if material.terminal_velocity is not None and "sphericity" not in table:
+        values["terminal_velocity"] = _spread(material.terminal_velocity, material.terminal_velocity_std)
+    values |= {key: value for key in SHAPED if (value := getattr(material, key))}
+    if "inertia" in table:
+        del values["impact"]
+    return {**values, **{key: value for key, value in table.items() if key != "material"}}
+
+
+def _spread(mean: Any, std: float) -> Any:
+    """A number of all granules, or how it spreads over them."""
+    return {"distribution": "normal", "mean": mean, "std": std} if std else mean
+
+
+# -- A file of measured vibration: CSV with the columns time (s) and acceleration (m/s2), read as text -----------------
+def read_samples(given: str, base: Path) -> dict[str, list[float]]:
+    """Times (s) and accelerations (m/s2) of a CSV file, its path relative to ``base``: two numbers a line, separated by
+    commas, semicolons or tabs; lines before the first number and lines that begin with # are headings.
+
+    Raises SceneError for a file that cannot be read, and for a line that is not two numbers, naming it.
+    """
+    path = base / Path(given).expanduser()
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as problem:
+        why = problem.strerror if isinstance(problem, OSError) else "not a text file"
+        raise SceneError(f"vibration.samples = {given!r}: cannot read {path}: {why}") from None
+    found: dict[str, list[float]] = {"time": [], "acceleration": []}
+    for number, line in enumerate(lines, 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        separator = next((mark for mark in (";", "\t", ",") if mark in line), None)
+        cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
+        try:
+            time, acceleration = map(float, cells)
+        except ValueError:
+            if not found["time"]:
+                continue
+            raise SceneError(
+                f"vibration.samples = {given!r}: line {number} of {path.name} is {line.strip()[:40]!r}; "
+                "every line needs two numbers, time in s and acceleration in m/s2"
+            ) from None
+        found["time"].append(time)
+        found["acceleration"].append(acceleration)
+    if not found["time"]:
+        raise SceneError(f"vibration.samples = {given!r}: no line of two numbers (time in s, acceleration in m/s2)")
+    return found
+
+
+# -- What a user's own OpenFOAM case says of its air, read as text: nothing heavy is loaded, nothing is ----------------
+NUMBER = r"[-+.\d]+(?:[eE][-+]?\d+)?"
+FIXED = r"type\s+(?:fixedValue|uniformFixedValue|inletOutlet)\s*;"
+
+
+def find_case(given: str, base: Path) -> Path:
+    """The case's folder, absolute; ``given`` is relative to ``base``. Raises SceneError where no case with a mesh and a
+    solution is.
+    """
+    case = (base / Path(given).expanduser()).resolve()
+    boundary = case / "constant" / "polyMesh" / "boundary"
+    if not any(path.exists() for path in (boundary, boundary.with_name("boundary.gz"))):
+        raise SceneError(f"air.case = {given!r}: no OpenFOAM mesh (constant/polyMesh) in {case}")
+    if _latest(case) is None:
+        raise SceneError(f"air.case = {given!r}: no solved time in {case}; run its solver (and reconstructPar) first")
+    return case
+
+
+def _latest(case: Path) -> Path | None:
+    """The last time folder that holds a velocity, 0 left out."""
+    found = [(float(p.name), p) for p in case.iterdir() if re.fullmatch(NUMBER, p.name) and p.name.count(".") <= 1]
+    solved = [(time, p) for time, p in found if time > 0 and any((p / f).exists() for f in ("U", "U.gz"))]
+    return max(solved)[1] if solved else None
+
+
+def _text(path: Path) -> str:
+    """A file's text, decompressed where it is packed, with binary parts as they are; empty where there is no file."""
+    packed = path.with_name(path.name + ".gz")
+    if path.exists():
+        return path.read_bytes().decode("latin-1")
+    return gzip.decompress(packed.read_bytes()).decode("latin-1") if packed.exists() else ""
+
+
+def air_of(case: Path) -> dict[str, Any]:
+    """What of ``speed`` (m/s), ``direction`` and ``nu`` (m2/s) the case says: its inlet where that is one uniform
+    vertical velocity, and its constant viscosity. Streams across the channel are no inlet.
+    """
+    found: dict[str, Any] = {}
+    folder = known(_latest(case))
+    boundary = _text(folder / "U").rpartition("boundaryField")[2]
+    speeds = set()
+    for entry in re.findall(r"\{([^{}]*)\}", boundary):
+        value = re.search(rf"\bvalue\s+uniform\s*\(\s*({NUMBER})\s+({NUMBER})\s+({NUMBER})\s*\)", entry)
+        if re.search(r"type\s+(?:fixedValue|uniformFixedValue)\s*;", entry) and value:
+            x, y = float(value[1]), float(value[2])
+            if abs(y) > abs(x):
+                speeds.add(y)
+    if len(speeds) == 1:
+        speed = speeds.pop()
+        found = {"speed": abs(speed), "direction": "up" if speed > 0 else "down"}
+    text = _text(case / "constant" / "transportProperties")
+    parameters = _text(case / "system" / "parameters")
+    for source in (text, parameters):
+        nu = re.search(rf"^\s*nu\s+(?:nu\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})\s*;", source, re.M)
+        if nu and "nu" not in found:
+            found["nu"] = float(nu[1])
+    return found
+
+
+def is_laminar(case: Path) -> bool:
+    """Whether the case's solution has no turbulence: no k beside its velocity."""
+    folder = known(_latest(case))
+    return not any((folder / name).exists() for name in ("k", "k.gz"))

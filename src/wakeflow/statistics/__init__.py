@@ -1,0 +1,1 @@
+"""From landings to shares and their intervals: samples, grids, inputs, partition curves, dividers."""

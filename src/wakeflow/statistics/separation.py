@@ -1,0 +1,262 @@
+"""From landings to the answer: which share of each fraction lands in which bin, by mass, with 95 % intervals.
+
+Two samples stand behind a share: the granules, in independent replicates, and the airflow, in cycles of the shedding
+that the stored field holds (or late states, or layers of a record). Every replicate is released in every cycle of its
+field, so that the two spreads come apart in a two-way analysis of variance (Searle, Casella & McCulloch 1992, "Variance
+Components", ch. 4): what the means of the cycles differ by, beyond what the granules in them explain, is the airflow's.
+Cycles count as independent, and as the unit that is drawn, a cluster. Six to eight clusters are too few for the
+percentiles of a bootstrap (Cameron, Gelbach & Miller 2008, Rev. Econ. Stat. 90, 414); Student's t with a degree of
+freedom less than there are clusters holds its level.
+
+Granules are injected as independent replicates of one randomised low-discrepancy sample, so the spread
+between replicates measures the sampling error, whatever the variance reduction inside a replicate (randomised
+quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884). Where the airflow sheds, or has several realisations, its
+finite sample is in the interval too (:mod:`wakeflow.statistics.separation`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..answer.shares import Separation
+from ..core.number import Number, student
+from ..pipeline.landings import Landings
+from ..scene import RESERVED_BIN, Scene
+
+# -- How far a share may be off for being taken from few granules and from few sheddings of the wake -------------------
+Array = NDArray[np.float64]
+LEVEL = 0.95  # of every interval
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """The 95 % interval of a share of which ``count`` of ``total`` > 0 were found (Wilson 1927, J. Am. Stat. Assoc. 22,
+    209). scipy's binomtest gives it too, after a test that nobody asks for; a run needs hundreds of
+    intervals.
+    """
+    from scipy.special import ndtri
+
+    share, z2 = count / total, float(ndtri(0.5 * (1.0 + LEVEL))) ** 2
+    centre = (count + 0.5 * z2) / (total + z2)
+    half = np.sqrt(z2 * (total * share * (1.0 - share) + 0.25 * z2)) / (total + z2)
+    return (0.0 if count == 0 else float(centre - half)), (1.0 if count == total else float(centre + half))
+
+
+class Spread(NamedTuple):
+    """Halves of 95 % intervals: by the finite number of granules, and by that of sheddings; the two are independent."""
+
+    sampling: float
+    airflow: float
+
+    @property
+    def together(self) -> float:
+        """Half of the interval that holds both."""
+        return float(np.hypot(self.sampling, self.airflow))
+
+
+class Tally(NamedTuple):
+    """Granules of one fraction by replicate and cycle: ``hits`` (R, C) in a bin, or several, ``released`` (R, C) in
+    all, each counted by its weight; ``realisation`` (R,) of the airflow in which each replicate flew.
+    """
+
+    hits: Array
+    released: Array
+    realisation: NDArray[np.int64]
+
+    @classmethod
+    def every(cls, landing: Landings, bins: int, cycles: int) -> list[Tally]:
+        """The tally of every bin, and of what landed elsewhere."""
+        replicates = int(landing.replicate.max()) + 1
+        realisation = np.zeros(replicates, dtype=np.int64)
+        realisation[landing.replicate] = landing.realisation
+        place = np.where(landing.bin >= 0, landing.bin, bins).astype(np.int64)
+        place = (place * replicates + landing.replicate) * cycles + landing.cycle
+        shape = bins + 1, replicates, cycles
+        hits = np.bincount(place, landing.weight, minlength=int(np.prod(shape))).reshape(shape).astype(float)
+        return [cls(inside, hits.sum(axis=0), realisation) for inside in hits]
+
+    @property
+    def samples(self) -> Array:
+        """The share of every replicate (R,)."""
+        return np.asarray(self.hits.sum(axis=1) / self.released.sum(axis=1))
+
+    @property
+    def share(self) -> float:
+        """The mean over the replicates."""
+        return float(np.mean(self.samples))
+
+    @property
+    def deviations(self) -> Array:
+        """What the granules of every replicate and cycle (R, C) add to the share, less what they would at the mean
+        share, scaled so that the means of rows are the replicates' deviations from it.
+        """
+        scale = self.released.shape[1] / self.released.sum(axis=1, keepdims=True)
+        return np.asarray(scale * (self.hits - self.share * self.released))
+
+    @property
+    def chance(self) -> float:
+        """The variance of a replicate's share if its granules were independent; balanced ones have less."""
+        return self.share * (1.0 - self.share) / float(self.released.sum(axis=1).mean())
+
+    @property
+    def spread(self) -> Spread:
+        """Of the share."""
+        return spread_of(self.deviations, self.realisation, self.chance)
+
+
+def cycles_of(landings: Iterable[Landings]) -> int:
+    """The cycles of the shedding in which granules were released."""
+    return 1 + max(int(landing.cycle.max()) for landing in landings)
+
+
+def spread_of(deviations: Array, realisation: NDArray[np.int64], chance: float) -> Spread:
+    """The spread of a mean from ``deviations`` (R, C) as in :class:`Tally`, and the ``realisation`` (R,) of each row.
+
+    ``chance``: variance of a row's mean, where each realisation has one row only, so that rows show none.
+    """
+    replicates, cycles = deviations.shape
+    blocks = [deviations[realisation == number] for number in np.unique(realisation)]
+    fields, clusters = len(blocks), len(blocks) * cycles
+    means = np.stack([block.mean(axis=0) for block in blocks])
+    free = replicates - fields
+    rows = np.concatenate([block.mean(axis=1) - block.mean() for block in blocks])
+    by_row = cycles * (float(rows @ rows) / free if free else chance)
+    sampling = _half(by_row / (replicates * cycles), student(free or replicates - 1))
+    if clusters == 1:
+        return Spread(sampling, 0.0)
+    rest = np.concatenate([b - b.mean(axis=0) - b.mean(axis=1, keepdims=True) + b.mean() for b in blocks])
+    by_cell = float((rest**2).sum()) / (free * (cycles - 1)) if free and cycles > 1 else by_row
+    # What the granules add to the variance between clusters: between fields by whole replicates, within one by cells.
+    noise = ((fields - 1) * by_row + fields * (cycles - 1) * by_cell) / ((clusters - 1) * replicates / fields)
+    beyond = max(0.0, float(means.var(ddof=1)) - noise) / clusters
+    return Spread(sampling, _half(beyond, student(clusters - 1)))
+
+
+def _half(variance: float, quantile: float) -> float:
+    return float(quantile * np.sqrt(variance))
+
+
+# -- From landings to the answer: which share of each fraction lands in which bin, by mass, with 95 % ------------------
+HOUR = 3600.0  # s
+
+
+def share_interval(samples: Array, count: int, spread: Spread | None = None) -> tuple[float, float, float]:
+    """Mean and 95 % interval of a share from its independent replicates.
+
+    Half of it is ``spread``, by default Student's t over the replicates, but no narrower than half a granule a
+    replicate: balanced samples may agree on a value that is off by that much. Where all agree on 0 or 1: Wilson's
+    interval for ``count`` granules.
+    """
+    value = float(np.mean(samples))
+    replicates = len(samples)
+    if np.ptp(samples) == 0.0 and value in (0.0, 1.0):
+        return value, *wilson(round(value * count), count)
+    found = spread or spread_of(samples[:, None] - value, np.zeros(replicates, dtype=np.int64), 0.0)
+    half = found._replace(sampling=max(found.sampling, 0.5 * replicates / count)).together
+    return value, max(0.0, value - half), min(1.0, value + half)
+
+
+def share_spreads(landing: Landings, bins: int) -> list[Spread]:
+    """The two parts of the interval of a fraction's share in every bin, and elsewhere."""
+    found = []
+    for tally in Tally.every(landing, bins, cycles_of([landing])):
+        _, low, high = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
+        found.append(Spread(0.5 * (high - low), tally.spread.airflow))
+    return found
+
+
+def upper_limit(count: int, total: int) -> float:
+    """Upper 95 % limit (Wilson) of a share of which ``count`` of ``total`` were found."""
+    return wilson(count, total)[1]
+
+
+def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
+    """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction."""
+    bins = [*scene.bin, RESERVED_BIN]
+    cycles = cycles_of(landings[name] for name in landings)
+    tallies: dict[str, list[Tally]] = {}  # one a bin
+    count: dict[str, int] = {}
+    for name in landings:
+        landing = landings[name]
+        tallies[name] = Tally.every(landing, len(scene.bin), cycles)
+        count[name] = round(landing.size)
+    fractions = {
+        name: {place: Number(*_interval(tally, count[name])) for place, tally in zip(bins, found, strict=True)}
+        for name, found in tallies.items()
+    }
+    purity, throughput = _contents(scene, bins, tallies, fractions)
+    recovery = {name: _recovery(scene, name, bins, found, count[name]) for name, found in tallies.items()}
+    return Separation(tuple(bins), fractions, purity, recovery, throughput)
+
+
+def _interval(tally: Tally, count: int) -> tuple[float, float, float]:
+    return share_interval(tally.samples, count, tally.spread)
+
+
+def _recovery(scene: Scene, name: str, bins: list[str], tallies: Sequence[Tally], count: int) -> Number | None:
+    """Share of a fraction in its target bins; None where the scene names none."""
+    targets = scene.fraction[name].targets
+    if not targets:
+        return None
+    hits = np.sum([tallies[bins.index(target)].hits for target in targets], axis=0)
+    return Number(*_interval(tallies[0]._replace(hits=hits), count))
+
+
+def _contents(
+    scene: Scene,
+    bins: list[str],
+    tallies: Mapping[str, Sequence[Tally]],
+    fractions: Mapping[str, Mapping[str, Number]],
+) -> tuple[dict[str, dict[str, Number] | None], dict[str, float]]:
+    """Purity of every fraction in every bin, None where it is empty, and every bin's throughput (kg/h)."""
+    mass = scene.mass_shares()
+    purity: dict[str, dict[str, Number] | None] = {}
+    throughput: dict[str, float] = {}
+    for i, place in enumerate(bins):
+        here = {name: found[i] for name, found in tallies.items()}
+        limits = {
+            name: (mass[name] * found[place].low, mass[name] * found[place].high) for name, found in fractions.items()
+        }
+        inside = sum(mass[name] * tally.share for name, tally in here.items())
+        throughput[place] = HOUR * scene.feed.mass_flow * inside
+        purity[place] = {name: _purity(name, mass, here, limits) for name in here} if inside > 0 else None
+    return purity, throughput
+
+
+def _purity(
+    name: str, mass: Mapping[str, float], tallies: Mapping[str, Tally], limits: Mapping[str, tuple[float, float]]
+) -> Number:
+    """Share of fraction ``name`` in a bin's mass: ratio of means over replicates, and its 95 % interval.
+
+    ``mass``: share of every fraction in the feed; ``limits``: (low, high) of its mass in the bin. The interval holds
+    the one of the linearised ratio (delta method) and, where a fraction's granules are too few to spread over the
+    replicates, what the intervals of the shares allow.
+    """
+    own = tallies[name]
+    shares = {other: tally.share for other, tally in tallies.items()}
+    value = mass[name] * own.share / sum(mass[other] * share for other, share in shares.items())
+    slope = purity_slopes(name, mass, shares)
+    deviations = np.sum([slope[other] * tally.deviations for other, tally in tallies.items()], axis=0)
+    chance = sum(slope[other] ** 2 * tally.chance for other, tally in tallies.items())
+    half = spread_of(deviations, own.realisation, chance).together
+    low, high = value - half, value + half
+    if any(np.ptp(tally.samples) == 0.0 or np.any(tally.samples == 0.0) for tally in tallies.values()):
+        others = [ends for other, ends in limits.items() if other != name]
+        least_own, most_own = limits[name]
+        least, most = sum(ends[0] for ends in others), sum(ends[1] for ends in others)
+        low = min(low, least_own / (least_own + most) if least_own + most > 0 else 0.0)
+        high = max(high, most_own / (most_own + least) if most_own + least > 0 else 1.0)
+    return Number(value, max(0.0, low), min(1.0, high))
+
+
+def purity_slopes(name: str, mass: Mapping[str, float], shares: Mapping[str, float]) -> dict[str, float]:
+    """By how much the share of fraction ``name`` in a bin's mass grows with each fraction's own share in that bin.
+
+    ``mass``: share of every fraction in the feed; ``shares`` of each in the bin, which must hold some.
+    """
+    total = sum(mass[other] * share for other, share in shares.items())
+    value = mass[name] * shares[name] / total
+    return {other: mass[other] * (float(other == name) - value) / total for other in shares}

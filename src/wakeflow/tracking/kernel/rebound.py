@@ -1,0 +1,71 @@
+"""A strike's coefficient of restitution, and the normal of a wall as a granule that is no sphere feels it."""
+
+from __future__ import annotations
+
+import math
+
+from ...laws.collision import HALVINGS, approach_speed, collide, throws_off, turned
+from ...laws.random_numbers import normal_pair
+from . import layout as at
+from .jit import compiled
+
+# -- The coefficient of restitution of one strike: a body's own, a granule's number, or the granules' ------------------
+_approach = compiled(approach_speed)
+SLOWEST = 1e-300  # m/s: has a logarithm
+
+
+@compiled
+def restitution_of(state, grain, walls, body, nx, ny, wx, wy):
+    """e of the collision with ``body``, whose surface moves with w and has the normal n there."""
+    own = walls.bodies[body, at.BODY_RESTITUTION]
+    if own >= 0.0:
+        return own
+    if grain[at.RESTITUTION] >= 0.0:
+        return grain[at.RESTITUTION]
+    cells = walls.restitution
+    y = math.log10(max(_approach(state[at.VX], state[at.VY], nx, ny, wx, wy), SLOWEST))
+    low, high = 0, cells.shape[0]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if cells[middle, at.CELL_BEGIN] <= y:
+            low = middle
+        else:
+            high = middle
+    w = min(1.0, max(0.0, (y - cells[low, at.CELL_BEGIN]) * cells[low, at.CELL_PER]))
+    e = cells[low, at.CELL_0] + w * (cells[low, at.CELL_1] + w * (cells[low, at.CELL_2] + w * cells[low, at.CELL_3]))
+    return min(1.0, max(0.0, e))
+
+
+# -- The wall's normal as an impact of a granule that is no sphere feels it; the law is in -----------------------------
+_collide, _normals, _turned, _throws_off = (compiled(law) for law in (collide, normal_pair, turned, throws_off))
+
+
+@compiled
+def _is_thrown_off(state, hold, grain, wx, wy, e, friction, angle):
+    """Whether the wall in ``hold`` turned by an angle throws the granule off the wall."""
+    vx, vy, nx, ny = state[at.VX], state[at.VY], hold[at.NX], hold[at.NY]
+    mx, my = _turned(nx, ny, angle)
+    ax, ay, _, _, _ = _collide(
+        vx, vy, state[at.SPIN], mx, my, wx, wy, e, friction, grain[at.MOBILITY], grain[at.RADIUS], grain[at.GIVES_BACK]
+    )
+    return _throws_off(vx, vy, nx, ny, wx, wy, mx, my, ax, ay)
+
+
+@compiled
+def tilted(state, ints, hold, grain, wx, wy, e, friction, seed):
+    """The normal of the wall in ``hold``, which moves with w, turned by the random angle of this impact.
+
+    Its number counts the granule's impacts downward from -1; those of the air's noise count upward (``dispersion``).
+    """
+    nx, ny = hold[at.NX], hold[at.NY]
+    if e == 0.0:
+        return nx, ny
+    xi, _ = _normals(seed, ints[at.STREAM], -1 - ints[at.IMPACTS])
+    angle = grain[at.SCATTER] * xi
+    for _ in range(HALVINGS):
+        if _is_thrown_off(state, hold, grain, wx, wy, e, friction, angle) and _is_thrown_off(
+            state, hold, grain, wx, wy, e, friction, -angle
+        ):
+            return _turned(nx, ny, angle)
+        angle *= 0.5
+    return nx, ny

@@ -1,0 +1,265 @@
+"""From field, bodies and lines to the plain arrays of the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import SceneError, known
+from ..field import FlowField, Swing
+from ..laws.forces import forces as all_forces
+from ..laws.forces.record import Needs
+from ..laws.restitution import Restitution, restitution_table
+from ..laws.turbulence import lifetime
+from .bodies import Body
+from .frame import relative, swing_of
+from .kernel import layout as at
+from .kernel.layout import PackedAir, Walls
+
+# -- From bodies and lines to the plain arrays of the kernel -----------------------------------------------------------
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+INWARDS = -1e-12  # sine of the angle by which an outline turns at a corner: below it inwards, to round-off
+
+
+def pack_walls(
+    bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing | None = None, restitution: Any = None
+) -> Walls:
+    """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings;
+    the granules' ``restitution`` where it is a law.
+    """
+    tables = _Tables([], [], [], [], [], [])
+    for number, body in enumerate(bodies):
+        _add(tables, number, body, swing)
+    width = max((len(row) for row in tables.bodies), default=at.SAMPLES)
+    rows = [row + [0.0] * (width - len(row)) for row in tables.bodies]
+    frame = [0.0] * 4 + relative(None, swing)
+    return Walls(
+        rows_of_floats(tables.edges, 7), rows_of_ints(tables.edge_links, 3),
+        rows_of_floats(tables.vertices, 2), rows_of_ints(tables.vertex_links, 3),
+        rows_of_floats(rows, width), rows_of_ints(tables.members, 6), *lines,
+        rows_of_floats([frame + [0.0] * (at.SAMPLES - len(frame))], at.SAMPLES),
+        restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
+    )  # fmt: skip
+
+
+class _Tables(NamedTuple):
+    """Rows of the tables of ``Walls`` that grow with every body."""
+
+    edges: list[Any]
+    edge_links: list[list[int]]
+    vertices: list[Any]
+    vertex_links: list[list[int]]
+    bodies: list[list[float]]
+    members: list[list[int]]
+
+
+def _add(tables: _Tables, number: int, body: Body, swing: Swing | None) -> None:
+    """Add the rows of one body."""
+    start = body.outline[:-1] if body.open else body.outline
+    end = body.outline[1:] if body.open else np.roll(body.outline, -1, axis=0)
+    along = end - start
+    size = np.hypot(along[:, 0], along[:, 1])
+    direction = along / size[:, None]
+    first_edge, first_vertex = len(tables.edges), len(tables.vertices)
+    at_start, at_end = _add_corners(tables, number, body, direction)
+    for i in range(len(start)):
+        tables.edges.append([*start[i], *end[i], direction[i, 1], -direction[i, 0], size[i]])
+        tables.edge_links.append([number, at_start[i], at_end[i]])
+    low, high = body.outline.min(axis=0), body.outline.max(axis=0)
+    own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
+    tables.bodies.append([*low, *high, *relative(body.motion, swing), *own, *_samples(body)])
+    tables.members.append(
+        [first_edge, len(tables.edges), first_vertex, len(tables.vertices), not body.open, body.capture]
+    )
+
+
+def _add_corners(tables: _Tables, number: int, body: Body, direction: Array) -> tuple[Index, Index]:
+    """Add the convex corners and free ends of a body, whose edges come next, from their directions (m, 2); which one
+    stands at the start and at the end (m,) of each edge, -1: none.
+    """
+    count, first_edge = len(direction), len(tables.edges)
+    at_start, at_end = np.full(count, -1), np.full(count, -1)
+    for i in range(len(body.outline)):
+        before, after = (i - 1, i) if body.open else ((i - 1) % count, i)
+        before, after = (before if before >= 0 else -1), (after if after < count else -1)
+        if before >= 0 and after >= 0:
+            (ax, ay), (bx, by) = direction[before], direction[after]
+            if ax * by - ay * bx < INWARDS:  # a corner that turns inwards is never touched
+                continue
+        place = len(tables.vertices)
+        tables.vertices.append(body.outline[i])
+        links = [before + first_edge if before >= 0 else -1, after + first_edge if after >= 0 else -1]
+        tables.vertex_links.append([number, *links])
+        if before >= 0:
+            at_end[before] = place
+        if after >= 0:
+            at_start[after] = place
+    return at_start, at_end
+
+
+def _samples(body: Body) -> list[float]:
+    """Number of a body's samples, their period, and of each time, displacement, velocity, acceleration, its slope."""
+    record = None if body.motion is None or not body.motion.moves else body.motion.record
+    if record is None:
+        return [0.0, 0.0]
+    slope = np.append(np.diff(record.acceleration) / np.diff(record.time), 0.0)
+    parts = np.stack([record.displacement, record.velocity, record.acceleration, slope], axis=1) / record.reach
+    table = np.concatenate([record.time[:, None], parts], axis=1)
+    return [float(len(table)), record.period, *table.ravel().tolist()]
+
+
+def rows_of_floats(rows: Sequence[object], width: int) -> Array:
+    """Rows of ``width`` numbers as a contiguous array, also where there are none."""
+    return np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(len(rows), width))
+
+
+def rows_of_ints(rows: Sequence[object], width: int) -> Index:
+    """Rows of ``width`` whole numbers as a contiguous array, also where there are none."""
+    return np.ascontiguousarray(np.array(rows, dtype=np.int64).reshape(len(rows), width))
+
+
+def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
+    """Segments (K, 4) of polylines and the polyline each belongs to."""
+    segments, owner = [], []
+    for number, line in enumerate(lines):
+        points = np.asarray(line, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.all(np.isfinite(points)):
+            raise SceneError(f"line {number}: shape {points.shape}, expected at least two finite points (k, 2)")
+        for a, b in pairwise(points):
+            if np.array_equal(a, b):
+                raise SceneError(f"line {number}: two points that follow each other are equal")
+            segments.append([*a, *b])
+            owner.append(number)
+    return rows_of_floats(segments, 4), np.array(owner, dtype=np.int64)
+
+
+# -- From a field to the plain arrays of the kernel --------------------------------------------------------------------
+NODES = 128  # of which splines are made at a time: they fit into a core's cache
+LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
+
+
+def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
+    """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by
+    it.
+    """
+    if field is None:
+        empty = np.zeros((0, 3), dtype=np.int64)
+        nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), np.zeros(4))
+        return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
+    first = field.points[field.triangles[:, 0]]
+    geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
+    swing = swing_of(field)
+    flat = swing is None and field.coefficients is None
+    values, smooth = (_values(field, forces), np.zeros(3)) if flat else _smooth(field, forces, swing)
+    neighbours = field.neighbours.copy()
+    covered = _covered(field, neighbours, bodies, reach)
+    times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
+    return PackedAir(
+        np.ascontiguousarray(geometry),
+        np.array(field.triangles),
+        neighbours,
+        values,
+        np.array(times, dtype=np.float64),
+        np.array([field.period or 0.0]),
+        covered,
+        smooth,
+        np.array(swing or (0.0,) * 4, dtype=np.float64),
+    )
+
+
+def _needed(need: Needs, forces: Sequence[str]) -> bool:
+    """Whether one of the forces needs a field with pressure or turbulence."""
+    return any(all_forces[name].needs == need for name in forces)
+
+
+def _width(forces: Sequence[str]) -> int:
+    """How many quantities of the air are needed: velocity, pressure gradient, deviation and lifetime of the eddies."""
+    return 6 if _needed("turbulence", forces) else (4 if _needed("pressure", forces) else 2)
+
+
+def _eddies(field: FlowField) -> tuple[Array, Array]:
+    """Deviation m/s and lifetime s of the eddies (.., N)."""
+    k = np.maximum(known(field.k), 0.0)
+    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(known(field.dissipation), 0.0)), LONGEST_LIFE)
+
+
+def _values(field: FlowField, forces: Sequence[str]) -> Array:
+    """Nodal values (T, N, 2 to 6) of a steady field or of snapshots."""
+    lead = field.velocity.shape[:-1]
+    values = np.zeros((*lead, _width(forces)))
+    values[..., :2] = field.velocity
+    if _needed("pressure", forces):
+        values[..., 2:4] = field.pressure_gradient
+    if _needed("turbulence", forces):
+        values[..., 4], values[..., 5] = _eddies(field)
+    return values if field.times is not None else values[None]
+
+
+def _smooth(field: FlowField, forces: Sequence[str], swing: Swing | None) -> tuple[Array, Array]:
+    """Spline coefficients by nodes (N, knots + 3, 2 to 6), the last knot's first, and the knots: first, per s, number.
+
+    A steady field on a mesh that swings is one whose knots are all alike. Deviation and lifetime of the eddies, which
+    must not become negative, take the values at the knots for coefficients (Schoenberg's variation diminishing splines,
+    second-order accurate).
+    """
+    if field.times is None:
+        assert swing is not None
+        same = np.repeat(_values(field, forces), 7, axis=0)
+        return np.ascontiguousarray(np.swapaxes(same, 0, 1)), np.array([0.0, 4 * swing.omega / (2 * np.pi), 4.0])
+    if field.coefficients is None:
+        raise SceneError("a field of snapshots on a moving mesh must be compressed first: field.compressed()")
+    knots, count = len(field.times), len(field.points)
+    around = np.arange(-1, knots + 2) % knots
+    shares = field.coefficients[around]
+    values = np.zeros((count, len(around), _width(forces)))
+    vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
+    eddies: tuple[Array, ...] = ()
+    if _needed("turbulence", forces):
+        eddies = _eddies(replace(field, pressure=None, given_gradient=None).snapshots())
+    for low in range(0, count, NODES):
+        part = slice(low, low + NODES)
+        for place, parts in enumerate(vectors):
+            assert parts is not None
+            drawn = (shares @ parts[:, part].reshape(len(parts), -1)).reshape(len(around), -1, 2)
+            values[part, :, 2 * place : 2 * place + 2] = np.swapaxes(drawn, 0, 1)
+        for place, scalar in enumerate(eddies, 4):
+            values[part, :, place] = scalar[around, part].T
+    return values, np.array([field.times[0], knots / known(field.period), knots])
+
+
+def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach: float) -> Index:
+    """Covered boundary edges (C, 4) in order along the boundary; marks them in ``neighbours``."""
+    triangle, edge = np.nonzero(neighbours < 0)
+    start = field.triangles[triangle, (edge + 1) % 3]
+    end = field.triangles[triangle, (edge + 2) % 3]
+    nodes, place = np.unique(np.concatenate([start, end]), return_inverse=True)
+    near = np.zeros((len(bodies) + 1, len(nodes)), dtype=bool)
+    for number, body in enumerate(bodies):
+        near[number] = _distance(body, field.points[nodes]) <= reach
+    both = (near[:, place[: len(start)]] & near[:, place[len(start) :]]).any(axis=0)
+    triangle, edge, start, end = triangle[both], edge[both], start[both], end[both]
+    place = np.arange(len(start))
+    neighbours[triangle, edge] = -2 - place
+    from_node = dict(zip(start.tolist(), place.tolist(), strict=True))
+    to_node = dict(zip(end.tolist(), place.tolist(), strict=True))
+    before = [to_node.get(node, -1) for node in start.tolist()]
+    after = [from_node.get(node, -1) for node in end.tolist()]
+    return rows_of_ints(list(zip(triangle.tolist(), edge.tolist(), before, after, strict=True)), 4)
+
+
+def _distance(body: Body, points: Array) -> Array:
+    """Distance (n,) of points from a body's outline at rest."""
+    start = body.outline[:-1] if body.open else body.outline
+    end = body.outline[1:] if body.open else np.roll(body.outline, -1, axis=0)
+    least = np.full(len(points), np.inf)
+    for a, b in zip(start, end, strict=True):
+        along = b - a
+        w = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
+        least = np.minimum(least, np.linalg.norm(points - a - w[:, None] * along, axis=1))
+    return least
