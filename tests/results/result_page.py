@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
 from enum import Enum
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from wakeflow.answer.result import Result
@@ -63,7 +64,7 @@ def rows(kind: type) -> list[tuple[str, str, str, str]]:
 
 def section(kind: type) -> str:
     """A section of the page."""
-    about = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+    about = fill(" ".join((kind.__doc__ or "").split("\n\n")[0].split()).replace("``", "`"), 120)
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows(kind))
     return f"### {kind.__name__}\n\n{about}\n\n| key | type | unit | meaning |\n|---|---|---|---|\n{table}\n"
 
