@@ -118,8 +118,8 @@ def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:
     ("change", "words"),
     [
         ({"schema": None}, "schema: is null, must have a value"),
-        ({"sparkle": 1}, "sparkle is not known to this version"),
-        ({"seconds": {"tracks": {"seconds": 1.0}}}, r"seconds\.tracks: cached is missing"),
+        ({"sparkle": 1}, "sparkle: is not known to this version"),
+        ({"seconds": {"tracks": {"seconds": 1.0}}}, r"seconds\.tracks\.cached: is missing"),
     ],
 )
 def test_what_is_no_result_is_named(finished: Result, change: dict[str, object], words: str) -> None:
