@@ -161,10 +161,6 @@ def _answer(question: bytes) -> tuple[bool, Any]:
         return False, (f"{type(problem).__name__}: {problem}", traceback.format_exc())
 
 
-if __name__ == "__main__":
-    _serve(int(sys.argv[1]))
-
-
 # -- Workers on other machines: an executor over a Dask cluster, whose tasks run as those of ---------------------------
 RANKS = "ranks"  # Dask's abstract resource: the MPI processes that a worker has cores for
 PATIENCE = 20.0  # s for a scheduler to answer
@@ -322,3 +318,7 @@ def _end_here(place: TaskPlace) -> None:
     """On a Dask worker: end the processes that work in ``place``, whatever they do."""
     if own := _here.pop(place, None):
         own.end()
+
+
+if __name__ == "__main__":
+    _serve(int(sys.argv[1]))
