@@ -23,10 +23,10 @@ from wakeflow.foam.span_means import span_means
 from wakeflow.foam.span_measure import PLANE_BELOW
 from wakeflow.foam.span_record import apart, des_dissipation
 from wakeflow.foam.span_run import layer_map, make_periodic, record_ends, span_modes
+from wakeflow.laws import span as span_module
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.span import Span
 from wakeflow.meshing import plan_mesh
-from wakeflow.planning import wake as span_module
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.wake import cost_of
 from wakeflow.scene import Scene

@@ -16,6 +16,7 @@ import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import Store, content_key
 from wakeflow.field import FlowField
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.airflow_kinds import AirflowKind, airflow_kinds
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
@@ -46,10 +47,10 @@ class UniformAir(AirflowKind):
         )
         return key, field
 
-    def make_table(self) -> dict[str, Any]:
+    def make_table(self) -> Airflow:
         rate = self.scene.air.speed * self.scene.channel.width
         known = {"turbulence": "laminar", "verdict": "uniform", "reynolds": self.scene.reynolds}
-        return {**known, "pressure_drop": 0.0, "flow_rate": rate}
+        return Airflow(**known, pressure_drop=0.0, flow_rate=rate)
 
     def unknown_parts(self) -> tuple[str, ...]:
         return ("airflow-model",)

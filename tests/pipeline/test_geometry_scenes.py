@@ -16,6 +16,7 @@ import pytest
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import area, distance_between, distance_to, edges, is_simple, is_symmetric, rounded
+from wakeflow.core.record import to_json
 from wakeflow.laws.shape import shapes
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.tracks import bodies_and_walls, end_lines
@@ -278,12 +279,12 @@ class TestGivenCase:
         assert (given.plan.rung, given.plan.airflow.turbulence) == ("given", "laminar")
         assert any("neither mesh nor solver runs" in line for line in given.plan.used)
         one, other = own.airflow, given.airflow
-        assert other["verdict"] == "given"
-        assert other["cd"]["value"] == pytest.approx(one["cd"]["value"], rel=0.01)
-        assert other["cp_base"]["value"] == pytest.approx(one["cp_base"]["value"])
+        assert other.verdict == "given"
+        assert other.cd.value == pytest.approx(one.cd.value, rel=0.01)
+        assert other.cp_base.value == pytest.approx(one.cp_base.value)
         for key in ("cp_front", "p_inlet", "pressure_drop", "flow_rate", "reynolds"):
-            assert other[key] == pytest.approx(one[key], rel=1e-9)
-        assert other["suction"] == pytest.approx(one["suction"])
+            assert getattr(other, key) == pytest.approx(getattr(one, key), rel=1e-9)
+        assert to_json(other.suction) == pytest.approx(to_json(one.suction))
         np.testing.assert_array_equal(given.field[1].velocity, own.field[1].velocity)
         for name in scene.fraction:
             assert given.plan.fractions[name].forces == own.plan.fractions[name].forces

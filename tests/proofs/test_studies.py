@@ -72,7 +72,7 @@ def test_plan_times() -> None:
     rows = study("plan_times", "vacuum", "vacuum", "--rung", "none", "--count", 16, "--stages")
     assert [row["scene"] for row in rows] == ["vacuum", "vacuum"]
     assert all(0.1 < row["by_new"] < 10.0 and 0.1 < row["by_learned"] < 10.0 for row in rows)
-    assert set(rows[0]["spent"]) >= {"tracks", "companion", "report"}
+    assert {stage.name for stage in rows[0]["stages"]} >= {"tracks", "companion", "report"}
 
 
 def test_target_error(capsys: pytest.CaptureFixture[str]) -> None:

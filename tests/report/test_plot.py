@@ -163,7 +163,7 @@ def test_frames_are_plain_arrays_without_pandas(result: wf.Result, monkeypatch: 
     table: dict[str, Any] = result.frame()
     assert list(table) == ["fraction", "bin", "share", "low", "high", "target"]
     for name, place, share, low, high in zip(*(table[head] for head in list(table)[:5]), strict=True):
-        assert (share, low, high) == result.share(name, place)
+        assert [share, low, high] == [*result.share(name, place)]
     assert {(n, p) for n, p, t in zip(table["fraction"], table["bin"], table["target"], strict=True) if t} == {
         (name, place) for name in result.scene["fraction"] for place in result.targets(name)
     }
@@ -209,7 +209,7 @@ def test_recovery_and_purity_are_those_of_the_table(result: wf.Result) -> None:
         (result.recovery(first), table["recovery"][first]),
         (result.purity("near", first), table["purity"]["near"][first]),
     ):
-        assert found == (row["value"], row["low"], row["high"])
+        assert [*found] == [row["value"], row["low"], row["high"]]
     tables = shipped("vacuum", {"feed.count": 32}).tables()
     del tables["fraction"][first]["target"]
     chained = wf.chain(wf.Scene.parse(tables))

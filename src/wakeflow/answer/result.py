@@ -275,7 +275,7 @@ def _in_percent(name: str, one: Number) -> str:
     return f"{name} {100 * one.value:.1f}{ends} %"
 
 
-accessors: Registry[Callable[[Result], Any]] = Registry("view of a result")  # filled by the layers that make them
+accessors: Registry[Callable[[Result], Any]] = Registry("view of a result", home="wakeflow.report.views")
 
 
 def _read(folder: Path | str) -> Any:
