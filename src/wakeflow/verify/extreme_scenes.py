@@ -46,7 +46,7 @@ def happened_in(scene: Scene, result: Result, error: float | None, note: str = "
     whole = np.allclose(numbers[..., 0].sum(axis=1), 1.0, atol=1e-9)
     finite = bool(np.isfinite(numbers).all() and whole)
     seconds = sum(stage.seconds for name, stage in result.seconds.items() if name != str(COMPILED))
-    return Happened(fed * len(scene.fraction), +fates, finite, error, None, seconds, note)
+    return Happened(fed * len(scene.fraction), dict(+fates), finite, error, None, seconds, note)
 
 
 def run_in(name: str, scene: Scene, **options: Any) -> Result:
