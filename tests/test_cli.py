@@ -188,7 +188,7 @@ def test_a_vacuum_is_not_told_to_resolve_a_wake(tmp_path: Path, capsys: pytest.C
     command = ["run", str(CASES / "vacuum.toml"), "--set", "feed.count=256", "--out", str(tmp_path)]
     assert main(command) == 0
     told = capsys.readouterr().out
-    assert "hangs most on" in told
+    assert "depends most on" in told
     assert "Measure these" in told
     assert "3d" not in told
 

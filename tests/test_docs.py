@@ -1,4 +1,7 @@
-"""What the documents name is there: files, modules, public names, anchors, commands that the command line parses."""
+"""What the documents name is there: files, modules, public names, anchors, commands that the command line parses.
+
+Their sentences use plain words: subject, verb, object, and no idiom that only this program uses.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,22 @@ TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path be
 PRODUCED = ("runs/", "figures/", "cases/template/turbulence-models/")  # what a run writes, or an example would add
 SUFFIXES = (".py", ".toml", ".sh", ".j2", ".liggghts")
 COMMAND = re.compile(r"(?:^|\.venv/bin/)wakeflow (?=[a-z-])")
+
+# What a reader whose first language is not English stumbles over, and what to write instead
+BANNED_IN_SOURCES = {
+    r"\bhang(?:s|ing)? (?:most )?on\b": "depends on",
+    r"\bstands? beside\b": "is next to",
+    r"\bwhat it is at\b": "what it does",
+    r"\bof its own accord\b": "by itself",
+    r"\bthe house\b": "the package",
+}
+BANNED = BANNED_IN_SOURCES | {
+    r"\bbeside\b": "next to, compared with, in addition to",
+    r"\b(?:is|are|was|were) told\b": "is reported",
+    r"\b(?:stands?|stood) (?:in|for|at|with|behind|between|still)\b": "is, represents, does not change",
+    r"\bof (?:its|their) own\b": "separate",
+    r"^\W*(?:Known|Mended)\.": "a whole sentence",
+}
 
 page = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 
@@ -138,6 +157,42 @@ def test_prose_is_wrapped(page: Path) -> None:
     text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
     lines = [line for line in text.splitlines() if not line.startswith(("|", "<", "    ")) and "](" not in line]
     assert not [line for line in lines if len(line) > 120]
+
+
+def _prose(text: str) -> str:
+    """The running text, in one line a paragraph or item: no code, heading, row of a table or address of a link."""
+    text = re.sub(r"^(?:```.*?^```|[#|].*?$|    .*?$)", "", text, flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"\]\([^)]*\)|`[^`]*`", "", text)
+    return re.sub(r"\n(?!\n| *- )", " ", text)
+
+
+def _unclear(text: str, banned: dict[str, str]) -> list[str]:
+    """Every banned fragment in a text, with the words round it and what to write instead."""
+    return [
+        f"{text[max(0, hit.start() - 40) : hit.end() + 20].strip()!r}: write {instead}"
+        for pattern, instead in banned.items()
+        for hit in re.finditer(pattern, text, re.IGNORECASE | re.MULTILINE)
+    ]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda path: path.name)
+def test_sentences_use_plain_words(page: Path) -> None:
+    assert _unclear(_prose(page.read_text()), BANNED) == []
+
+
+def test_messages_and_docstrings_use_plain_words() -> None:
+    found = []
+    for file in sorted(SOURCE.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                text = " ".join(node.value.split())
+                found += [f"{file.name}: {one}" for one in _unclear(text, BANNED_IN_SOURCES)]
+    assert found == []
+
+
+@pytest.mark.parametrize("text", ["The share hangs\nmost on it.", "*Known.* It is so.", "Beside it lies another."])
+def test_an_unclear_sentence_is_found(text: str) -> None:
+    assert len(_unclear(_prose(text), BANNED)) == 1
 
 
 def test_help_begins_with_a_screen_and_shows_no_addresses() -> None:

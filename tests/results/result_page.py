@@ -56,7 +56,7 @@ def rows(kind: type) -> list[tuple[str, str, str, str]]:
     """(key, type, unit, meaning) of every key of a record type, as the page says them."""
     found = []
     for column in columns(kind):
-        key = "*its keys stand here*" if column.flat else f"`{column.key}`"
+        key = "*its keys are here*" if column.flat else f"`{column.key}`"
         kind_word = word(column.kind).removesuffix(" or null") if column.absent or column.flat else word(column.kind)
         found.append((key, kind_word, column.unit or "–", column.meaning))
     return found

@@ -42,7 +42,7 @@ WIDE = 1.0  # body widths: an air that is left out and could move a fraction so 
 
 @dataclass(frozen=True)
 class Request:
-    """How the run was asked for, beside its scene."""
+    """How the run was asked for: all options that are not in its scene."""
 
     until: str | None = column("", "the last stage; null for all")
     rung: str | None = column("", "instead of the scene's own; null for that")

@@ -163,7 +163,7 @@ class BudgetPart:
         "1", "of the mesh: what a finite number of sheddings makes of it; else left out", absent=True, default=None
     )
     note: str | None = column(
-        "", "what stands behind the error; left out where nothing does", absent=True, default=None
+        "", "how the error is known; left out where nothing does", absent=True, default=None
     )
 
 
@@ -237,7 +237,7 @@ class InputSummary(Number):
 class LandingResults:
     """What the landings of all granules amount to."""
 
-    separation: Separation = column("", "the answer: with the granules' collisions where `slab` stands")
+    separation: Separation = column("", "the answer: with the granules' collisions where there is a `slab`")
     bracket: dict[str, dict[str, dict[str, float]]] | None = column(
         "1",
         "share by fraction, bin and wake, each granule alone, the answer's own wake last; null where the wakes are "

@@ -137,7 +137,7 @@ def measure_next(result: Result) -> list[str]:
         known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM and part.tells][:MOST_TOLD]
         if known:
             inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
-            told.append(f"{name} in {place} hangs most on (points each): {inputs}")
+            told.append(f"{name} in {place} depends most on (points each): {inputs}")
             wake |= any(key.startswith("wake.") for key, _ in known)
     return [*told, f"{NEXT}; {NEXT_OF_WAKE}." if wake else f"{NEXT}."] if told else []
 

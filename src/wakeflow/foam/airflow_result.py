@@ -144,7 +144,7 @@ class AirflowResult:
     mesh: CheckMesh | None = column("", "how good the cells are", default=None)
     statistics: RunStatistics | None = column("", "of a time-resolved run", default=None)
     notes: tuple[str, ...] | None = column("", "what a reader must know of the solution", default=None)
-    cd_of: dict[str, float] | None = column("1", "each body's part of cd, where several stand", default=None)
+    cd_of: dict[str, float] | None = column("1", "each body's part of cd, where there are several", default=None)
     settings: str | None = column("", "the solver's settings that served", default=None)
     attempts: tuple[Attempt, ...] | None = column("", "solutions that failed before", default=None)
     checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)

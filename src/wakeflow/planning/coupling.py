@@ -38,10 +38,10 @@ ELGHOBASHI = "Elghobashi 1994, Appl. Sci. Res. 52, 309"
 
 @dataclass(frozen=True)
 class Limit:
-    """A number that grows with the feed rate, and up to where what it stands for holds."""
+    """A number that grows with the feed rate, and the feed rate up to which its assumption holds."""
 
     name: str = column("", "name of the number")
-    about: str = column("", "what it stands for")
+    about: str = column("", "which assumption it checks")
     value: Most = column("1", "the number; null where it has no bound")
     limit: float | None = column("1", "up to where it holds; null for a scale without limit")
     feed_rate: Most | None = column("kg/h", "feed that reaches the limit")

@@ -195,5 +195,5 @@ def crowd_lines(crowd: CrowdPlan) -> Iterator[str]:
         f"of the slab {crowd.replicates} replicates, each {crowd.start_up:.2g} s to start up and "
         f"{crowd.operation:.2g} s counted; about {crowd.seconds:.0f} s on two cores, "
         f"{crowd.memory / 1e6:.0f} MB; the answer is the one with "
-        "collisions, the one without stands beside it"
+        "collisions, the one without is next to it"
     )

@@ -48,7 +48,7 @@ class Scaling(Enum):
 @dataclass(frozen=True)
 class StageCost:
     """What a stage is expected to take: its ``name`` as a run's listener hears it, ``seconds`` each of the ``times``
-    that it is done, and ``when``: first, in the answer's own airflow, beside that on another core, or after it.
+    that it is done, and ``when``: first, in the answer's own airflow, at the same time on another core, or after it.
     """
 
     ORDER: ClassVar[tuple[str, ...]] = ("first", "answer", "beside", "after")

@@ -94,7 +94,7 @@ def report_files(folder: Path) -> list[Path]:
 
 
 def clear_report(folder: Path, *, film: bool = True) -> None:
-    """Remove what an earlier report left here, so that nothing of another scene stands beside the new one; without
+    """Remove what an earlier report left here, so that nothing of another scene is next to the new one; without
     ``film`` the one that was made of the same answer stays.
     """
     from . import pictures

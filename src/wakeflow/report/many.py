@@ -77,7 +77,7 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
     """Draw quantities over the input ``key``, with whiskers for their 95 % intervals: a panel each kind of quantity, a
     line each combination of the other inputs, or points alone where these are many. The lines of a panel are moved a
-    little along x, so that the whiskers of one value stand beside each other.
+    little along x, so that the whiskers of one value are next to each other.
 
     Raises SceneError where a quantity or the input is not in the table.
     """

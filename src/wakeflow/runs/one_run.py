@@ -51,7 +51,7 @@ def run(
 
     ``until`` stops after "funnel", "mesh", "airflow" or "tracks" (no separation then); ``rung``, ``force`` and
     ``target_error`` override the plan (``planning.make_plan``); ``workers`` threads track. The steady airflow is solved
-    on from that of the run in the folder ``near``, whatever its mesh, speed or size, else from rest; the answer hangs
+    on from that of the run in the folder ``near``, whatever its mesh, speed or size, else from rest; the answer depends
     on it within what it may move once it counts as steady, and is kept apart. With a ``target_error`` the
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
     (:mod:`wakeflow.refining`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a

@@ -1,7 +1,7 @@
 """The rounds of a run with a target error, and what no setting brings there.
 
 The target is met when every bin share's half width by computing alone is below it: what the scene does not say exactly
-no computing time makes known. The total stands beside it, with what to measure for it to meet the target as well.
+no computing time makes known. The total is next to it, with what to measure for it to meet the target as well.
 Every round is a whole run, whose stages come from the cache where an earlier round, or an interrupted run, made them.
 """
 

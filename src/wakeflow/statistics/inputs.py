@@ -213,7 +213,7 @@ class InputMove:
 
     @property
     def is_part(self) -> bool:
-        """Whether the quantity is a part of a whole, whose changes are told in percentage points."""
+        """Whether the quantity is a part of a whole, whose changes are reported in percentage points."""
         return self.measure == "1" and is_part(self.quantity)
 
     @property

@@ -155,7 +155,7 @@ def draw_residence(
 ) -> Axes:
     """Draw of each fraction the share of its drawn tracks that stay longer in the suction zone than the time along the
     axis; in words the share that comes through it, and their median time with its 95 % interval. A zone from wall to
-    wall is told: every granule crosses it, so that a long time may be a slow fall and no stay behind the body.
+    wall is reported: every granule crosses it, so that a long time may be a slow fall and no stay behind the body.
     """
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)

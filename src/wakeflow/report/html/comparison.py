@@ -77,7 +77,7 @@ def _input(key: str, entry: Entry) -> str:
 
 
 def _rows(table: ResultTable, differences: Sequence[Difference]) -> list[_Row]:
-    """The quantities that are told, in the order of the table; those that are zero in every run are left out."""
+    """The quantities that are reported, in the order of the table; those that are zero in every run are left out."""
     found: dict[str, dict[str, Difference]] = {}
     for one in differences:
         found.setdefault(one.quantity, {})[one.scene] = one

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ...answer.result import Result
     from ..outcome import Outcome
 
-SKETCH = "sketch"  # the figure that stands beside the machine's measures
+SKETCH = "sketch"  # the figure next to the machine's measures
 MOST_MOVED = 3  # shares that are told of a number
 LONG = 1.75  # width over height of a picture that takes the page's whole width
 TALL = 0.8  # of one that takes a sheet's whole height
@@ -115,7 +115,7 @@ def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[
 
 
 def page_template(name: str) -> Any:
-    """A template of this package, with the words of the house as its filters."""
+    """A template of this package, with the package's words as its filters."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
