@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.report import Column, Report, Table, Tell
-from proofs.rows import Interval, mean_interval, plus_minus
+from proofs.report import Column, Interval, Report, Table, Tell, mean_interval, plus_minus
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.scene import RESERVED_BIN, Scene
 from wakeflow.statistics.separation import share_interval
