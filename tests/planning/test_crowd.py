@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from proofs.report import Row
-from proofs.studies import crowding
+from proofs.studies import collisions
 from support import G, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.planning.coupling import INDEPENDENT
@@ -236,17 +236,17 @@ IDLE = 30.0  # how many times what it bounds a bound may be
 
 
 def test_estimate_and_bound_hold_in_a_vacuum() -> None:
-    _hold(list(crowding.rows("vacuum", rates=(200.0,), count=128)))
+    _hold(list(collisions.bound_rows("vacuum", rates=(200.0,), count=128)))
 
 
 @pytest.mark.slow
 @pytest.mark.openfoam
 @pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth"])
 def test_estimate_and_bound_hold_in_three_scenes(name: str) -> None:
-    """Of tests/proofs/studies/crowding.py, which prints the table of docs/validation.md. In the prism's wake the air
+    """Of tests/proofs/studies/collisions.py, which prints the table of docs/validation.md. In the prism's wake the air
     carries dust through the curtain, which the estimate leaves out; there the bound on shares alone is held.
     """
-    _hold(list(crowding.rows(name)), carried="dust" if name == "prism" else None)
+    _hold(list(collisions.bound_rows(name)), carried="dust" if name == "prism" else None)
 
 
 def _hold(rows: list[Row], *, carried: str | None = None) -> None:

@@ -12,8 +12,8 @@ import pytest
 import wakeflow as wf
 from proofs.crowd import clouds, liggghts, report
 from proofs.crowd.cooling import Gas, cooling_coefficients
-from proofs.crowd.machine import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
-from proofs.rows import mean_interval
+from proofs.crowd.liggghts import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
+from proofs.report import mean_interval
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.verify import runner

@@ -14,9 +14,8 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.statistics.separation import separate
-from wakeflow.verify import peer_chain, runner
-from wakeflow.verify.peer_chain import PEER, peer_rows, why_no_peer
-from wakeflow.verify.scene_curves import LED, TARGETS, run_curves
+from wakeflow.verify import runner, scene_curves
+from wakeflow.verify.scene_curves import LED, PEER, TARGETS, peer_rows, run_curves, why_no_peer
 
 
 def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
@@ -45,7 +44,7 @@ def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
 @pytest.mark.openfoam
 def test_the_peer_answers_beside_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Heavy grain without scatter flies as it does there; the rest of the truth is left out."""
-    monkeypatch.setattr(peer_chain, "COUNTS", (64,))
+    monkeypatch.setattr(scene_curves, "COUNTS", (64,))
     scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "numerics.rung": "draft"})
     plain = scene.replace({f"fraction.{name}.impact": "paper" for name in scene.fraction})
     alone = make_plan(plain, force={"collisions": False, "air-loading": False})

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from proofs.report import cell
-from proofs.studies import air_loading, impaction, rebound, search_gain, target_error, throughput
+from proofs.studies import bounds, collisions, laws, search_gain, target_error
 from proofs.studies.__main__ import app
 from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
@@ -40,7 +40,7 @@ def test_every_study_is_tried() -> None:
         (["crowd_speed", 60], "{forces}", ["drag, gravity", "all four"]),
         (["injection_or_resolved", 64, CASES / "vacuum.toml"], "{fraction}", ["soft", "hard"]),
         pytest.param(
-            ["impaction", 3, "--quick"], "{body}", [next(iter(impaction.BODIES)), "K = tau v / h"],
+            ["impaction", 3, "--quick"], "{body}", [next(iter(bounds.BODIES)), "K = tau v / h"],
             marks=pytest.mark.openfoam,
         ),
         pytest.param(
@@ -88,14 +88,14 @@ def test_target_error(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_throughput(tmp_path: Path) -> None:
     found = study("throughput", tmp_path / "throughput.png", "--scene", "vacuum", "--quick")["vacuum"]
-    assert [row["rate"] for row in found] == [0.0, *throughput.RATES[1::2]]
+    assert [row["rate"] for row in found] == [0.0, *collisions.FEED_RATES[1::2]]
     few, many = (row["hard"]["meetings"] for row in found[1:])
     assert 0.0 < few < many
     assert (tmp_path / "throughput.png").stat().st_size > 0
 
 
 def test_the_cylinder_of_impaction() -> None:
-    for row in impaction.cylinder():
+    for row in bounds.cylinder():
         assert row["plan"] == pytest.approx(row["exact"], abs=0.02)
 
 
@@ -103,7 +103,7 @@ def test_the_cylinder_of_impaction() -> None:
 @pytest.mark.openfoam
 def test_air_loading() -> None:
     """The scene "air_loading" of tests/pipeline/test_air_loading.py, whose airflow is in the cache."""
-    passes, answers = air_loading.tables(loaded_scene(), force={"basset-history": False})
+    passes, answers = laws.tables(loaded_scene(), force={"basset-history": False})
     assert [row["number"] for row in passes] == list(range(len(passes)))
     assert passes[0]["force"] == 0.0
     assert all(row["force"] > 0.0 for row in passes[1:])  # on the air, against its flow
@@ -132,9 +132,9 @@ def test_kernel_speed() -> None:
 def test_rebound() -> None:
     """Every part alone, and all of them, on the paper's granules in a vacuum: scatter alone moves wheat."""
     rows = {row["percent"]: row for row in study("rebound", "--count", 256)}
-    assert list(rows) == list(rebound.ROWS)
+    assert list(rows) == list(laws.ROWS)
     assert rows["scatter by shape"]["wheat, outer"] != rows["the paper's point mass"]["wheat, outer"]
-    paper = rebound.scene_of(shipped("rhombus"), rebound.ROWS["the paper's point mass"])
+    paper = laws.scene_of(shipped("rhombus"), laws.ROWS["the paper's point mass"])
     assert not any(fraction.varies for fraction in paper.fraction.values())
 
 
@@ -149,7 +149,7 @@ def test_search_gain() -> None:
 @pytest.mark.slow
 @pytest.mark.openfoam
 def test_sweeps_from_neighbours(tmp_path: Path) -> None:
-    from proofs.studies.sweep_speed import neighbours
+    from proofs.studies.costs import neighbours
 
     (row,) = neighbours(tiny=True)
     assert row["speed"] == 5.5

@@ -14,7 +14,6 @@ from ..funnel.delivered import FunnelSummary
 from ..pipeline.airflow import Airflow, GridStudy, ResidenceTimes, WakeEnds
 from ..pipeline.pipeline import Pipeline
 from ..scene import OVER_THE_TOP, Scene
-from ..tracking import Fate
 from .shares import CrowdSummary
 
 if TYPE_CHECKING:
@@ -89,7 +88,7 @@ def _out_of_the_top(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
             yield information(
                 f"{name}: {mass[over].sum():.2g} of it {how}, counted as {OVER_THE_TOP}; a lower air.speed keeps it in"
             )
-        gone = (landing.bin < 0) & (landing.fate == Fate.ESCAPED) & (landing.position[:, 1] > scene.level)
+        gone = (landing.bin < 0) & landing.escaped & (landing.position[:, 1] > scene.level)
         if (share := float(mass[gone].sum())) > 0.0:
             yield less_sure(f"{name}: {share:.2g} of it {how} and counts as elsewhere; {mend}")
 
@@ -113,7 +112,8 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
         yield information(
             "the wake sheds irregularly: the few periods of the loop are a small sample, which the intervals hold"
         )
-    yield from _solver_notices(airflow)
+    if (safer := airflow.safer_settings) is not None:
+        yield less_sure(safer)
     yield from map(less_sure, notes)
     if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
         yield less_sure(
@@ -131,14 +131,6 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
             f"the air is computed in a longer channel, y from {1e3 * spec.bottom:.0f} to {1e3 * spec.top:.0f} mm, so "
             "that inlet and outlet do not touch the wake"
         )
-
-
-def _solver_notices(airflow: Airflow) -> Iterator[Notice]:
-    """Which settings served."""
-    from ..foam.ladder import warning
-
-    if (safer := warning(airflow.settings or "normal", airflow.attempts or ())) is not None:
-        yield less_sure(safer)
 
 
 # -- What is known of an airflow, with what other grids and the near wake's dust say of it -----------------------------

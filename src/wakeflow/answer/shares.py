@@ -12,10 +12,9 @@ from ..core.errors import SceneError, known
 from ..core.number import Number
 from ..core.record import column
 from ..core.registry import did_you_mean
-from ..pipeline.landings import Landings
+from ..pipeline.landings import Landings, fates_of
 from ..pipeline.slab import SlabFound
 from ..planning.plan import Plan
-from ..tracking import Fate
 
 
 # -- The slab in which granules meet: the ``slab`` table of result.json ------------------------------------------------
@@ -47,10 +46,7 @@ def crowd_of(plan: Plan, crowd: SlabFound) -> CrowdSummary:
         granules={name: len(found.bin) for name, found in landings.items()},
         tracers=dict(known(plan.crowd).tracers),
         meetings={name: _mean_meetings(found) for name, found in landings.items()},
-        fates={
-            name: {fate.name.lower(): int(np.sum(found.fate == fate)) for fate in Fate}
-            for name, found in landings.items()
-        },
+        fates={name: fates_of(found.fate) for name, found in landings.items()},
         step=crowd.step,
         step_error=None if np.isnan(crowd.step_error) else crowd.step_error,
         jammed=crowd.jammed,

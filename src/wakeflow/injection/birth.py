@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..laws.restitution import Restitution
-from ..laws.size import normal_quantile
 from ..planning.plan import REPLICATES, replicate_size
 from ..planning.variation import GranuleVariation
 from ..tracking import Granules
@@ -48,16 +47,6 @@ def traits_of(name: str, count: int, seed: int, replicates: Sequence[int]) -> Ar
 @lru_cache(maxsize=64)  # a search flies the same granules through many scenes
 def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
     return _points(name, size, seed, replicate, dimensions)
-
-
-def normal_points(dimensions: int, count: int, *seed: int) -> Array:
-    """Points (count, dimensions) of independent standard normal numbers, scrambled Sobol's."""
-    from scipy.stats import qmc
-
-    if not dimensions:
-        return np.zeros((count, 0))
-    points = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed)).random(count)
-    return np.asarray(normal_quantile(np.clip(points, ROUND_OFF, 1.0 - ROUND_OFF)), dtype=float)
 
 
 def _points(name: str, size: int, seed: int, replicate: int, dimensions: int, *apart: int) -> Array:

@@ -22,6 +22,7 @@ from ..core.registry import Registry
 Array = NDArray[np.float64]
 sizes: Registry[Callable[..., Array]] = Registry("size distribution")
 normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the plan asks too, and must not load scipy
+QUANTILE_ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1, where a distribution may be infinite
 
 
 def within(p: Array, *, mean: float, std: float, low: float = -math.inf, high: float = math.inf) -> Array:
@@ -115,3 +116,13 @@ def table(p: Array, *, diameters: Sequence[float], passing: Sequence[float]) -> 
         raise SceneError("passing must not decrease: what passes a sieve passes every wider one")
     value: Array = np.exp(np.interp(np.asarray(p), share, np.log(d)))
     return value
+
+
+def normal_points(dimensions: int, count: int, *seed: int) -> Array:
+    """Points (count, dimensions) of independent standard normal numbers, scrambled Sobol's."""
+    from scipy.stats import qmc
+
+    if not dimensions:
+        return np.zeros((count, 0))
+    points = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed)).random(count)
+    return np.asarray(normal_quantile(np.clip(points, QUANTILE_ROUND_OFF, 1.0 - QUANTILE_ROUND_OFF)), dtype=float)

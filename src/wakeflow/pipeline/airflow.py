@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from ..core.errors import known
 from ..core.number import Number
 from ..core.record import column
 from ..field.modes import Truncation
 from ..foam.airflow_result import AirflowResult, SuctionZone
 from ..laws.best_estimate import WakeEstimate
+from ..laws.momentum import momentum_pressure
+from ..meshing.build import MeshReport as MeshReport  # what is known of its mesh
+
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,3 +129,19 @@ class Airflow(AirflowResult):
     )
     divergence: FieldDivergence | None = column("", "of the field that the tracker reads", default=None)
     truncation: Truncation | None = column("", "of a time-resolved field; null for a steady one", default=None)
+
+    @property
+    def safer_settings(self) -> str | None:
+        """A line that says which safer settings solved the airflow, and why; None where the usual ones did."""
+        from ..foam.ladder import warning
+
+        return warning(self.settings or "normal", self.attempts or ())
+
+    def by_momentum(self, scene: Scene) -> MomentumModel | None:
+        """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
+        base pressure; None without one of both.
+        """
+        if not scene.body or self.cp_base is None:
+            return None
+        model = momentum_pressure(next(iter(scene.body.values())).outline(), known(scene.air).direction)
+        return MomentumModel(model.front, model.drag(self.cp_base.value))

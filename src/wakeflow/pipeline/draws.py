@@ -21,7 +21,7 @@ from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.process import cores
 from ..core.store import content_key
-from ..injection.birth import normal_points
+from ..laws.size import normal_points
 from ..planning.plan import DRAWS, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation

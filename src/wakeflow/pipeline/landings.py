@@ -89,6 +89,11 @@ class Landings:
         weight = np.ones(len(self.bin)) if self.weight is None else self.weight
         return np.asarray(weight / weight.sum())
 
+    @property
+    def escaped(self) -> NDArray[np.bool_]:
+        """Granules (n,) that left the box of the airflow."""
+        return np.asarray(self.fate == Fate.ESCAPED)
+
     def counts(self, bins: int) -> Array:
         """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""
         replicates = int(self.replicate.max()) + 1
@@ -96,6 +101,14 @@ class Landings:
         place += self.replicate.astype(np.int64) * (bins + 1)
         table = np.bincount(place, self.weight, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
         return np.asarray(table / table.sum(axis=1, keepdims=True))
+
+
+FATES = tuple(fate.name.lower() for fate in Fate)  # names, in the order of their numbers
+
+
+def fates_of(fate: NDArray[Any]) -> dict[str, int]:
+    """How many of the granules (n,) met each fate, by its name."""
+    return {one.name.lower(): int(np.sum(fate == one)) for one in Fate}
 
 
 KEPT = 2**20  # granules of a fraction whose landings stay in memory
@@ -149,7 +162,7 @@ def load_tracked(folder: Path, scene: Scene) -> Tracked:
     for name in scene.fraction:
         with np.load(folder / f"{name}.npz") as data:
             injected[name] = int(data["injected"].sum())
-            fates[name] = {fate.name.lower(): int(np.sum(data["fate"] == fate)) for fate in Fate}
+            fates[name] = fates_of(data["fate"])
         file = folder / f"{name}.drawn.npz"
         drawn[name] = load_drawn_tracks(file) if file.exists() else []
     return Tracked(landings, drawn, injected, fates)

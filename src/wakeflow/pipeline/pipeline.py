@@ -16,6 +16,7 @@ from ..core.lazy import cached_property
 from ..core.store import Store, cache_root, content_key
 from ..funnel import compute as compute_funnel
 from ..funnel.delivered import FunnelSummary
+from ..injection.impact_loads import ImpactSummary, impact_loads
 from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..planning.stages import OWN, AirLabel, StageKey
@@ -85,6 +86,11 @@ class Pipeline:
         if self.scene.funnel is None:
             return None
         return compute_funnel(self.scene.funnel, self.cache.make, partial(self.cache.tell, "funnel"))
+
+    @property
+    def impact_loads(self) -> ImpactSummary | None:
+        """What the falling stream does to the first body; None where none stands, or another may be met before it."""
+        return impact_loads(self.scene, self.plan)
 
     # -- airflow -------------------------------------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ from ..planning.variation import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import DRAWN
 from ..tracking import Body, Granules, Tracks
-from .landings import paths_of, save_drawn_tracks
+from .landings import Landings, paths_of, save_drawn_tracks
 from .realisations import Realisations
 
 Array = NDArray[np.float64]
@@ -87,6 +87,13 @@ class Flight:
                 cycle = self.airs.cycle_of(feed.granules.time)
                 yield landing_columns(feed, tracks, len(self.scene.bin), number, cycle), paths
                 done += size * len(replicates)
+
+    def landings(self, name: str) -> Landings:
+        """Where all granules of a fraction land, in air that does not vary."""
+        feed = feedstock(self.scene, self.plan, name, None)
+        parts = landing_columns(feed, self.fly(name, feed.granules), len(self.scene.bin))
+        parts.pop("injected")
+        return Landings(**parts)
 
     def _drawn(self, name: str, feed: Feedstock, chosen: NDArray[Any], replicates: range) -> list[dict[str, Array]]:
         """Tracks for pictures of those of the ``chosen`` granules, numbered through all replicates, that are here."""

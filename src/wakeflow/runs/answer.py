@@ -20,15 +20,11 @@ from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
 from ..budget.source import Flights
 from ..budget.total import totalled
-from ..core.errors import known
 from ..core.files import atomic_write
 from ..core.graded import gravest_first
 from ..core.process import beside, cores
 from ..funnel.delivered import FunnelSummary
-from ..injection.impact_loads import impact_loads
-from ..laws.momentum import momentum_pressure
-from ..meshing.build import MeshReport
-from ..pipeline.airflow import Airflow, MomentumModel
+from ..pipeline.airflow import Airflow, MeshReport
 from ..pipeline.pipeline import Pipeline
 from ..scene import Scene
 from ..statistics.inputs import Inputs, inputs_of
@@ -131,9 +127,10 @@ class OneRun:
         if until == "mesh":
             return mesh, None
         airflow = pipeline.airflow
-        momentum = _momentum(scene, airflow) if scene.body and airflow.cp_base is not None else None
         studies = airflow_on_grids(pipeline)
-        return mesh, replace(with_mesh_error(airflow, studies or ()), grids=studies, momentum=momentum)
+        return mesh, replace(
+            with_mesh_error(airflow, studies or ()), grids=studies, momentum=airflow.by_momentum(scene)
+        )
 
     def _flown(self, airflow: Airflow) -> Airflow:
         """The airflow with what is known of the field that granules fly in."""
@@ -143,7 +140,7 @@ class OneRun:
         return with_residence(flown, pipeline.residence)
 
     def _flights(self, tracked: Tracked) -> FlightResults:
-        return FlightResults(tracked.fates, tracked.injected, impact_loads(self.pipeline.scene, self.pipeline.plan))
+        return FlightResults(tracked.fates, tracked.injected, self.pipeline.impact_loads)
 
     def _landings(self, flights: Flights) -> LandingResults:
         scene = self.pipeline.scene
@@ -196,11 +193,3 @@ def _with_totals(scene: Scene, flights: Flights) -> tuple[Separation, tuple[Budg
     found = separate(scene, flights.landings)
     budget, inputs = make_budget(flights, found), flights.inputs(found.fractions)
     return totalled(found, budget, inputs, scene), budget, inputs
-
-
-def _momentum(scene: Scene, airflow: Airflow) -> MomentumModel:
-    """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
-    base pressure.
-    """
-    model = momentum_pressure(next(iter(scene.body.values())).outline(), known(scene.air).direction)
-    return MomentumModel(model.front, model.drag(known(airflow.cp_base).value))

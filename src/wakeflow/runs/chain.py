@@ -9,10 +9,9 @@ from typing import Any
 from ..answer.shares import Separation
 from ..core.number import Number
 from ..core.record import to_json
-from ..injection.feed import feedstock
 from ..pipeline.landings import Landings
 from ..pipeline.realisations import Realisations
-from ..pipeline.tracks import Flight, landing_columns
+from ..pipeline.tracks import Flight
 from ..planning.make import make_plan
 from ..planning.plan import Plan
 from ..scene import Scene
@@ -62,10 +61,5 @@ def chain(scene: Scene | Path | str, *, count: int | None = None) -> Chained:
     plan = make_plan(scene, rung="none")
     flown = scene.without_air()
     flight = Flight(flown, plan, Realisations(None), scene.numerics.tolerance)
-    landings = {}
-    for name in flown.fraction:
-        feed = feedstock(flown, plan, name, None)
-        parts = landing_columns(feed, flight.fly(name, feed.granules), len(flown.bin))
-        parts.pop("injected")
-        landings[name] = Landings(**parts)
+    landings = {name: flight.landings(name) for name in flown.fraction}
     return Chained(plan, landings, separate(flown, landings))

@@ -23,7 +23,7 @@ from ..answer.shares import InputPart, InputSummary, LandingResults
 from ..answer.table import is_part
 from ..core.lazy import cached_property
 from ..core.number import Number
-from ..injection.birth import normal_points
+from ..laws.size import normal_points
 from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
 from .separation import LEVEL, purity_slopes
 

@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from proofs.crowd.clouds import CASE, CloudFlight, fly_clouds, fly_foam_clouds, two_clouds
 from proofs.crowd.cooling import Gas, cooling_row
-from proofs.crowd.liggghts import SoftSpheres, fly_liggghts
-from proofs.crowd.machine import Flown, Machine, fed, fly_machine, the_machine
-from proofs.report import Column, Report, Row, Table, Tell, cell
-from proofs.rows import Interval, mean_interval, plus_minus
+from proofs.crowd.liggghts import Flown, Machine, SoftSpheres, fed, fly_liggghts, fly_machine, the_machine
+from proofs.report import Column, Interval, Report, Row, Table, Tell, cell, mean_interval, plus_minus
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.foam.programs import openfoam_version
 from wakeflow.funnel.engine import liggghts_version
@@ -63,7 +61,7 @@ def _fingerprint(grains: Granules) -> str:
 
 
 Array = NDArray[np.float64]
-SOURCES = ("machine.py", "liggghts.py", "machine.liggghts")
+SOURCES = ("liggghts.py", "machine.liggghts")
 
 
 def compare_machine(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.problems import bouncing, ensembles, flights, memory, terms
+from proofs.problems import ensembles, flights, memory, terms
 from proofs.problems.exact import Answer, accepts, exact_numbers, exact_problems, fly
 from wakeflow.core.errors import SceneError
 
@@ -22,7 +22,7 @@ COLUMNS = {
     "order": "{order:.2f}", "expected": "{expected_order:g}", "error / tolerance": "{ratio:.1e}",
 }  # fmt: skip
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-MODULES = (flights, terms, ensembles, bouncing, memory)  # importing them registers their problems
+MODULES = (flights, terms, ensembles, memory)  # importing them registers their problems
 
 
 @dataclass(frozen=True, eq=False)

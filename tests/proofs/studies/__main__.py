@@ -5,14 +5,20 @@ from pathlib import Path
 
 from cyclopts import App
 
-HERE = Path(__file__).parent
-NO_STUDY = ("__init__", "__main__", "common", "compared_flights")
+STUDIES = {  # module: its studies, each a function of its name, or of the name ``main``
+    "bounds": ("gates", "impaction", "injection_or_resolved"),
+    "collisions": ("crowd_draws", "crowd_speed", "crowding", "throughput"),
+    "costs": ("mpi_ranks", "plan_times", "sweep_speed", "time_resolved_cost"),
+    "ends": ("domain", "locked_band"),
+    "laws": ("air_loading", "best_estimate", "labyrinth", "printed_form", "rebound"),
+    **{name: (name,) for name in ("kernel_speed", "robustness", "search_gain", "target_error", "three_dimensions")},
+}
 
 app = App(name="studies", help="Studies of wakeflow.", version_flags=[], result_action="return_value")
-for path in sorted(HERE.glob("*.py")):
-    if path.stem not in NO_STUDY:
-        app.command(f"proofs.studies.{path.stem}:main", name=path.stem)
+for module, names in STUDIES.items():
+    for name in names:
+        app.command(f"proofs.studies.{module}:{'main' if module == name else name}", name=name)
 
 if __name__ == "__main__":
-    sys.path[0] = str(HERE.parents[1])  # where support and proofs are
+    sys.path[0] = str(Path(__file__).parents[2])  # where support and proofs are
     app()

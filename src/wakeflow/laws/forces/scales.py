@@ -20,7 +20,7 @@ TURNED_BESIDE = (
 )
 TURNED_WITHIN = 30.0  # rad: the same for a granule that the air turns aside, or that falls through the wake
 STRETCH = 6.0  # how much further a steady wake's strain carries two neighbours apart that follow the air
-STRETCH_SHEDDING = 40.0  # the same in a wake that sheds: 35 met (tests/proofs/studies/gates.py, scene wake)
+STRETCH_SHEDDING = 40.0  # the same in a wake that sheds: 35 met (tests/proofs/studies gates, scene wake)
 SIDEWAYS = 0.75  # of the air speed U: change of the air's sideways speed along a flight past the body
 SPREADING = 0.35  # sideways over vertical speed of the air that leaves the body; 0.34 met in the wake that sheds
 SERIES_BELOW = 1e-4  # time over relaxation time below which two terms of the series are exact to round-off

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
-from ...tracking import Fate
+from ...pipeline.landings import FATES
 from ..air import moments_of
 from ..pictures.view import Path2D
 from .files import lifted, lines_of, number_by_name, save_piece, save_series
@@ -144,4 +144,4 @@ def _points(plane: Array) -> Any:
 def _name_numbers(data: Any, scene: Scene) -> None:
     number_by_name(data, "fraction", scene.fraction)
     number_by_name(data, "bin", scene.bin)
-    number_by_name(data, "fate", [fate.name.lower() for fate in Fate])
+    number_by_name(data, "fate", FATES)

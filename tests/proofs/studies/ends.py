@@ -1,4 +1,14 @@
-"""Where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100.
+"""Studies of airflows: inlet and outlet, and the locked band.
+
+domain: Move inlet and outlet of the shipped rhombus' airflow, and see what that changes of the air and of the shares.
+
+One table a rung: the scene with its ends at so many body widths before and behind the body; in the last row they are
+furthest off, and the last columns compare each row's shares with that one's. Other ends move cells everywhere, and so
+the shares by more than the ends themselves do: every row is the mean over meshes of slightly different cells, and its
+change has the standard error of that mean. The steady wake shows what the inlet does, through which no vortices leave;
+the time-resolved one what the outlet does. docs/validation.md.
+
+locked_band: Where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100.
 
 Every run takes some 10 s of one core and is kept in the folder, so an interrupted series goes on. For each speed ratio
 a w / U and frequency ratio f / fs: whether the lift repeats with the vibration or with every second one, and how much
@@ -9,7 +19,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -17,6 +27,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+import wakeflow as wf
+from support import shipped
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
 from wakeflow.foam.mesh_motion import MeshMotion, repeats
@@ -25,10 +37,89 @@ from wakeflow.foam.solver import run_segment
 from wakeflow.foam.start import perturb, start_from
 from wakeflow.foam.watch import Watch
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import build_mesh, plan_mesh
+from wakeflow.meshing import build_mesh, ends, plan_mesh
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
 
-from .common import Row, fresh_case, kept, show
+from .common import BARE, Row, fresh_case, kept, mean_and_error, show, with_one_fraction
 
+# -- domain ------------------------------------------------------------------------------------------------------------
+DISTANCES = ((3.5, 8.0), None, (12.0, 25.0))  # before, behind, in body widths; None: what the program chooses
+SCALES = {"draft": 1.0, "standard": 1.5}  # numerics.mesh_scale by rung
+MESHES = 1.0 + 0.03 * (np.arange(8) - 3.5)  # factors on it
+COUNT = 2048
+QUICK_SCALES, QUICK_COUNT = 4.0 * MESHES[3:5] / MESHES[4], 64
+ACCURACY = 0.02  # statistics sharper than the answer's
+AIR = {"Cd": "cd", "Cl rms": "cl_rms", "Cp base": "cp_base"}
+DOMAIN_COLUMNS = {
+    "before, D": "{before:.1f}", "behind, D": "{behind:.1f}", "cells": "{cells:.0f}",
+    **{head: f"{{{key}}}" for head, key in AIR.items()},
+    "change of shares, points: largest": "{largest}", "of each fraction in its bins": "{meant}",
+}  # fmt: skip
+
+
+def moved(scene: wf.Scene, rung: str, distances: tuple[float, float] | None) -> Pipeline:
+    """The scene with its inlet and outlet at ``distances`` (body widths) from the body."""
+    plan = make_plan(scene, rung=rung, force=BARE)
+    made = Pipeline(scene, replace(plan, airflow=replace(plan.airflow, accuracy=ACCURACY)))
+    for pipeline in (made, made.draft):
+        spec = pipeline.mesh_spec
+        before, behind = distances or ends(spec.width / spec.projected_width)
+        outline, size = np.array(spec.bodies[0]), spec.widths[0]
+        top, bottom = outline[:, 1].max() + before * size, outline[:, 1].min() - behind * size
+        pipeline.kind.mesh_spec = replace(spec, top=float(top), bottom=float(bottom))
+    return made
+
+
+def shares(pipeline: Pipeline) -> dict[str, np.ndarray]:
+    """Mean share of each fraction in every bin."""
+    bins = len(pipeline.scene.bin)
+    return {name: landing.counts(bins).mean(axis=0) for name, landing in pipeline.tracks().landings.items()}
+
+
+def domain_rows(
+    scene: wf.Scene, rung: str, scales: Sequence[float], distances: Sequence[tuple[float, float] | None]
+) -> Iterator[Row]:
+    """A row a place of the ends."""
+    meshes = [scene.replace({"numerics.mesh_scale": float(scale)}) for scale in scales]
+    made = [[moved(mesh, rung, each) for mesh in meshes] for each in distances]
+    found = [[shares(pipeline) for pipeline in row] for row in made]
+    bins = list(scene.bin)
+    targets = {name: [bins.index(place) for place in fraction.targets] for name, fraction in scene.fraction.items()}
+    for row, mine in zip(made, found, strict=True):
+        spec, airs = row[0].mesh_spec, [pipeline.airflow for pipeline in row]
+        outline, size = np.array(spec.bodies[0]), spec.widths[0]
+        moves = {
+            name: 100 * np.array([one[name] - last[name] for one, last in zip(mine, found[-1], strict=True)])
+            for name in scene.fraction
+        }
+        every = np.concatenate(list(moves.values()), axis=1)
+        meant = {name: move[:, targets[name]].sum(axis=1) for name, move in moves.items()}
+        yield {
+            "before": (spec.top - outline[:, 1].max()) / size, "behind": (outline[:, 1].min() - spec.bottom) / size,
+            "cells": np.mean([air.cells for air in airs]),
+            **{key: mean_and_error([getattr(air, key).value for air in airs]) for key in AIR.values()},
+            "largest": mean_and_error(every[:, np.abs(every.mean(axis=0)).argmax()], 2, "+"),
+            "meant": ", ".join(f"{mean_and_error(move, 2, '+')} {name}" for name, move in meant.items()),
+        }  # fmt: skip
+
+
+def domain(*rungs: str, count: int | None = None, only: str | None = None, quick: bool = False) -> list[Row]:
+    """Inlet and outlet at other distances, on draft and standard; ``count`` granules of each fraction, or of the
+    ``only`` one that flies.
+    """
+    scene, found = shipped("rhombus", {"feed.count": count or (QUICK_COUNT if quick else COUNT)}), []
+    if only is not None:
+        scene = with_one_fraction(scene, only)
+    for rung in rungs or SCALES:
+        scales = QUICK_SCALES if quick else SCALES[rung] * MESHES
+        title = f"{rung}, {len(scales)} meshes of mesh_scale {min(scales):.3g} to {max(scales):.3g}"
+        title += f", {scene.feed.count} granules a fraction"
+        found += show(DOMAIN_COLUMNS, domain_rows(scene, rung, scales, DISTANCES[:2] if quick else DISTANCES), title)
+    return found
+
+
+# -- locked_band -------------------------------------------------------------------------------------------------------
 WIDTH, SPEED, REYNOLDS = 0.05, 1.0, 100.0
 SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4)  # a w / U
 FREQUENCIES = (0.5, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.5, 1.8, 1.9, 1.95, 2.0, 2.05, 2.1, 2.2, 3.0)  # f / fs
@@ -39,7 +130,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "rhombus": {"slope_angle": math.pi / 4},
     "prism": {"slope_angle": math.pi / 3, "apex": "up"},
 }
-COLUMNS = {
+BAND_COLUMNS = {
     "a w / U": "{speed:g}", "f / fs": "{ratio:g}", "a / D": "{amplitude:.3f}", "lift / fs": "{lift:.3f}",
     "repeats": "{kind} ({correlation:.3f})", "Cd": "{cd:+.1f*100} %", "Cl rms": "{cl_rms:+.1f*100} %",
     "Cp base": "{cp_base:+.1f*100} %", "mean velocity": "{shift:.3f}",
@@ -80,10 +171,10 @@ class Series:
             stream.write(AVERAGE.format(begin=begin))
         watch = Watch(case, "locked band", lambda _: None, expected=end)
         run_segment(case, "pimpleFoam", end, {"deltaT": 0.2 * spec.mesh.h_corner / spec.speed}, watch)
-        rows = read_table(case, "forceCoefficients", (CD, CL))
-        rows = rows[rows[:, 0] >= begin]
-        clock = np.linspace(rows[0, 0], rows[-1, 0], 60 * window)
-        drag, lift = (np.interp(clock, rows[:, 0], rows[:, i]) for i in (1, 2))
+        band_rows = read_table(case, "forceCoefficients", (CD, CL))
+        band_rows = band_rows[band_rows[:, 0] >= begin]
+        clock = np.linspace(band_rows[0, 0], band_rows[-1, 0], 60 * window)
+        drag, lift = (np.interp(clock, band_rows[:, 0], band_rows[:, i]) for i in (1, 2))
         crossings = upward_crossings(clock, lift)
         found = {
             "cd": float(drag.mean()), "cl_rms": float(lift.std()), "cp_base": base_pressure(spec, case),
@@ -129,7 +220,7 @@ def mean_shift(one: Path, other: Path) -> float:
     return float(np.linalg.norm(means[0] - means[1], axis=1).max() / SPEED)
 
 
-def rows(series: Series, rest: dict[str, float], quick: bool) -> Iterator[Row]:
+def band_rows(series: Series, rest: dict[str, float], quick: bool) -> Iterator[Row]:
     """A row for every speed and frequency."""
     for speed, ratio in product(SPEEDS[: 1 if quick else None], FREQUENCIES[: 1 if quick else None]):
         name, shedding = f"{speed:g}-{ratio:g}", rest["frequency"]
@@ -144,7 +235,7 @@ def rows(series: Series, rest: dict[str, float], quick: bool) -> Iterator[Row]:
         }  # fmt: skip
 
 
-def main(
+def locked_band(
     folder: Path = Path("runs/locked-band"), body: Literal["rhombus", "prism"] = "rhombus", *, quick: bool = False
 ) -> list[Row]:
     """Locked band of a vibrating body; ``quick``: one run, far too short to say anything."""
@@ -152,4 +243,4 @@ def main(
     rest = kept(series.folder / "rest" / "found.json", series.at_rest)
     print(f"at rest: St {rest['frequency'] * WIDTH / SPEED:.4f}, Cd {rest['cd']:.3f}, Cl rms {rest['cl_rms']:.3f}, "
           f"Cp base {rest['cp_base']:.3f}\n")  # fmt: skip
-    return show(COLUMNS, rows(series, rest, quick))
+    return show(BAND_COLUMNS, band_rows(series, rest, quick))
