@@ -18,7 +18,7 @@ from ..core.lazy import cached_property
 from ..core.number import Number
 from ..core.record import column, columns, from_json, to_json
 from ..core.registry import Registry
-from ..core.tables import frame_of
+from ..core.tables import Columns, frame_of
 from ..funnel.delivered import FunnelSummary
 from ..injection.impact_loads import ImpactSummary
 from ..meshing.build import MeshReport
@@ -340,7 +340,7 @@ def key_in(folder: Path | str) -> str | None:
     return key if isinstance(key, str) else None
 
 
-def kept_granules(folder: Path) -> dict[str, Any]:
+def kept_granules(folder: Path) -> Columns:
     """The arrays of granules.npz in a run's ``folder``, by name. Raises SceneError where there is none, or it is
     damaged.
     """

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.store import content_key
+from ..core.tables import Columns
 from ..planning.plan import COMPARED, REPLICATES, Plan
 from ..scene import Scene
 from .airflow_kinds import AirflowKind
@@ -92,7 +93,7 @@ class TrackStage:
         folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=companion is None))
         return load_tracked(folder, self.scene)
 
-    def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
+    def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
         from .landings import load_drawn_tracks
         from .tracks import Flight

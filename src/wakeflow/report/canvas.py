@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..core.tables import CellTable
+from ..core.tables import AnyArray, CellTable
 
 # -- What the pictures of a run share: colours, figures without a screen, maps on triangles, the body ------------------
 if TYPE_CHECKING:
@@ -319,7 +319,7 @@ def _unify(figure: Figure) -> None:
             label.set_fontsize(LABEL_SIZE)
 
 
-def _save_data(path: Path, data: Mapping[str, NDArray[Any]]) -> None:
+def _save_data(path: Path, data: Mapping[str, AnyArray]) -> None:
     if len({values.shape for values in data.values()}) == 1 and next(iter(data.values())).ndim == 1:
         rows = list(zip(*(column.tolist() for column in data.values()), strict=True))
         CellTable(list(data), rows).write_csv(path.with_suffix(".csv"), 7)
