@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import known
 from ..core.lazy import cached_property
+from ..core.record import JsonTable
 from ..core.store import content_key
 from ..core.tables import Columns
 from ..planning.plan import COMPARED, REPLICATES, Plan
@@ -39,9 +40,9 @@ class Companion:
     loaded: bool = True
 
 
-def unweighed(scene: Scene) -> dict[str, Any]:
+def unweighed(scene: Scene) -> dict[str, object]:
     """The tables of a scene without what moves no granule: mass shares, targets, the feed's rate, pictures."""
-    tables: dict[str, Any] = scene.model_dump(mode="json", by_alias=True)
+    tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
     for fraction in tables["fraction"].values():
         del fraction["mass_share"], fraction["target"]
     del tables["feed"]["rate"], tables["feed"]["depth"], tables["picture"]

@@ -299,7 +299,7 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
     root.draw_without_rendering()  # laid out once, not again for every format
     root.set_layout_engine(None)
     drawn = root.get_tightbbox().padded(MARGIN)
-    undated: dict[str, dict[str, Any] | None] = {".png": None, ".svg": {"Date": None}}
+    undated: dict[str, dict[str, object] | None] = {".png": None, ".svg": {"Date": None}}
     if _pdf_too.get():
         undated[".pdf"] = {"CreationDate": None}
     # text stays text; a figure is alike whenever it is drawn

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def answer_key(scene: Scene, request: Request, *more: Any) -> str:
+def answer_key(scene: Scene, request: Request, *more: object) -> str:
     """What an answer is made for: the scene, the order of its tables, the request, whatever ``more`` there is, and all
     versions and sources.
     """

@@ -10,7 +10,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +41,7 @@ def why_no_peer(scene: Scene) -> str | None:
 
 def peer_rows(
     scene: Scene, truth: Mapping[tuple[str, str], float], tell: Callable[[str], None] = lambda _: None
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[dict[str, object]]:
     """Rows (knob, setting, error, seconds) at growing numbers of granules: error of the largest bin share against the
     ``truth`` by fraction and bin, seconds of mesh, airflow and parcels.
 

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from .. import runs
 from ..answer.provenance import KnobSettings
@@ -88,7 +87,7 @@ def _tried(own: KnobSettings) -> Iterator[tuple[str, KnobSettings]]:
             yield name, knobs[name].at(own, coarser)
 
 
-def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str, Any]:
+def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str, object]:
     stages = (stage.seconds for name, stage in result.seconds.items() if name != str(COMPILED))
     led = result.refinement
     return {

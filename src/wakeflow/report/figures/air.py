@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +103,7 @@ def _cp_levels(cp: Array) -> tuple[Array, float]:
     return np.arange(low, high + 1e-9, 0.125), PALER * max(-low, high)
 
 
-def _scale(levels: Array, limit: float) -> Any:
+def _scale(levels: Array, limit: float) -> object:
     """Blue to white (0) to red up to +-limit; beyond the levels the shade one level further on."""
     from matplotlib import colormaps
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ def draw_landing(
     figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1), paper)
     panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
     colours = fraction_colours(names)
-    cells: list[tuple[Any, ...]] = []  # of all panels, one below the other
+    cells: list[tuple[object, ...]] = []  # of all panels, one below the other
     for row, name in enumerate(names):
         shares = _shares(scene, name, landings[name], separation)
         peak = 0.0

@@ -142,7 +142,7 @@ def _points(plane: Array) -> Any:
     return pyvista.PolyData(lifted(plane)) if len(plane) else pyvista.PolyData()
 
 
-def _name_numbers(data: Any, scene: Scene) -> None:
+def _name_numbers(data: object, scene: Scene) -> None:
     number_by_name(data, "fraction", scene.fraction)
     number_by_name(data, "bin", scene.bin)
     number_by_name(data, "fate", [fate.name.lower() for fate in Fate])
