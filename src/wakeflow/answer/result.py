@@ -16,9 +16,9 @@ from ..core.files import path_of, write_json
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
 from ..core.number import Number
-from ..core.record import column, columns, from_json, to_json
+from ..core.record import JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry
-from ..core.tables import frame_of
+from ..core.tables import Columns, frame_of
 from ..funnel.delivered import FunnelSummary
 from ..injection.impact_loads import ImpactSummary
 from ..pipeline.airflow import Airflow, MeshReport
@@ -87,7 +87,7 @@ class PictureSummary:
     kind: str = column("", "kind of picture")
     files: tuple[str, ...] = column("", "in figures/, the PNG first")
     text: str = column("", "what it shows, with its numbers")
-    numbers: dict[str, Any] = column("as the picture", "its numbers, by the kind of picture")
+    numbers: JsonTable = column("as the picture", "its numbers, by the kind of picture")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +99,7 @@ class Result:
 
     folder: Path = field(default=Path())
     schema: int = column("1", "version of this table")
-    scene: dict[str, Any] = column("SI", "the scene as asked for, in SI units: docs/scenes.md")
+    scene: JsonTable = column("SI", "the scene as asked for, in SI units: docs/scenes.md")
     options: Request = column("", "how the run was asked for")
     plan: Plan = column("", "what is computed and what is not")
     funnel: FunnelSummary | None = column("", "the feed funnel; null without one")
@@ -125,7 +125,7 @@ class Result:
         return cls.from_json(folder, _read(folder))
 
     @classmethod
-    def from_json(cls, folder: Path | str, table: Any) -> Self:
+    def from_json(cls, folder: Path | str, table: object) -> Self:
         """The result whose result.json holds ``table``. Raises SceneError, naming the key, where it is not one."""
         if isinstance(table, dict):
             table = upgraded(table)
@@ -134,9 +134,9 @@ class Result:
                 table |= {name: inside or None}
         return replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonTable:
         """What result.json holds."""
-        table: dict[str, Any] = to_json(replace(self, folder=Path()))
+        table: JsonTable = to_json(replace(self, folder=Path()))
         del table["folder"]
         for name in FLAT:
             table |= table.pop(name) or {}
@@ -147,14 +147,14 @@ class Result:
         write_json(self.folder / FILE, self.to_json())
 
     @cached_property
-    def table(self) -> dict[str, Any]:
+    def table(self) -> JsonTable:
         """What result.json holds, as plain JSON."""
         return self.to_json()
 
     @property
-    def separation(self) -> dict[str, Any]:
+    def separation(self) -> JsonTable:
         """Bins, shares, purity, recovery and throughput, as plain JSON. Raises KeyError before there are any."""
-        found: dict[str, Any] = self.table["separation"]
+        found: JsonTable = self.table["separation"]
         return found
 
     @cached_property
@@ -297,7 +297,7 @@ def _unfinished(folder: Path | str) -> SceneError:
     return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}")
 
 
-def asked_in(folder: Path | str, *, whole: bool = True) -> tuple[dict[str, Any], Request]:
+def asked_in(folder: Path | str, *, whole: bool = True) -> tuple[JsonTable, Request]:
     """The scene and the request of the finished run in ``folder``, which may be one of an older version, and where it
     need not be ``whole`` one that ended before the shares.
 
@@ -339,7 +339,7 @@ def key_in(folder: Path | str) -> str | None:
     return key if isinstance(key, str) else None
 
 
-def kept_granules(folder: Path) -> dict[str, Any]:
+def kept_granules(folder: Path) -> Columns:
     """The arrays of granules.npz in a run's ``folder``, by name. Raises SceneError where there is none, or it is
     damaged.
     """

@@ -158,9 +158,7 @@ class BudgetPart:
     of_sheddings: float | None = column(
         "1", "of the mesh: what a finite number of sheddings makes of it; else left out", absent=True, default=None
     )
-    note: str | None = column(
-        "", "how the error is known; left out where nothing does", absent=True, default=None
-    )
+    note: str | None = column("", "how the error is known; left out where nothing does", absent=True, default=None)
 
 
 @dataclass(frozen=True)

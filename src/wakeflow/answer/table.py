@@ -17,7 +17,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.number import Number
-from ..core.record import columns
+from ..core.record import JsonMapping, columns
 from ..core.registry import did_you_mean
 from ..core.tables import Cell, CellTable
 from ..funnel.delivered import FunnelSummary
@@ -85,13 +85,13 @@ def names_for(scene: Scene) -> list[str]:
     return found
 
 
-def _inside(record: Any, prefix: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+def _inside(record: object, prefix: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
     for one in columns(type(record)):
         name = prefix + RENAMED.get(one.key, one.key)
         yield from _numbers(getattr(record, one.name), name, one.unit, errors)
 
 
-def _measured(record: Any, prefix: str) -> Iterator[TableQuantity]:
+def _measured(record: object, prefix: str) -> Iterator[TableQuantity]:
     """The numbers of a record, not those of records inside it, which say how it was computed."""
     for one in columns(type(record)):
         value = getattr(record, one.name)
@@ -99,7 +99,7 @@ def _measured(record: Any, prefix: str) -> Iterator[TableQuantity]:
             yield from _numbers(value, prefix + one.key, one.unit, {})
 
 
-def _numbers(value: Any, name: str, unit: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
     if isinstance(value, Mapping):
         for key, member in value.items():
             yield from _numbers(member, f"{name}.{key}", unit, errors)
@@ -124,7 +124,7 @@ class Entry:
     """
 
     name: str
-    inputs: Mapping[str, Any]
+    inputs: JsonMapping
     state: str
     reason: str = ""
     quantities: tuple[TableQuantity, ...] = ()
@@ -240,7 +240,7 @@ class ResultTable:
         return True
 
 
-def _cell(value: Any) -> Cell:
+def _cell(value: object) -> Cell:
     """An input as a cell: numbers stay, everything else is text."""
     if value is None or isinstance(value, str):
         return value

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from ..core.record import columns
+from ..core.record import JsonMapping, JsonTable, columns
 from ..planning.airflow import AirflowPlan
 
-Table = dict[str, Any]
+Table = JsonTable
 
 
-def upgraded(table: Mapping[str, Any]) -> Table:
+def upgraded(table: JsonMapping) -> Table:
     """A result.json of any schema, as the present one holds it."""
     made = dict(table)
     if made.get("schema") != 1:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +38,7 @@ from .work import Job, finished, fly_scene, solve_airflow_of
 
 
 # -- Which airflow of a sweep starts from which: told by the inputs alone, so that every order of work -----------------
-def starts(points: Sequence[Mapping[str, Any]]) -> list[int | None]:
+def starts(points: Sequence[Mapping[str, object]]) -> list[int | None]:
     """For each of the ``points`` (inputs by dotted key) the place of the one that it starts from; None for the most
     central one, which starts from rest.
 
@@ -63,7 +62,7 @@ def starts(points: Sequence[Mapping[str, Any]]) -> list[int | None]:
     return found
 
 
-def _distances(points: Sequence[Mapping[str, Any]]) -> NDArray[np.float64]:
+def _distances(points: Sequence[Mapping[str, object]]) -> NDArray[np.float64]:
     """Between all of the points, (n, n)."""
     squares = np.zeros((len(points), len(points)))
     for key in sorted({key for point in points for key in point}):

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.errors import SceneError
 from ..core.quantities import converted, split_quantity
+from ..core.record import JsonMapping, JsonTable
 from ..core.registry import Registry
 from ..scene.messages import unit_of
 from ..scene.overrides import changes_of, setting
@@ -44,7 +45,7 @@ class Axis:
         """The key, or those that are tied."""
         return [key.removeprefix("-") for key in self._tied]
 
-    def changes(self, value: Any) -> dict[str, Any]:
+    def changes(self, value: object) -> JsonTable:
         """What a ``value`` changes of a scene, by key."""
         return {key.removeprefix("-"): _negative(value) if key.startswith("-") else value for key in self._tied}
 
@@ -61,7 +62,7 @@ class Axis:
         rounded = float(f"{number:.{DIGITS}g}")
         return f"{rounded!r} {self.unit}" if self.unit else rounded
 
-    def where(self, tables: Mapping[str, Any]) -> float | None:
+    def where(self, tables: Mapping[str, object]) -> float | None:
         """The place, from 0 to 1, of the value that a scene's flat ``tables`` (SI) hold; None where it lies outside or
         among no listed ones, or where tied keys differ.
         """
@@ -83,7 +84,7 @@ class Axis:
         inside = 0.0 <= place <= 1.0
         return place if inside and self._held(self.at(place), tables, ALIKE * abs(high - low)) else None
 
-    def _held(self, value: Any, tables: Mapping[str, Any], within: float = 0.0) -> bool:
+    def _held(self, value: Any, tables: JsonMapping, within: float = 0.0) -> bool:
         """Whether the flat ``tables`` hold what a ``value`` makes of a scene, numbers to ``within``."""
         for key, wanted in self.changes(value).items():
             parts = split_quantity(wanted) if isinstance(wanted, str) else None
@@ -91,8 +92,8 @@ class Axis:
                 number = _si(*parts, key) if parts else SWITCHES.get(wanted, wanted)
             except ValueError:
                 return False
-            own, numbers = tables[key], not isinstance(tables[key], bool) and isinstance(number, int | float)
-            if numbers and isinstance(own, int | float):
+            own = tables[key]
+            if isinstance(own, int | float) and isinstance(number, int | float) and not isinstance(own, bool):
                 if not math.isclose(own, number, rel_tol=ALIKE, abs_tol=within):
                     return False
             elif own != number:
@@ -105,7 +106,7 @@ def _si(number: float, unit: str, key: str) -> float:
     return converted(number, unit, unit_of(key) or "1") if unit else number
 
 
-def _negative(value: Any) -> Any:
+def _negative(value: object) -> object:
     """A number, or a quantity as in "5 mm", times -1."""
     if isinstance(value, str):
         return value[1:] if value.startswith("-") else f"-{value}"
@@ -173,7 +174,7 @@ def _pieces(text: str) -> list[str]:
     return [piece.strip() for piece in pieces]
 
 
-def axes_of(table: Mapping[str, Any], where: str) -> list[Axis]:
+def axes_of(table: Mapping[str, object], where: str) -> list[Axis]:
     """The axes of a TOML table: dotted keys, each a list of values or { from, to, count, scale = "log" }.
 
     Raises SceneError, naming ``where`` and the key, for anything else.
@@ -181,7 +182,7 @@ def axes_of(table: Mapping[str, Any], where: str) -> list[Axis]:
     return list(_axes(table, where, ()))
 
 
-def _axes(table: Mapping[str, Any], where: str, above: tuple[str, ...]) -> Sequence[Axis]:
+def _axes(table: Mapping[str, object], where: str, above: tuple[str, ...]) -> Sequence[Axis]:
     found: list[Axis] = []
     for name, value in table.items():
         key = ".".join((*above, name))
@@ -198,7 +199,7 @@ def _axes(table: Mapping[str, Any], where: str, above: tuple[str, ...]) -> Seque
     return found
 
 
-def _table_range(key: str, table: Mapping[str, Any], where: str) -> Axis:
+def _table_range(key: str, table: Mapping[str, object], where: str) -> Axis:
     unknown = set(table) - {"from", "to", "count", "scale"}
     if unknown:
         raise SceneError(f"{where}: {key}.{unknown.pop()}: unknown key (known: from, to, count, scale)")
@@ -213,7 +214,7 @@ def _table_range(key: str, table: Mapping[str, Any], where: str) -> Axis:
     return _range(key, low, high, count, unit, log=scale == "log")
 
 
-def _quantity(where: str, value: Any) -> tuple[float, str]:
+def _quantity(where: str, value: object) -> tuple[float, str]:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value), ""
     found = split_quantity(value) if isinstance(value, str) else None
@@ -236,7 +237,7 @@ def _range(key: str, low: float, high: float, count: int, unit: str, *, log: boo
 
 
 # -- Designs: which combinations of the axes' values a sweep computes --------------------------------------------------
-Changes = dict[str, Any]  # dotted key to value
+Changes = JsonTable  # dotted key to value
 # (axes, count of scenes or None, seed) to the changes of every scene
 Design = Callable[[Sequence[Axis], int | None, int], list[Changes]]
 designs: Registry[Design] = Registry("design of a sweep")
@@ -303,7 +304,7 @@ def _drawn(axes: Sequence[Axis], places: Any) -> list[Changes]:
     return [_changes(axes, [axis.at(place) for axis, place in zip(axes, row, strict=True)]) for row in places.tolist()]
 
 
-def _changes(axes: Sequence[Axis], row: Sequence[Any]) -> Changes:
+def _changes(axes: Sequence[Axis], row: Sequence[object]) -> Changes:
     return {key: one for axis, value in zip(axes, row, strict=True) for key, one in axis.changes(value).items()}
 
 

@@ -80,10 +80,10 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
     return RunComparison(ResultTable(tuple(entries), targets), tuple(found))
 
 
-def _options(runs: Sequence[Result]) -> dict[str, list[Any]]:
+def _options(runs: Sequence[Result]) -> dict[str, list[object]]:
     """How the runs were asked for, where that differs: the rung that was computed, the accuracy, switched terms."""
     terms = dict.fromkeys(term for run in runs for term in run.options.force)
-    columns: dict[str, list[Any]] = {
+    columns: dict[str, list[object]] = {
         RUNG: [run.plan.rung for run in runs],
         "target-error": [run.plan.target_error for run in runs],
         **{f"{SWITCHED}{term}": [run.options.force.get(term) for run in runs] for term in terms},

@@ -19,6 +19,7 @@ from ..answer.table import Entry, TableQuantity
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
 from ..core.process import check_workers, cores
+from ..core.record import JsonMapping, JsonTable
 from ..pipeline.cache import Listener
 from ..runs.progress import heard
 from .compute import Sweep, executor_on, sweep
@@ -101,7 +102,7 @@ class FoundDesign:
     """
 
     name: str
-    changes: Mapping[str, Any]
+    changes: JsonMapping
     quantities: Mapping[str, TableQuantity]
     folder: Path
     allowed: bool
@@ -184,9 +185,9 @@ class _Scenes:
         """The folder of a level's sweep."""
         return self.out / f"level-{level + 1}"
 
-    def changes(self, place: DesignPoint) -> dict[str, Any]:
+    def changes(self, place: DesignPoint) -> JsonTable:
         """What a design changes of the scene."""
-        found: dict[str, Any] = {}
+        found: dict[str, object] = {}
         for axis, along in zip(self.task.within, place, strict=True):
             found |= axis.changes(axis.at(along))
         return found

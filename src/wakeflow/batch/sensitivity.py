@@ -113,7 +113,7 @@ def sensitivity(
     scene: Scene | Result | Path | str,
     out: Path | str | None = None,
     *,
-    over: Mapping[str, Any] | Sequence[str] = (),
+    over: Mapping[str, object] | Sequence[str] = (),
     rung: str | None = None,
     force: States | None = None,
     scheduler: str | distributed.Client | Executor | None = None,
@@ -169,7 +169,7 @@ def _finished(
     return scene if isinstance(scene, Result) else Result.load(scene)
 
 
-def _axes(over: Mapping[str, Any] | Sequence[str], result: Result | None = None) -> list[Axis]:
+def _axes(over: Mapping[str, object] | Sequence[str], result: Result | None = None) -> list[Axis]:
     """What is to be changed. A key without values goes to the ends of its own interval in the run, and is passed over
     before there is one.
     """

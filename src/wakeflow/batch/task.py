@@ -12,6 +12,7 @@ from ..answer.table import names_for
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.quantities import quantity
+from ..core.record import JsonMapping
 from ..core.registry import did_you_mean
 from ..scene import Scene
 from ..scene.changes import flat
@@ -62,7 +63,7 @@ class SearchTask:
     goals: tuple[Goal, ...]
     budget: float
     limits: tuple[QuantityLimit, ...] = ()
-    levels: tuple[Mapping[str, Any], ...] = field(default_factory=lambda: ({},))
+    levels: tuple[JsonMapping, ...] = field(default_factory=lambda: ({},))
     seed: int = 0
     at_a_time: int = AT_A_TIME
 
@@ -82,7 +83,7 @@ class SearchTask:
 
 
 def read_search_file(
-    path: Path | str, fixed: Mapping[str, Any] | None = None, budget: str | float | None = None
+    path: Path | str, fixed: Mapping[str, object] | None = None, budget: str | float | None = None
 ) -> SearchTask:
     """The search of a file with a [search] table: docs/search.md. ``fixed``: keys of the scene that are the same in all
     designs at all levels, those to be searched too; ``budget``: instead of the file's own.
@@ -124,7 +125,7 @@ def _check_names(task: SearchTask) -> None:
             refuse_unknown(key, tables, f"search.level.{key}")
 
 
-def _within(file: TaskFile, held: Mapping[str, Any]) -> list[Axis]:
+def _within(file: TaskFile, held: Mapping[str, object]) -> list[Axis]:
     """The axes of a search, without those whose keys are ``held``."""
     axes = axes_of(file.inside("within"), "search.within")
     if fixed := [axis.key for axis in axes if len(axis.values) < 2]:
@@ -139,7 +140,7 @@ def _within(file: TaskFile, held: Mapping[str, Any]) -> list[Axis]:
     return free
 
 
-def _names(table: Mapping[str, Any], key: str) -> Sequence[str]:
+def _names(table: Mapping[str, object], key: str) -> Sequence[str]:
     found = table.get(key, [])
     names = [found] if isinstance(found, str) else found
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):

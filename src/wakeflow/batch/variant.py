@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
 
 from ..core.errors import SceneError
 from ..core.files import path_of, read_toml
+from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener, silent
 from ..scene import Scene
@@ -27,7 +27,7 @@ class TaskFile:
 
     path: Path
     kind: str
-    table: Mapping[str, Any]
+    table: JsonMapping
 
     @classmethod
     @contextmanager
@@ -59,7 +59,7 @@ class TaskFile:
             raise SceneError(f"{self.kind}.scene is missing: name the scene file to change, relative to this one")
         return self.path.parent / name
 
-    def inside(self, key: str) -> Mapping[str, Any]:
+    def inside(self, key: str) -> JsonMapping:
         """The table ``key`` of the table; empty where there is none. Raises SceneError where it is something else."""
         found = self.table.get(key, {})
         if not isinstance(found, Mapping):
@@ -79,7 +79,7 @@ def holds_task(path: Path | str, kind: str) -> bool:
     return kind in _read(Path(path))
 
 
-def _read(path: Path) -> Mapping[str, Any]:
+def _read(path: Path) -> JsonMapping:
     try:
         return read_toml(path)
     except (FileNotFoundError, IsADirectoryError):
@@ -100,7 +100,7 @@ class Variant:
     """
 
     name: str
-    inputs: Mapping[str, Any]
+    inputs: JsonMapping
     scene: Scene | None
     problem: str = ""
 
@@ -114,12 +114,12 @@ class Variant:
 
 def variants(
     scene: Scene | Path | str,
-    over: Mapping[str, Any] | Sequence[str],
+    over: Mapping[str, object] | Sequence[str],
     *,
     design: str = "grid",
     count: int | None = None,
     seed: int = 0,
-    fixed: Mapping[str, Any] | None = None,
+    fixed: Mapping[str, object] | None = None,
     listener: Listener | None = None,
 ) -> list[Variant]:
     """``scene``, or the one in a file, changed along axes.
@@ -139,7 +139,7 @@ def variants(
     alone = [axis.changes(axis.values[0]) for axis in axes if len(axis.values) == 1]
     before = {**(fixed or {}), **{key: value for one in alone for key, value in one.items()}}
     axes = [axis for axis in axes if len(axis.values) > 1]
-    load: Callable[[dict[str, Any]], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
+    load: Callable[[JsonTable], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
     tables = load(before).tables()  # a base that is wrong is the caller's mistake, not a variant's; so is a wrong key
     for key in keys:
         refuse_unknown(key, tables, key)
@@ -168,14 +168,15 @@ def asked_for(
 
 
 def _variant(
-    load: Callable[[dict[str, Any]], Scene], fixed: Mapping[str, Any], changes: dict[str, Any], axes: Sequence[Axis]
-) -> Variant:
+    load: Callable[[JsonTable], Scene], fixed: Mapping[str, object], changes: Mapping[str, object],
+    axes: Sequence[Axis],
+) -> Variant:  # fmt: skip
     try:
         scene = load({**fixed, **changes})
     except SceneError as problem:
         return Variant("", changes, None, str(problem))
     set_now = flat(scene.tables())
-    inputs: dict[str, Any] = {}
+    inputs: dict[str, object] = {}
     for one in (key for axis in axes for key in axis.keys):
         # a value that is a table, such as a law of restitution, is more than one input; one that is not set is none
         inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{one}.")}
@@ -236,7 +237,7 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
 
 
 def read_sweep_file(
-    path: Path | str, fixed: Mapping[str, Any] | None = None, listener: Listener = silent
+    path: Path | str, fixed: Mapping[str, object] | None = None, listener: Listener = silent
 ) -> list[Variant]:
     """The scenes of a sweep file: [sweep] with scene (a path beside the file), design, count, seed, and the tables
     [sweep.over] of keys to change and [sweep.set] of keys that are the same in all; ``fixed`` overrides the latter.

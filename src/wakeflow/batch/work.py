@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ..answer.result import FILE, Request, Result
 from ..core.errors import ProgramError, WakeflowError
 from ..core.files import atomic_write, write_json
+from ..core.record import JsonMapping
 from ..pipeline.compilation import compile_tracker
 from ..planning.plan import Plan
 from ..runs import run_once
@@ -32,7 +31,7 @@ class Job:
     for, and its ``plan``; on how many ``threads`` it is flown; whether a ``report`` is due.
     """
 
-    tables: Mapping[str, Any]
+    tables: JsonMapping
     request: Request
     folder: Path
     stamp: str

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from numbers import Integral
 from operator import attrgetter
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from . import errors
 from .errors import ProgramError, SceneError, WakeflowError
@@ -273,12 +273,12 @@ def capture(command: Sequence[str], *, env: Mapping[str, str] | None = None, tim
 
 def call_in_child(
     target: str,
-    argument: Any,
+    argument: object,
     *,
     log: Path,
     timeout: float | None = None,
     error: type[ProgramError] = ProgramError,
-) -> Any:
+) -> object:
     """Call ``module:function`` with one JSON-able ``argument`` in a Python process of its own; return its result.
 
     It is for libraries that have global state, are not thread-safe or may crash the interpreter (Gmsh, VTK without GL).

@@ -7,7 +7,7 @@ the types. JSON has neither infinite numbers nor NaN: they become null.
 from __future__ import annotations
 
 import json
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import MISSING, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -18,6 +18,9 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from .errors import SceneError
 from .files import write_json
 
+# A table of a JSON or TOML file: what it holds is known only where it is read.
+JsonTable = dict[str, Any]
+JsonMapping = Mapping[str, Any]
 Kind = TypeVar("Kind")
 WRONG = {  # what pydantic calls it, and what the user reads
     "missing": "is missing",
@@ -27,7 +30,7 @@ WRONG = {  # what pydantic calls it, and what the user reads
 
 
 def column(
-    unit: str, meaning: str, *, key: str = "", absent: bool = False, flat: bool = False, default: Any = MISSING
+    unit: str, meaning: str, *, key: str = "", absent: bool = False, flat: bool = False, default: object = MISSING
 ) -> Any:
     """A field of a record: its ``unit`` ("1" for a plain number, "" for text) and what it means.
 
@@ -35,7 +38,7 @@ def column(
     ``flat``: whoever writes the record puts the keys of this part among the record's own. ``default``: a value, or
     ``dict`` for an empty one.
     """
-    metadata: dict[str, Any] = {"description": meaning, "json_schema_extra": {"unit": unit, "flat": flat}}
+    metadata: dict[str, object] = {"description": meaning, "json_schema_extra": {"unit": unit, "flat": flat}}
     metadata |= {"exclude_if": _is_none} if absent else {}
     metadata |= {"alias": key} if key else {}
     if default is dict:
@@ -81,7 +84,7 @@ def _adapter(kind: Hashable) -> TypeAdapter[Any]:
     return TypeAdapter(dict[str, kind], config=config)  # type: ignore[valid-type]
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any) -> object:
     """What pydantic does not know by itself: read-only mappings."""
     return dict(value)
 

@@ -1,4 +1,4 @@
-"""Tables of cells: rows under their heads, as CSV and as what Python is handed."""
+"""Tables of cells: rows under their heads, as CSV and as what Python is handed; and arrays in one file."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from .files import atomic_write
 
 Cell = str | float | bool | None
+AnyArray = NDArray[Any]  # of numbers of any kind
+Columns = dict[str, AnyArray]  # arrays of one length by their names
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class CellTable:
             writer.writerow(self.heads)
             writer.writerows([_text(cell, digits) for cell in row] for row in self.rows)
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """Arrays by their heads: of float with nan where nothing is known, or of text."""
         return {head: _array([row[place] for row in self.rows]) for place, head in enumerate(self.heads)}
 
@@ -45,7 +48,7 @@ class CellTable:
         return frame_of(self.columns())
 
 
-def frame_of(columns: Mapping[str, Any]) -> Any:
+def frame_of(columns: Mapping[str, AnyArray]) -> Any:
     """Arrays of one length by the heads of their columns, as a pandas DataFrame where pandas is installed, else as a
     dict.
     """
@@ -54,7 +57,13 @@ def frame_of(columns: Mapping[str, Any]) -> Any:
     return import_module("pandas").DataFrame(dict(columns))
 
 
-def _array(cells: Sequence[Cell]) -> Any:
+def save_arrays(path: Path | str, arrays: Mapping[str, ArrayLike]) -> None:
+    """Write arrays by their names as one file (.npz), whole or not at all."""
+    with atomic_write(path, "wb") as stream:
+        np.savez(stream, **arrays)  # type: ignore[arg-type]
+
+
+def _array(cells: Sequence[Cell]) -> AnyArray:
     if any(isinstance(cell, str) for cell in cells):
         return np.array([_text(cell) for cell in cells], dtype=object)
     return np.array([np.nan if cell is None else cell for cell in cells], dtype=float)

@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core.errors import SceneError
-from ..core.files import atomic_write
+from ..core.tables import save_arrays
 
 
-def write_arrays(path: Path | str, arrays: Mapping[str, Any], short: Collection[str]) -> None:
+def write_arrays(path: Path | str, arrays: Mapping[str, ArrayLike], short: Collection[str]) -> None:
     """Write ``arrays`` by name to ``path``, whole or not at all; those in ``short`` in single precision."""
-    with atomic_write(path, "wb") as stream:
-        made = {name: np.asarray(a, dtype=np.float32 if name in short else None) for name, a in arrays.items()}
-        np.savez(stream, **made)  # type: ignore[arg-type]
+    save_arrays(path, {name: np.asarray(a, dtype=np.float32 if name in short else None) for name, a in arrays.items()})
 
 
 def read_arrays(path: Path | str, needed: Collection[str], known: Collection[str]) -> dict[str, Any]:

@@ -6,13 +6,12 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.number import Number
-from ..core.record import from_json
+from ..core.record import JsonTable, from_json
 from ..laws.turbulence import NUT
 from .airflow_result import AirflowResult, CheckMesh, MeshMotionSummary, RunStatistics
 from .case import FlowSpec, axis_points
@@ -54,9 +53,7 @@ def drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str,
     return found
 
 
-def coefficients_of(
-    spec: FlowSpec, rows: Array, loop: dict[str, Any] | None, since: float | None = None
-) -> Coefficients:
+def coefficients_of(spec: FlowSpec, rows: Array, loop: JsonTable | None, since: float | None = None) -> Coefficients:
     """Steady: means over the last iterations with the range they moved through; those ``since`` an iteration where the
     airflow did not settle. Time-resolved: means since the end of the start-up; the last values of a wake that came to
     rest.
@@ -157,9 +154,7 @@ def measure(
     )
 
 
-def _from_fields(
-    spec: FlowSpec, folder: Path, loop: dict[str, Any] | None, rows: Array, probed: Number
-) -> dict[str, Any]:
+def _from_fields(spec: FlowSpec, folder: Path, loop: JsonTable | None, rows: Array, probed: Number) -> JsonTable:
     """What the stored fields say, by the names of :class:`AirflowResult`; ``probed``: the history's base pressure."""
     fields = CaseFields(folder)
     names = loop["times"] if loop else late_states(folder)
@@ -187,7 +182,7 @@ def _from_fields(
     }
 
 
-def motion_in(loop: dict[str, Any] | None) -> MeshMotionSummary | None:
+def motion_in(loop: dict[str, object] | None) -> MeshMotionSummary | None:
     """How the mesh moves that a ``loop`` was recorded on; None where it rests."""
     return None if loop is None or "motion" not in loop else from_json(MeshMotionSummary, loop["motion"], LOOP)
 

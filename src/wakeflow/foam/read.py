@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from ..core.lazy import cached_property
+from ..core.record import JsonTable
 from ..laws.turbulence import FROM_EPSILON, FROM_OMEGA, Dissipation, TurbulenceModel, turbulence_models
 from .case import read_parameters
 from .polymesh import FoamMesh, read_polymesh
@@ -258,7 +259,7 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     return flow
 
 
-def _folders_of(fields: CaseFields, time: str | float, loop: dict[str, Any] | None) -> tuple[list[Path], str]:
+def _folders_of(fields: CaseFields, time: str | float, loop: JsonTable | None) -> tuple[list[Path], str]:
     """The time folders that ``time`` means, and what OpenFOAM appends to the names of the fields to read there."""
     if time not in ("mean", "all", "states"):
         return [fields.folder(time)], ""
@@ -275,7 +276,7 @@ def _folders_of(fields: CaseFields, time: str | float, loop: dict[str, Any] | No
     return time_folders(fields.case), ""
 
 
-def loop_of(case: Path) -> dict[str, Any] | None:
+def loop_of(case: Path) -> JsonTable | None:
     """What loop.json says: "period" (s), "periods" in it, "begin" (s), "times" (folder names), and "motion" where the
     mesh moves: "amplitude" (x, y) m, "omega" (rad/s), "phase" (rad) at the first time; None without a loop.
     """

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class PlaneMesh:
     """
 
     points: Array
-    cells: Sequence[NDArray[np.integer[Any]]]
+    cells: Sequence[NDArray[np.int64]]
     centres: Array
     faces: Index
     owner: Index
@@ -72,7 +72,7 @@ class PlaneMesh:
         return np.isin(self.patch, [i for i, name in enumerate(self.patches) if name in names])
 
 
-def triangulate(points: Array, cells: Sequence[NDArray[np.integer[Any]]]) -> Index:
+def triangulate(points: Array, cells: Sequence[NDArray[np.int64]]) -> Index:
     """Triangles (t, 3) of polygons: quadrilaterals along the diagonal that leaves the larger least angle, others as a
     fan.
     """

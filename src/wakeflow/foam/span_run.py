@@ -27,6 +27,7 @@ from ..core.errors import FoamError, MeshError, known
 from ..core.files import atomic_write, write_json
 from ..core.process import tail
 from ..core.record import save
+from ..core.tables import save_arrays
 from ..laws.span import CADENCE, Span
 from ..laws.turbulence import USUAL
 from .airflow_result import AirflowResult, CheckMesh
@@ -124,8 +125,7 @@ def extrude(spec: FlowSpec, plane: Path, folder: Path) -> None:
     for name in ("C", "Cx", "Cy", "Cz"):
         (folder / "0" / name).unlink(missing_ok=True)
     at = layer_map(centres, CaseFields(plane).mesh.plane.centres, spec.mesh.projected_width)
-    with atomic_write(plane / LAYERS, "wb") as stream:
-        np.savez(stream, at=at, z=centres[:, 2])
+    save_arrays(plane / LAYERS, {"at": at, "z": centres[:, 2]})
 
 
 def _depth(spec: FlowSpec) -> float:

@@ -7,13 +7,13 @@ import shutil
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from ..core.files import write_json
+from ..core.record import JsonTable
 from .case import FlowSpec
 from .history import Tail
 from .mesh_motion import MeshMotion
@@ -215,7 +215,7 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
         whole = None if spec.vibration is None else spec.vibration.period
         least = min(periods * state["period"], USABLE * float(clock[-1] - clock[0]) - (whole or 0.0))
         first, last, length, mismatch = best_loop(clock, velocity, least, whole)
-        table: dict[str, Any] = {"period": length, "periods": round(length / state["period"]), "begin": state["begin"]}
+        table: JsonTable = {"period": length, "periods": round(length / state["period"]), "begin": state["begin"]}
         names = [path.name for path in folders[first:last]]
         if spec.vibration is not None:
             table["motion"] = spec.vibration.motion(clock[first])

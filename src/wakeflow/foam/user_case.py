@@ -184,7 +184,7 @@ def _check_air(spec: FlowSpec, fields: CaseFields, speed: float) -> None:
 
 def _on_body(
     spec: FlowSpec, plane: PlaneMesh, case: Path, time: str, at_inlet: float, wall: NDArray[np.bool_]
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Pressure coefficients on the first body and the suction zone behind it."""
     arrays = read_flow(case, "latest" if time == "latest" else "mean", density=1.0)
     cp = (arrays["pressure"] - at_inlet) / (0.5 * spec.speed**2)

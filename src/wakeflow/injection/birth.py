@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +64,7 @@ MOST_SCATTER = 1.0  # rad, as the tracker takes it
 def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
     """``grains`` with the variation's shift and factors; what leaves the range of a quantity ends at it."""
     own = grains.restitution
-    restitution: Any = (
+    restitution: object = (
         own.shifted(variation.restitution)
         if isinstance(own, Restitution)
         else np.clip(own + variation.restitution, 0.0, 1.0)

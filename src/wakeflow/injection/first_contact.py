@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from ..scene import Scene
 from ..tracking import Motion
 
 Array = NDArray[np.float64]
-Index = NDArray[Any]
+Index = NDArray[np.int64]
 PIECE = 0.4  # rad of the vibration looked at in one piece, as the tracker does
 HALVINGS, ROUGHLY = 60, 12  # of a bracket: for a contact; for a dip, whose depth is missed by their square only
 

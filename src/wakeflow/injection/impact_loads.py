@@ -9,13 +9,12 @@ those that do meet it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import edges, normals
-from ..core.record import column
+from ..core.record import JsonTable, column
 from ..laws.streams import Load, load_on_wall
 from ..planning.impaction import axis
 from ..planning.plan import FractionPlan, Plan
@@ -194,7 +193,7 @@ def _on_slope(scene: Scene, name: str, stream: _Stream, number: int) -> tuple[Lo
     return on_slope, float(fall.mean()) if len(here) else 0.0
 
 
-def _sum(parts: list[Load]) -> dict[str, Any]:
+def _sum(parts: list[Load]) -> JsonTable:
     """Of ImpactForces, by name: forces and power add up, the centre of mass has the mass-weighted velocity."""
     flow = sum((one.mass_flow for one in parts), 0.0)
     force = sum((one.force for one in parts), np.zeros(2))

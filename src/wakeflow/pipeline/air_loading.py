@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import known
-from ..core.files import atomic_write, write_json
+from ..core.files import write_json
 from ..core.geometry import Boxes, ForceDensity
 from ..core.lazy import cached_property
 from ..core.record import load
 from ..core.store import content_key
+from ..core.tables import save_arrays
 from ..field import FlowField
 from ..injection.feed import feedstock
 from ..laws.constants import GRAVITY
@@ -277,9 +278,8 @@ def gather_force(
     force = ForceDensity(boxes, density)
     if plan.airflow.symmetric:
         force, lost = force.mirrored(), lost * (0.0, 1.0)
-    with atomic_write(folder / "force.npz", "wb") as stream:
-        box = [boxes.left, boxes.bottom, boxes.pitch]
-        np.savez(stream, density=force.density, lost=lost, boxes=np.array(box))
+    box = [boxes.left, boxes.bottom, boxes.pitch]
+    save_arrays(folder / "force.npz", {"density": force.density, "lost": lost, "boxes": box})
     write_json(folder / "shares.json", landed)
 
 

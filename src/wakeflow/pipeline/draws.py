@@ -11,16 +11,16 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import known
-from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.process import cores
 from ..core.store import content_key
+from ..core.tables import save_arrays
 from ..laws.size import normal_points
 from ..planning.plan import DRAWS, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
@@ -47,8 +47,8 @@ class Draws:
 
     unknowns: tuple[Unknown, ...]
     z: Array
-    varied: Mapping[str, NDArray[Any]]
-    own: Mapping[str, NDArray[Any]]
+    varied: Mapping[str, NDArray[np.int16]]
+    own: Mapping[str, NDArray[np.int16]]
 
     def hits(self, name: str, bins: Sequence[int]) -> tuple[Array, Array]:
         """Whether (R, M) each granule of a fraction lands in one of ``bins``: under its draw, and in the answer."""
@@ -99,7 +99,7 @@ class DrawStage:
 
     def _fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
-        found: dict[str, list[NDArray[Any]]] = {}
+        found: dict[str, list[NDArray[np.int64]]] = {}
         pool = ThreadPoolExecutor(self.tracks.workers or cores())
         try:
             jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, DRAWS, SAME_AIR)]
@@ -110,11 +110,9 @@ class DrawStage:
                         found.setdefault(which, []).append(bins)
         finally:
             pool.shutdown(cancel_futures=True)
-        with atomic_write(folder / "draws.npz", "wb") as stream:
-            arrays: dict[str, Any] = {key: np.array(rows, dtype=np.int16) for key, rows in found.items()}
-            np.savez(stream, **arrays)
+        save_arrays(folder / "draws.npz", {key: np.array(rows, dtype=np.int16) for key, rows in found.items()})
 
-    def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[dict[str, NDArray[Any]]]:
+    def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[dict[str, NDArray[np.int64]]]:
         """The draws from ``first`` on that share its air: each granule's bin as drawn, and its own."""
         found, airs = [], None
         for number in range(first, first + SAME_AIR):
@@ -131,13 +129,13 @@ class DrawStage:
 
     def fly_under(
         self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: slice
-    ) -> dict[str, NDArray[Any]]:
+    ) -> dict[str, NDArray[np.int64]]:
         """The bin of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
         ("varied.NAME"), and its own ("own.NAME"); the number of bins for elsewhere.
         """
         scene = self.tracks.scene
         flight = replace(self.tracks.flight(made.fed(scene), airs), workers=1)
-        bins: dict[str, NDArray[Any]] = {}
+        bins: dict[str, NDArray[np.int64]] = {}
         for name in scene.fraction:
             landing = tracked.landings[name]
             bins[f"own.{name}"] = landing.bin[landing.replicate == replicate][part].astype(np.int64)

@@ -11,15 +11,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import known
 from ..core.files import write_json
 from ..core.lazy import cached_property
 from ..core.store import content_key
+from ..core.tables import Columns
 from ..planning.crowd import number_rates
 from ..planning.plan import REPLICATES, Plan
 from ..scene import Scene
@@ -53,7 +53,7 @@ class Film:
     depth: float
     one_in: dict[str, float]
     met: bool
-    paths: Mapping[str, list[dict[str, NDArray[Any]]]]
+    paths: Mapping[str, list[Columns]]
 
 
 @dataclass(frozen=True)

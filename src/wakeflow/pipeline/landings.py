@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.files import atomic_write
+from ..core.tables import Columns, save_arrays
 from ..scene import Scene
 from ..tracking import Fate, Granules, Tracks
 
 # -- Recorded tracks, as pictures take them and as they are kept in a file ---------------------------------------------
-Columns = NDArray[Any]
 MOMENTS = ("time", "position", "velocity")  # (m,) s, (m, 2) m, (m, 2) m/s of a track
 OWN = ("diameter", "bin", "fate")  # () m, place among the scene's bins or -1, value of Fate, of a track
 
 
-def paths_of(tracks: Tracks, grains: Granules, bins: int) -> list[dict[str, Columns]]:
+def paths_of(tracks: Tracks, grains: Granules, bins: int) -> list[Columns]:
     """Recorded tracks with their granules' diameters, and where and how they ended in a scene of so many ``bins``."""
     own = zip(grains.diameter, *tracks.ends(bins), strict=True)
     return [
@@ -28,17 +26,16 @@ def paths_of(tracks: Tracks, grains: Granules, bins: int) -> list[dict[str, Colu
     ]
 
 
-def save_drawn_tracks(path: Path, paths: Sequence[dict[str, Columns]]) -> None:
+def save_drawn_tracks(path: Path, paths: Sequence[Columns]) -> None:
     """Keep tracks end to end in one file (.npz), ``split`` saying where each begins."""
     split = np.cumsum([0] + [len(one["time"]) for one in paths])
-    room: dict[str, Any] = {"time": np.zeros(0), "position": np.zeros((0, 2)), "velocity": np.zeros((0, 2))}
-    joined: dict[str, Any] = {key: np.concatenate([none, *(one[key] for one in paths)]) for key, none in room.items()}
-    own: dict[str, Any] = {key: np.array([one[key] for one in paths]) for key in OWN}
-    with atomic_write(path, "wb") as stream:
-        np.savez(stream, split=split, **own, **joined)
+    room = {"time": np.zeros(0), "position": np.zeros((0, 2)), "velocity": np.zeros((0, 2))}
+    joined = {key: np.concatenate([none, *(one[key] for one in paths)]) for key, none in room.items()}
+    own = {key: np.array([one[key] for one in paths]) for key in OWN}
+    save_arrays(path, {"split": split, **own, **joined})
 
 
-def load_drawn_tracks(file: Path) -> list[dict[str, Columns]]:
+def load_drawn_tracks(file: Path) -> list[Columns]:
     """What :func:`save_drawn_tracks` kept."""
     with np.load(file) as data:
         if len(data["split"]) == 1:
@@ -66,17 +63,17 @@ class Landings:
     """
 
     position: Array
-    bin: NDArray[Any]
-    replicate: NDArray[Any]
-    diameter: NDArray[Any]
-    fate: NDArray[Any]
-    time: NDArray[Any]
-    impacts: NDArray[Any]
-    realisation: NDArray[Any]
-    cycle: NDArray[Any]
-    weight: NDArray[Any] | None = None
-    meetings: NDArray[Any] | None = None
-    drag: NDArray[Any] | None = None
+    bin: NDArray[np.int16]
+    replicate: NDArray[np.uint8]
+    diameter: NDArray[np.float32]
+    fate: NDArray[np.int8]
+    time: NDArray[np.float32]
+    impacts: NDArray[np.int32]
+    realisation: NDArray[np.uint8]
+    cycle: NDArray[np.uint16]
+    weight: Array | None = None
+    meetings: NDArray[np.int32] | None = None
+    drag: NDArray[np.float32] | None = None
 
     @property
     def size(self) -> float:
@@ -106,7 +103,7 @@ class Landings:
 FATES = tuple(fate.name.lower() for fate in Fate)  # names, in the order of their numbers
 
 
-def fates_of(fate: NDArray[Any]) -> dict[str, int]:
+def fates_of(fate: NDArray[np.int8]) -> dict[str, int]:
     """How many of the granules (n,) met each fate, by its name."""
     return {one.name.lower(): int(np.sum(fate == one)) for one in Fate}
 
@@ -122,7 +119,7 @@ class Tracked:
     """
 
     landings: Mapping[str, Landings]
-    drawn: dict[str, list[dict[str, Array]]]
+    drawn: dict[str, list[Columns]]
     injected: dict[str, int]
     fates: dict[str, dict[str, int]]
 
@@ -156,7 +153,7 @@ class _Kept(Mapping[str, Landings]):
 def load_tracked(folder: Path, scene: Scene) -> Tracked:
     """What ``Flight.fly_all`` kept in a folder."""
     landings = _Kept(folder, tuple(scene.fraction), {})
-    drawn: dict[str, list[dict[str, Array]]] = {}
+    drawn: dict[str, list[Columns]] = {}
     injected: dict[str, int] = {}
     fates: dict[str, dict[str, int]] = {}
     for name in scene.fraction:

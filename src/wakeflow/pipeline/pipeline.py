@@ -9,11 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.store import Store, cache_root, content_key
+from ..core.tables import Columns
 from ..funnel import compute as compute_funnel
 from ..funnel.delivered import FunnelSummary
 from ..injection.impact_loads import ImpactSummary, impact_loads
@@ -240,7 +241,7 @@ class Pipeline:
         made = stage.variation(number)
         return self._crowd_stage.fly_drawn(number, made, stage.air(made.air))
 
-    def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
+    def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
         return self._track_stage.shown(picture)
 

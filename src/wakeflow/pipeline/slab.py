@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from .. import tracking
 from ..core.errors import SceneError, known
-from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.process import cores
 from ..core.store import content_key
+from ..core.tables import Columns, save_arrays
 from ..field import FlowField
 from ..injection.stream import SlabFeed, slab_stream
 from ..laws.constants import GRAVITY
@@ -203,11 +203,9 @@ class SlabFlight:
         if path.exists():
             return
         self.tell(f"replicate {number + 1}")
-        columns: dict[str, Any] = self._fly(number)
-        with atomic_write(path, "wb") as stream:
-            np.savez(stream, **columns)
+        save_arrays(path, self._fly(number))
 
-    def _fly(self, number: int) -> dict[str, NDArray[Any]]:
+    def _fly(self, number: int) -> Columns:
         """The landings of one replicate. Where an airflow's mirror image is as likely, every second one flies in it,
         and the two of a pair count as one: between an airflow and its image there is no sampling error to find.
         """
@@ -321,8 +319,8 @@ class SlabFlown:
 
 
 def _grouped(
-    fraction: NDArray[Any], replicate: NDArray[Any], realisation: NDArray[Any], fractions: int
-) -> NDArray[Any]:
+    fraction: NDArray[np.int16], replicate: NDArray[np.uint8], realisation: NDArray[np.uint8], fractions: int
+) -> NDArray[np.uint8]:
     """Replicates taken together, two and two, until every one holds granules of every fraction: a share of nothing is
     no sample. Those of one realisation of the airflow only.
     """

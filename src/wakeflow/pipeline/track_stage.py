@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import known
 from ..core.lazy import cached_property
+from ..core.record import JsonTable
 from ..core.store import content_key
+from ..core.tables import Columns
 from ..planning.plan import COMPARED, REPLICATES, Plan
 from ..scene import Scene
 from .airflow_kinds import AirflowKind
@@ -38,9 +40,9 @@ class Companion:
     loaded: bool = True
 
 
-def unweighed(scene: Scene) -> dict[str, Any]:
+def unweighed(scene: Scene) -> dict[str, object]:
     """The tables of a scene without what moves no granule: mass shares, targets, the feed's rate, pictures."""
-    tables: dict[str, Any] = scene.model_dump(mode="json", by_alias=True)
+    tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
     for fraction in tables["fraction"].values():
         del fraction["mass_share"], fraction["target"]
     del tables["feed"]["rate"], tables["feed"]["depth"], tables["picture"]
@@ -92,7 +94,7 @@ class TrackStage:
         folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=companion is None))
         return load_tracked(folder, self.scene)
 
-    def shown(self, picture: Picture) -> dict[str, list[dict[str, Any]]]:
+    def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
         from .landings import load_drawn_tracks
         from .tracks import Flight

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .. import tracking
 from ..core.errors import SceneError, known
-from ..core.files import atomic_write
+from ..core.tables import AnyArray, Columns, save_arrays
 from ..field import FlowField
 from ..injection.feed import Feedstock, feedstock
 from ..injection.first_contact import motion_of
@@ -61,12 +61,11 @@ class Flight:
                 shown += paths
             if drawn:
                 save_drawn_tracks(folder / f"{name}.drawn.npz", shown)
-            columns: dict[str, Any] = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
+            columns = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
             order = np.argsort(columns["replicate"], kind="stable")
-            with atomic_write(folder / f"{name}.npz", "wb") as stream:
-                np.savez(stream, **{key: values[order] for key, values in columns.items()})
+            save_arrays(folder / f"{name}.npz", {key: values[order] for key, values in columns.items()})
 
-    def _fly_parts(self, name: str, *, drawn: bool) -> Iterator[tuple[dict[str, Any], list[dict[str, Array]]]]:
+    def _fly_parts(self, name: str, *, drawn: bool) -> Iterator[tuple[Columns, list[Columns]]]:
         """Columns of landings of a fraction, and tracks for pictures: of one realisation of the airflow after the
         other, and of whole replicates, so that memory grows neither with the number of fields nor with that of
         granules.
@@ -95,7 +94,7 @@ class Flight:
         parts.pop("injected")
         return Landings(**parts)
 
-    def _drawn(self, name: str, feed: Feedstock, chosen: NDArray[Any], replicates: range) -> list[dict[str, Array]]:
+    def _drawn(self, name: str, feed: Feedstock, chosen: Iterable[int], replicates: range) -> list[Columns]:
         """Tracks for pictures of those of the ``chosen`` granules, numbered through all replicates, that are here."""
         size = len(feed.replicate) // len(replicates)
         here = [i * size + g % size for i, r in enumerate(replicates) for g in chosen if g // size == r]
@@ -226,7 +225,7 @@ def _second_half(feed: Feedstock, size: int, replicates: range) -> NDArray[np.bo
 def _interleaved(second: NDArray[np.bool_], tracks: Tracks, second_tracks: Tracks) -> Tracks:
     """Tracks of two complementary parts of the granules, in the granules' own order."""
 
-    def merge(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+    def merge(one: AnyArray, other: AnyArray) -> AnyArray:
         whole = np.empty((len(second), *one.shape[1:]), dtype=one.dtype)
         whole[~second], whole[second] = one, other
         return whole
@@ -273,7 +272,7 @@ def end_lines(scene: Scene) -> list[Array]:
 
 def landing_columns(
     feed: Feedstock, tracks: Tracks, bins: int, realisation: int = 0, cycle: NDArray[np.uint16] | None = None
-) -> dict[str, NDArray[Any]]:
+) -> Columns:
     """What is kept of each landing, 40 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
     bin_, fate = tracks.ends(bins)
     return {

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from ..laws.restitution import restitution_at
 from ..scene import Scene
 
 Array = NDArray[np.float64]
-Complex = NDArray[Any]
+Complex = NDArray[np.complex128]
 # How finely a fraction is sampled; chosen
 SIZES = 6  # mass classes of a fraction
 PLACES = 257  # quantiles of the curtain
@@ -191,7 +190,7 @@ def _landing(scene: Scene, name: str, kind: _Kind, contacts: Met) -> Array:
     return np.asarray(wall - np.abs((z.imag + wall) % (4.0 * wall) - 2.0 * wall))
 
 
-def _bounced(scene: Scene, name: str, radius: Array, v: Complex, normal: Complex) -> Complex:
+def _bounced(scene: Scene, name: str, radius: Array, v: Complex, normal: Array | Complex) -> Complex:
     fraction = scene.fraction[name]
     granule = fraction.properties
     ways = v.real, v.imag, normal.real, normal.imag, 0.0, 0.0

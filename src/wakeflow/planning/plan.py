@@ -51,7 +51,7 @@ class _Sendable:
             if isinstance(value, Mapping):
                 object.__setattr__(self, name, MappingProxyType(dict(value)))
 
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         return type(self), tuple(dict(one) if isinstance(one, Mapping) else one for one in vars(self).values())
 
 
@@ -144,7 +144,7 @@ class Plan(_Sendable):
         """
         return replace(self, airflow=replace(self.airflow, wake=None, loaded=False))
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, object]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
         table: dict[str, Any] = to_json(self)
         return table

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..core.tables import CellTable
+from ..core.tables import AnyArray, CellTable
 
 # -- What the pictures of a run share: colours, figures without a screen, maps on triangles, the body ------------------
 if TYPE_CHECKING:
@@ -299,7 +299,7 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
     root.draw_without_rendering()  # laid out once, not again for every format
     root.set_layout_engine(None)
     drawn = root.get_tightbbox().padded(MARGIN)
-    undated: dict[str, dict[str, Any] | None] = {".png": None, ".svg": {"Date": None}}
+    undated: dict[str, dict[str, object] | None] = {".png": None, ".svg": {"Date": None}}
     if _pdf_too.get():
         undated[".pdf"] = {"CreationDate": None}
     # text stays text; a figure is alike whenever it is drawn
@@ -319,7 +319,7 @@ def _unify(figure: Figure) -> None:
             label.set_fontsize(LABEL_SIZE)
 
 
-def _save_data(path: Path, data: Mapping[str, NDArray[Any]]) -> None:
+def _save_data(path: Path, data: Mapping[str, AnyArray]) -> None:
     if len({values.shape for values in data.values()}) == 1 and next(iter(data.values())).ndim == 1:
         rows = list(zip(*(column.tolist() for column in data.values()), strict=True))
         CellTable(list(data), rows).write_csv(path.with_suffix(".csv"), 7)

@@ -189,7 +189,7 @@ def _varied(table: ResultTable) -> list[str]:
     return [key for key in table.inputs if len({str(entry.inputs.get(key)) for entry in table.done}) > 1]
 
 
-def _input(value: Any) -> str:
+def _input(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 

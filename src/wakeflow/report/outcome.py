@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.registry import Registry
+from ..core.tables import AnyArray
 
 if TYPE_CHECKING:
     from ..answer.result import Result
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from .solved_case import ForceHistory, PlaneCells
 
 # of a granule: time (m,) s, position (m, 2) m, velocity (m, 2) m/s; diameter () m; bin () as below, fate () of wf.Fate
-Track = Mapping[str, NDArray[Any]]
+Track = Mapping[str, AnyArray]
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Outcome:
     landings: Mapping[str, Landed]
     result: Result
     shown: Mapping[str, Mapping[str, Sequence[Track]]]
-    granules: Mapping[str, NDArray[Any]]
+    granules: Mapping[str, AnyArray]
     cells: PlaneCells | None = None
     history: ForceHistory | None = None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ class PlaneCells:
     """The cells of a plane mesh: ``points`` (n, 2) m, and of each of ``cells`` the indices of its corners, in order."""
 
     points: Array
-    cells: Sequence[NDArray[np.integer[Any]]]
+    cells: Sequence[NDArray[np.int64]]
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
 from ..budget.source import Flights
 from ..budget.total import totalled
-from ..core.files import atomic_write
 from ..core.graded import gravest_first
 from ..core.process import beside, cores
+from ..core.tables import save_arrays
 from ..funnel.delivered import FunnelSummary
 from ..pipeline.airflow import Airflow, MeshReport
 from ..pipeline.pipeline import Pipeline
@@ -177,8 +177,7 @@ class OneRun:
         if tracked is not None:
             landings = tracked.landings if answer is None else answer
             granules = some_granules(scene, landings)
-            with atomic_write(folder / "granules.npz", "wb") as stream:
-                np.savez(stream, names=np.array(list(landings)), **granules)
+            save_arrays(folder / "granules.npz", {"names": np.array(list(landings)), **granules})
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
                 report_into(self.pipeline, tracked, landings, granules, result, pdf=self.pdf)

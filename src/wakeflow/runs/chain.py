@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ..answer.shares import Separation
 from ..core.number import Number
-from ..core.record import to_json
+from ..core.record import JsonTable, to_json
 from ..pipeline.landings import Landings
 from ..pipeline.realisations import Realisations
 from ..pipeline.tracks import Flight
@@ -29,9 +28,9 @@ class Chained:
     shares: Separation
 
     @property
-    def separation(self) -> dict[str, Any]:
+    def separation(self) -> JsonTable:
         """The ``separation`` table of result.json."""
-        table: dict[str, Any] = to_json(self.shares)
+        table: JsonTable = to_json(self.shares)
         return table
 
     def share(self, fraction: str, place: str) -> Number:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ..core.errors import SceneError
 from ..core.record import to_json
 from ..core.sources import PACKAGE, code_key
 from ..core.store import content_key, digest_files
+from ..core.tables import Columns
 from ..pipeline.airflow import Airflow
 from ..pipeline.pipeline import Pipeline
 from ..report.solved_case import cells_of, forces_of
@@ -43,7 +44,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def answer_key(scene: Scene, request: Request, *more: Any) -> str:
+def answer_key(scene: Scene, request: Request, *more: object) -> str:
     """What an answer is made for: the scene, the order of its tables, the request, whatever ``more`` there is, and all
     versions and sources.
     """
@@ -78,7 +79,7 @@ def report_into(
     pipeline: Pipeline,
     tracked: Tracked,
     answer: Mapping[str, Landings],
-    granules: Mapping[str, Any],
+    granules: Columns,
     result: Result,
     *,
     pdf: bool,
@@ -125,7 +126,7 @@ def _landed(landing: Landings) -> Landed:
     return Landed(landing.position[:, 0], landing.position[:, 1], landing.mass_shares, landing.bin)
 
 
-def some_granules(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Any]:
+def some_granules(scene: Scene, landings: Mapping[str, Landings]) -> Columns:
     """A fixed subsample of at most numerics.keep granules a fraction, as columns; shares use all of them."""
     rows: dict[str, list[np.ndarray]] = {}
     mass = scene.mass_shares()

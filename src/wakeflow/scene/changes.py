@@ -6,21 +6,21 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
+from ..core.record import JsonTable
 from .scene import Scene
 
 LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
 PARTS = "+"  # between the changes in a name
 
 
-def flat(tables: Mapping[str, Any]) -> dict[str, Any]:
+def flat(tables: Mapping[str, object]) -> JsonTable:
     """Nested tables as dotted keys and their values.
 
     >>> flat({"air": {"speed": 5.0}, "fraction": {"husk": {"size": {"mean": 1e-3}}}})
     {'air.speed': 5.0, 'fraction.husk.size.mean': 0.001}
     """
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for key, value in tables.items():
         if isinstance(value, Mapping) and value:
             found |= {f"{key}.{below}": member for below, member in flat(value).items()}
@@ -29,7 +29,7 @@ def flat(tables: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def differing(scenes: Sequence[Scene]) -> dict[str, list[Any]]:
+def differing(scenes: Sequence[Scene]) -> dict[str, list[object]]:
     """The dotted keys, defaults counted, in which scenes differ: for each the value in every scene, SI; None where a
     scene has no such key.
     """
@@ -39,7 +39,7 @@ def differing(scenes: Sequence[Scene]) -> dict[str, list[Any]]:
     return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
 
 
-def folder_name(changes: Mapping[str, Any]) -> str:
+def folder_name(changes: Mapping[str, object]) -> str:
     """A name for the folder of what was changed: its keys and values, safe on every file system.
 
     Numbers have six digits. A name that would be long ends in a fingerprint of all changes instead.
@@ -54,7 +54,7 @@ def folder_name(changes: Mapping[str, Any]) -> str:
     return f"{name[: LONGEST - len(mark) - 1]}-{mark}"
 
 
-def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping[str, Any]) -> str:
+def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping[str, object]) -> str:
     """The name of a run's folder: that of its scene file, and what was ``changed`` in it, in SI, with the ``options``
     that are given; so that variants of a scene do not overwrite each other.
     """
@@ -64,7 +64,7 @@ def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping
     return PARTS.join(filter(None, (stem, folder_name({**values, **given}))))
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     text = re.sub(r"\s*%", "pct", value if isinstance(value, str) else json.dumps(value))

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from statistics import median
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -272,7 +271,7 @@ MACHINE = ("body", "channel", "feed", "bin", "vibration", "funnel")  # tables wh
 TOLD = 3  # doubts in one message
 
 
-def doubted_lengths(data: Mapping[str, Any]) -> Iterator[tuple[Place, float, float]]:
+def doubted_lengths(data: Mapping[str, object]) -> Iterator[tuple[Place, float, float]]:
     """Place and value (m) of every length in a scene's tables that stands without a unit and is OFF times the median of
     all of them, or above LARGEST; and that median (m). One with a unit is never doubted.
     """
@@ -288,7 +287,7 @@ def doubted_lengths(data: Mapping[str, Any]) -> Iterator[tuple[Place, float, flo
             yield place, length, scale
 
 
-def _metres(value: Any) -> float | None:
+def _metres(value: object) -> float | None:
     """The length that a value says; None where it says none, which is another message's matter."""
     if not isinstance(value, str):
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
@@ -298,7 +297,7 @@ def _metres(value: Any) -> float | None:
         return None
 
 
-def doubts(data: Mapping[str, Any], among: Iterable[Place] = ((),)) -> str:
+def doubts(data: Mapping[str, object], among: Iterable[Place] = ((),)) -> str:
     """What to ask about the doubted lengths of a scene's tables, empty for none; ``among``: those in these places."""
     found = [one for one in doubted_lengths(data) if any(one[0][: len(place)] == place for place in among)]
     if not found:
@@ -313,7 +312,7 @@ def doubts(data: Mapping[str, Any], among: Iterable[Place] = ((),)) -> str:
     return f"{', '.join(told)}{more}: unit forgotten? Other {usually}; write {meant}"
 
 
-def with_units(data: Mapping[str, Any]) -> dict[str, Any]:
+def with_units(data: Mapping[str, object]) -> dict[str, object]:
     """A copy of tables in SI numbers whose doubted lengths say that they are metres."""
     copy = deepcopy(dict(data))
     for place, length, _ in list(doubted_lengths(copy)):

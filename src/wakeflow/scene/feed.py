@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -35,7 +35,7 @@ class Profile(Table):
             raise SceneError(takes(kind, self.distribution, profiles[self.distribution], given)) from None
 
 
-def _one_word(value: Any) -> Any:
+def _one_word(value: object) -> object:
     """``profile = "triangular"`` is short for a table with that distribution alone."""
     return {"distribution": value} if isinstance(value, str) else value
 

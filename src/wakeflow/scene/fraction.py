@@ -92,19 +92,19 @@ PAPER = "paper"  # the impact model whose granules are alike
 MOST = {"restitution": 1.0, "friction": math.inf}  # coefficients lie between 0 and these
 
 
-def _number_or_table(value: Any) -> str:
+def _number_or_table(value: object) -> str:
     """The tag that tells a number from a table; its brackets keep it out of the places that messages name."""
     return "[table]" if isinstance(value, Mapping | Table) else "[number]"
 
 
-def _number_law_or_table(value: Any) -> str:
+def _number_law_or_table(value: object) -> str:
     """The same of a restitution: a table with a ``law`` is one of the approach speed."""
     if isinstance(value, Mapping | Rebound) and not Coefficient.means(value):
         return "[law]"
     return _number_or_table(value)
 
 
-def _one_diameter(value: Any) -> Any:
+def _one_diameter(value: object) -> object:
     """``size = "4 mm"`` is short for a distribution of one diameter."""
     return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
 

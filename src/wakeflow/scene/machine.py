@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field, model_validator
 from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
 from ..core.quantities import metres
+from ..core.record import JsonTable
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.shape import shapes
 from ..laws.vibration import Record, integrated
@@ -98,7 +99,7 @@ class Channel(Table):
     inlet: dict[Name, Inlet] = Field({}, description="secondary air streams through the walls")
 
 
-def _speed_or_case(schema: dict[str, Any]) -> None:
+def _speed_or_case(schema: JsonTable) -> None:
     """A case's speed is read before the tables are validated: in the schema either will do."""
     schema["anyOf"] = [{"required": [key]} for key in (*schema.pop("required"), "case")]
 
@@ -135,7 +136,7 @@ class Air(Table):
         return self
 
 
-def _or_a_file(schema: dict[str, Any]) -> None:
+def _or_a_file(schema: JsonTable) -> None:
     """The name of a file is read before the tables are validated, and allowed in the schema only."""
     given = schema.pop("anyOf", None) or [{"$ref": schema.pop("$ref")}]
     schema["anyOf"] = [*given, {"type": "string"}]

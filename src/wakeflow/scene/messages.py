@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from ..core.quantities import converted, speaking, split_quantity
+from ..core.record import JsonMapping
 from ..core.registry import did_you_mean
 from .pictures import picture_tables
 from .schema import Place, allowed_range, at, described, known_keys, unit_and_example, values_in
@@ -37,7 +37,7 @@ BELOW = {"air.speed": "; which way it blows is said by air.direction, and a scen
 TABLE = ("model_type", "dict_type", "model_attributes_type")
 
 
-def explain(problem: ValidationError, data: Mapping[str, Any]) -> Iterator[str]:
+def explain(problem: ValidationError, data: Mapping[str, object]) -> Iterator[str]:
     """Each mistake in the tables ``data``: where, the value given, what is wrong, what is allowed."""
     for error in problem.errors():
         place = _place(error)
@@ -64,7 +64,7 @@ def explain(problem: ValidationError, data: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key} = {value!r}: {_words(error)}{_allowed(place, data, value)}{unit_lost}{hint}"
 
 
-def units_in(data: Mapping[str, Any]) -> dict[str, str]:
+def units_in(data: Mapping[str, object]) -> dict[str, str]:
     """The unit that the tables ``data`` use most for each unit of the SI: {"m": "mm", "rad": "deg"}."""
     counted: dict[str, Counter[str]] = {}
     for _, value, node in values_in(data):
@@ -106,7 +106,7 @@ def _words(error: ErrorDetails) -> str:
     return WANTED.get(error["type"], f"{text[0].lower()}{text[1:]}")
 
 
-def _no_table(place: Place, data: Mapping[str, Any]) -> str:
+def _no_table(place: Place, data: JsonMapping) -> str:
     """What to say of a value where a table belongs; "body.width = 60" forgets which body."""
     known = known_keys(described(place, data))
     names = list(at(data, place[:-1])) if len(place) > 1 else []
@@ -116,7 +116,7 @@ def _no_table(place: Place, data: Mapping[str, Any]) -> str:
     return f"is a table: write [{dotted(place)}] and its keys below it{keys}"
 
 
-def _allowed(place: Place, data: Mapping[str, Any], value: Any) -> str:
+def _allowed(place: Place, data: Mapping[str, object], value: object) -> str:
     """The range of a field, in the unit of the value as it is written."""
     node = described(place, data)
     measure = unit_and_example(node)
@@ -128,7 +128,7 @@ def _allowed(place: Place, data: Mapping[str, Any], value: Any) -> str:
     return f" (allowed: {words})" if words else ""
 
 
-def _unit_lost(place: Place, data: Mapping[str, Any], value: Any) -> str:
+def _unit_lost(place: Place, data: Mapping[str, object], value: object) -> str:
     """What to ask of a number alone that is too large, where scenes usually give such numbers another unit."""
     unit, example = unit_and_example(described(place, data)) or ("1", "")
     usual = split_quantity(example)

@@ -7,15 +7,15 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from numbers import Real
-from typing import Any
 
 from ..core.errors import SceneError
 from ..core.quantities import quantity
+from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
 from .whole import ON_OFF
 
 
-def changes_of(settings: Sequence[str]) -> dict[str, Any]:
+def changes_of(settings: Sequence[str]) -> dict[str, object]:
     """Dotted keys of a scene and their new values, from texts KEY=VALUE. Raises SceneError for any other text."""
     return {key: _value(value) for key, value in (setting(text, "--set") for text in settings)}
 
@@ -62,7 +62,7 @@ def share_in(value: float | str, name: str) -> float:
     return float(value)
 
 
-def changed(data: Mapping[str, Any], changes: Mapping[str, Any], name: str = "scene") -> dict[str, Any]:
+def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> JsonTable:
     """A deep copy of a scene's ``data`` with dotted keys set. Tables that are missing on the way are made, but for one
     whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole. A star stands for
     all tables that are there.
@@ -71,7 +71,7 @@ def changed(data: Mapping[str, Any], changes: Mapping[str, Any], name: str = "sc
     """
     if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
         raise SceneError(f"changes = {changes!r}: name each key and its value, {{'air.speed': '7 m/s'}}")
-    result: dict[str, Any] = json.loads(json.dumps(data, default=str))
+    result: JsonTable = json.loads(json.dumps(data, default=str))
     for key, value in changes.items():
         *tables, last = key.split(".")
         nodes = [result]
@@ -102,7 +102,7 @@ def unquoted(words: Sequence[str]) -> str | None:
     return None
 
 
-def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: dict[str, Any], name: str) -> None:
+def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: JsonTable, name: str) -> None:
     """Raise SceneError where the tables at ``place`` have names of the user's, and one of them is nearly ``table``."""
     from .schema import at, named_tables  # the command line reads texts before it needs a scene
 
@@ -114,7 +114,7 @@ def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: dict[st
         raise SceneError(f"{name}: {key}: {hint}; to add one, give it whole: {kind}.{table}={{...}}")
 
 
-def _value(text: str) -> Any:
+def _value(text: str) -> object:
     """A TOML value where the text is one (number, list, true, quoted string), else the text itself."""
     try:
         return tomllib.loads(f"value = {text}")["value"]

@@ -7,10 +7,10 @@ import gzip
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ..core.errors import SceneError, known
 from ..core.files import read_toml
+from ..core.record import JsonMapping, JsonTable
 from ..laws.material import Material, materials, read_material
 
 # -- Materials of the user's own: a TOML file beside the scene, written as laws/materials.toml is ----------------------
@@ -33,7 +33,7 @@ def read_materials(path: Path) -> dict[str, Material]:
     return found
 
 
-def with_own_materials(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
+def with_own_materials(data: JsonMapping, base: Path, name: str) -> Mapping[str, object]:
     """The tables with what the file ``materials`` says in place of its name, so that results tell what was computed: a
     fraction of such a material has its values, but for those that it gives itself.
 
@@ -55,9 +55,9 @@ def with_own_materials(data: Mapping[str, Any], base: Path, name: str) -> Mappin
     return {**{key: table for key, table in data.items() if key != "materials"}, "fraction": fractions}
 
 
-def _as_fraction(material: Material, table: Mapping[str, Any]) -> dict[str, Any]:
+def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, object]:
     """The keys of a fraction of a ``material``, those in its own ``table`` first."""
-    values: dict[str, Any] = {
+    values: dict[str, object] = {
         "size": material.diameter, "density": material.density, "impact": material.impact,
         "restitution": _spread(material.restitution, material.restitution_std),
         "friction": _spread(material.friction, material.friction_std),
@@ -70,7 +70,7 @@ def _as_fraction(material: Material, table: Mapping[str, Any]) -> dict[str, Any]
     return {**values, **{key: value for key, value in table.items() if key != "material"}}
 
 
-def _spread(mean: Any, std: float) -> Any:
+def _spread(mean: object, std: float) -> object:
     """A number of all granules, or how it spreads over them."""
     return {"distribution": "normal", "mean": mean, "std": std} if std else mean
 
@@ -143,11 +143,11 @@ def _text(path: Path) -> str:
     return gzip.decompress(packed.read_bytes()).decode("latin-1") if packed.exists() else ""
 
 
-def air_of(case: Path) -> dict[str, Any]:
+def air_of(case: Path) -> JsonTable:
     """What of ``speed`` (m/s), ``direction`` and ``nu`` (m2/s) the case says: its inlet where that is one uniform
     vertical velocity, and its constant viscosity. Streams across the channel are no inlet.
     """
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     folder = known(_latest(case))
     boundary = _text(folder / "U").rpartition("boundaryField")[2]
     speeds = set()

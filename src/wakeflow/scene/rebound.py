@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from statistics import NormalDist
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -55,7 +55,7 @@ class Coefficient(Table):
     high: Annotated[float, Field(ge=0, le=10)] | None = None
 
     @classmethod
-    def means(cls, table: Mapping[str, Any] | Table) -> bool:
+    def means(cls, table: Mapping[str, object] | Table) -> bool:
         """Whether a table, of which other kinds may stand in its place, is of this one by its keys."""
         if not isinstance(table, Mapping):
             return isinstance(table, cls)

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from html import escape
 from inspect import Parameter, Signature
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from pydantic import ValidationError
 from ..core.errors import SceneError
 from ..core.files import path_of, read_toml
 from ..core.quantities import say, speaking
+from ..core.record import JsonMapping, JsonTable
 from ..laws.constants import STANDARD_AIR
 from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
 from .machine import Bin
@@ -58,7 +58,7 @@ class Scene(SceneTables):
         return f"feed{rate} from a funnel" if self.funnel is not None else f"feed{rate or ' without a rate'}"
 
     @classmethod
-    def parse(cls, data: Mapping[str, Any], name: str = "scene", base: Path | None = None) -> Scene:
+    def parse(cls, data: Mapping[str, object], name: str = "scene", base: Path | None = None) -> Scene:
         """Validate plain tables; paths of the user's files are relative to the folder ``base`` (default: the current
         one).
 
@@ -90,7 +90,7 @@ class Scene(SceneTables):
         raise SceneError(f"needs a Scene or the path of a scene file, not {type(scene).__name__}; see Scene.parse")
 
     @classmethod
-    def load(cls, path: Path | str, changes: Mapping[str, Any] | None = None) -> Scene:
+    def load(cls, path: Path | str, changes: Mapping[str, object] | None = None) -> Scene:
         """Read a scene file, with ``changes`` (dotted key to value) applied before validation.
 
         Raises SceneError as :meth:`parse` does, and where a length without a unit is far off the scene's scale.
@@ -101,7 +101,7 @@ class Scene(SceneTables):
             raise SceneError(f"{path.name}: {asked}")
         return cls.parse(data, path.name, path.parent)
 
-    def replace(self, changes: Mapping[str, Any]) -> Scene:
+    def replace(self, changes: Mapping[str, object]) -> Scene:
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``; a star stands for
         every table there is: ``{"fraction.*.impact": "paper"}``.
 
@@ -136,9 +136,9 @@ class Scene(SceneTables):
         top = Bin(on="top", start=-half, to=half)
         return self.model_copy(update={"bin": {**self.bin, OVER_THE_TOP: top}})
 
-    def tables(self) -> dict[str, Any]:
+    def tables(self) -> JsonTable:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
-        tables: dict[str, Any] = json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))
+        tables: JsonTable = json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))
         return tables
 
     def save(self, path: Path | str) -> None:
@@ -163,7 +163,7 @@ def units_written(path: Path | str) -> dict[str, str]:
     return units_in(_read(Path(path)))
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> JsonTable:
     """The tables of a scene file, as they are written. Raises SceneError where it is none."""
     try:
         return read_toml(path)
@@ -176,7 +176,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise SceneError(f"{path} is a folder; name a scene file") from None
 
 
-def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
+def _with_case(data: JsonMapping, base: Path, name: str) -> JsonMapping:
     """The tables with the full path of the user's case, and with what the case says of its air where the scene does not
     give it.
     """
@@ -196,7 +196,7 @@ def _with_case(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, A
     return {**data, "air": {**found, **air, "case": str(case)}}
 
 
-def _with_samples(data: Mapping[str, Any], base: Path, name: str) -> Mapping[str, Any]:
+def _with_samples(data: Mapping[str, object], base: Path, name: str) -> Mapping[str, object]:
     """The tables with the contents of a file of vibration samples in place of its name, so that results tell what was
     computed.
     """

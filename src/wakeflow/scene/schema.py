@@ -11,11 +11,12 @@ from pydantic_core.core_schema import DictSchema, NullableSchema, WithDefaultSch
 
 from ..core.errors import SceneError
 from ..core.quantities import say
+from ..core.record import JsonTable
 from ..core.registry import did_you_mean
 from .whole import SceneTables
 
 Place = tuple[str | int, ...]  # keys, and places in lists, from the top of a scene
-Node = dict[str, Any]  # a schema within the schema
+Node = JsonTable  # a schema within the schema
 LIMITS = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
 
 
@@ -82,7 +83,7 @@ def unit_and_example(node: Node) -> tuple[str, str] | None:
     return next(((one["unit"], one["examples"][0]) for one in _here(node) if "unit" in one), None)
 
 
-def described(place: Place, data: Any) -> Node:
+def described(place: Place, data: object) -> Node:
     """What the schema says of ``place`` in a scene's ``data``; empty where nothing may stand."""
     node, here = _schema(), data
     for part in place:
@@ -90,7 +91,7 @@ def described(place: Place, data: Any) -> Node:
     return node
 
 
-def named_tables(place: Place, data: Any) -> bool:
+def named_tables(place: Place, data: object) -> bool:
     """Whether ``place`` in a scene's ``data`` holds tables whose names are the user's, as [fraction] does."""
     return any("patternProperties" in one for one in _variants(described(place, data)))
 
@@ -110,7 +111,7 @@ def refuse_unknown(key: str, data: Any, where: str) -> None:
             raise SceneError(f"{where}: unknown key {part!r}{did_you_mean(part, known)} (known: {', '.join(known)})")
 
 
-def at(data: Any, place: Place) -> Any:
+def at(data: object, place: Place) -> Any:
     """What stands at ``place`` in a scene's ``data``; the last thing on the way there where that is a value."""
     for part in place:
         if isinstance(data, Mapping):
@@ -120,13 +121,13 @@ def at(data: Any, place: Place) -> Any:
     return data
 
 
-def values_in(data: Any) -> Iterator[tuple[Place, Any, Node]]:
+def values_in(data: object) -> Iterator[tuple[Place, object, Node]]:
     """Every value that a scene's ``data`` gives: its place, itself, and what the schema says of it."""
-    ahead: list[tuple[Place, Any, Node]] = [((), data, _schema())]
+    ahead: list[tuple[Place, object, Node]] = [((), data, _schema())]
     while ahead:
         place, value, node = ahead.pop(0)
         if isinstance(value, Mapping):
-            inner: list[tuple[str | int, Any]] = list(value.items())
+            inner: list[tuple[str | int, object]] = list(value.items())
         elif isinstance(value, list):
             inner = list(enumerate(value))
         else:
@@ -154,7 +155,7 @@ def _variants(node: Node) -> Iterator[Node]:
         yield from _variants(_schema()["$defs"][one["$ref"].rpartition("/")[2]]) if "$ref" in one else (one,)
 
 
-def _below(node: Node, part: str | int, table: Any) -> Node:
+def _below(node: Node, part: str | int, table: object) -> Node:
     """What the schema says of ``part`` of a ``table`` or list that ``node`` describes."""
     for one in _variants(node):
         found: Node = {}
@@ -167,7 +168,7 @@ def _below(node: Node, part: str | int, table: Any) -> Node:
     return {}
 
 
-def _is_kind(node: Node, table: Any) -> bool:
+def _is_kind(node: Node, table: object) -> bool:
     """Whether a table may be what ``node`` describes: its kind is that of the node, where the node has one."""
     kind = node.get("properties", {}).get("kind", {}).get("const")
     return kind is None or (isinstance(table, Mapping) and table.get("kind") == kind)

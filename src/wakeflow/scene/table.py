@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJson
 from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
 from ..core.quantities import QUANTITY, quantity
+from ..core.record import JsonTable
 
 # -- What all tables of a scene share ----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -37,11 +38,11 @@ class Shorthand:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_before_validator_function(self.table, handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonTable:
         return {"anyOf": [TypeAdapter(self.short).json_schema(), handler(schema)]}
 
 
-def takes(kind: str, name: str, function: Callable[..., Any], given: Mapping[str, Any]) -> str:
+def takes(kind: str, name: str, function: Callable[..., Any], given: Mapping[str, object]) -> str:
     """What a registered function needs, from its signature, after it refused ``given``."""
     wanted = {p.name: p.default for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY}
     missing = [key for key, default in wanted.items() if default is Parameter.empty and key not in given]
@@ -65,11 +66,11 @@ class WithUnit:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_before_validator_function(self._number, handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonTable:
         text = {"type": "string", "pattern": QUANTITY}
         return {"anyOf": [handler(schema), text], "unit": self.unit, "examples": [self.example]}
 
-    def _number(self, value: Any) -> Any:
+    def _number(self, value: object) -> object:
         return quantity(value, self.unit, self.example) if isinstance(value, str) else value
 
 

@@ -9,7 +9,6 @@ every command finds it: ``uncertainty.fraction.wheat.restitution``. What is not 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from ..core.quantities import quantity, split_quantity
 
@@ -31,9 +30,9 @@ OF_SCENE = {
 }  # fmt: skip
 
 
-def with_uncertainty_table(data: Mapping[str, Any]) -> Mapping[str, Any]:
+def with_uncertainty_table(data: Mapping[str, object]) -> Mapping[str, object]:
     """The tables of a scene with every {value, uncertainty} as the value, its uncertainty in [uncertainty]."""
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     plain = _plain(data, "", found)
     if not found:
         return data
@@ -41,9 +40,9 @@ def with_uncertainty_table(data: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**plain, TABLE: {**found, **given} if isinstance(given, Mapping) else given}
 
 
-def _plain(table: Mapping[str, Any], place: str, found: dict[str, Any]) -> dict[str, Any]:
+def _plain(table: Mapping[str, object], place: str, found: dict[str, object]) -> dict[str, object]:
     """A copy of ``table``, whose uncertainties go to ``found`` by the dotted key of the number that has them."""
-    made: dict[str, Any] = {}
+    made: dict[str, object] = {}
     for key, value in table.items():
         inside = f"{place}{key}"
         if not isinstance(value, Mapping) or inside == TABLE:
@@ -72,7 +71,7 @@ def margins(value: object) -> object:
     return dict(_flat(value, ""))
 
 
-def _flat(table: Mapping[Any, Any], place: str) -> Iterator[tuple[str, Margin]]:
+def _flat(table: Mapping[object, object], place: str) -> Iterator[tuple[str, Margin]]:
     for key, value in table.items():
         inside = f"{place}{key}"
         if isinstance(value, Mapping):
@@ -81,7 +80,7 @@ def _flat(table: Mapping[Any, Any], place: str) -> Iterator[tuple[str, Margin]]:
             yield inside, _margin(inside, value)
 
 
-def _margin(key: str, value: Any) -> Margin:
+def _margin(key: str, value: object) -> Margin:
     """An uncertainty as it is kept: a number of the SI, or a percentage as text. That of a number that takes none is
     left as it is: the whole scene tells which numbers do.
     """

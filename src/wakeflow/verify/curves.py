@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.files import scene_templates
+from ..core.record import JsonTable
 from ..field import FlowField
 from ..injection.feed import feedstock
 from ..injection.first_contact import motion_of
@@ -69,7 +70,7 @@ def shipped(listener: Listener, rung: str = "draft") -> tuple[Scene, Plan, Pipel
 
 
 def benchmark_case(
-    kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, Any]] | None = None
+    kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, object]] | None = None
 ) -> BenchmarkCase:
     """``count`` granules of a kind in a field that ends at the scene's floor; ``of`` a fraction of the scene with some
     changes instead of those that the kind stands for.
@@ -270,7 +271,7 @@ def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clo
     return float(np.exp(np.interp(np.log(error), errors, costs)))
 
 
-def times_faster(rows: Sequence[CurvePoint]) -> list[dict[str, Any]]:
+def times_faster(rows: Sequence[CurvePoint]) -> list[JsonTable]:
     """How many times faster than its rivals the tracker is at ERROR: median error and the 95th percentile on the
     clock, and the median for each core's time; None where one of both does not get there.
     """

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..answer.result import Result
 from ..core.files import scene_templates
+from ..core.record import JsonMapping
 from ..laws.constants import STANDARD_AIR
 from ..laws.drag import terminal_velocity
 from ..pipeline.compilation import COMPILED
@@ -25,7 +26,7 @@ FEWEST = 16  # replicates, whose granules are a power of two: what feed.count is
 PLAIN = {"restitution": 0.5, "friction": 0.3}
 TRICKLE = 1e-9  # kg/s: a feed of granules each alone
 WATER = {"air.density": 998.2, "air.viscosity": 1.002e-3}
-Options = Mapping[str, Any]
+Options = JsonMapping
 
 
 @lru_cache
@@ -58,7 +59,7 @@ def run_in(name: str, scene: Scene, **options: Any) -> Result:
 
 
 def _classified(
-    name: str, fractions: Mapping[str, Options], changes: Options, sinks: Mapping[str, float], **options: Any
+    name: str, fractions: Mapping[str, Options], changes: Options, sinks: Mapping[str, float], **options: object
 ) -> Happened:
     """The shipped aspirator with other fractions: upward air keeps what falls more slowly. ``sinks``: the share of each
     that reaches the floor, as terminal velocities have it.
@@ -85,13 +86,13 @@ def _four_decades() -> Happened:
 
 
 def _sorted(
-    name: str, falls: Mapping[str, Options], rises: Mapping[str, Options], changes: Options, **options: Any
+    name: str, falls: Mapping[str, Options], rises: Mapping[str, Options], changes: Options, **options: object
 ) -> Happened:
     return _classified(name, {**falls, **rises}, changes, {**dict.fromkeys(falls, 1.0), **dict.fromkeys(rises, 0.0)},
                        **options)  # fmt: skip
 
 
-def _grain(size: float, density: float, **more: Any) -> Options:
+def _grain(size: float, density: float, **more: object) -> Options:
     return {"size": size, "density": density, **more}
 
 

@@ -86,7 +86,7 @@ def what_happened(tracks: Tracks, seconds: float, error: float | None, note: str
     return Happened(len(tracks), fates, finite, error, float(np.mean(tracks.steps)), seconds, note)
 
 
-def fly_extreme(name: str) -> dict[str, Any]:
+def fly_extreme(name: str) -> dict[str, object]:
     """The row ``name`` of the matrix, as JSON: what was asked, what happened, ``verdict`` (held, missed or refused) and
     ``why`` it was missed.
 

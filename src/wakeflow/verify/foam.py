@@ -13,13 +13,13 @@ import re
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from ..core.process import run_program
+from ..core.record import JsonTable
 from ..field import FlowField
 from ..foam.case import INSTALL, FlowSpec, environment
 from ..foam.polymesh import FoamMesh, read_polymesh
@@ -212,7 +212,7 @@ cloudFunctions
 """
 PLACE, ORIG_ID, AGE = 6, 15, 25  # columns of a landed parcel
 # Settings (s, share of a cell) with landing errors of some 1e-4 body widths
-FINE_PARCELS: dict[str, Any] = {"scheme": "analytical", "step": 1e-4, "courant": 0.3}
+FINE_PARCELS: JsonTable = {"scheme": "analytical", "step": 1e-4, "courant": 0.3}
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.files import atomic_write, write_json
+from ..core.record import JsonMapping, JsonTable
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-Row = Mapping[str, Any]
+Row = JsonMapping
 Tell = Callable[[str], None]
 Column = str | Callable[[Row], str]
 NOTHING = "–"
@@ -86,12 +87,12 @@ class Report:
 
     name: str
     tables: Sequence[Table]
-    facts: Mapping[str, Any]
+    facts: JsonMapping
     notes: Sequence[str] = ()
     missed: Sequence[str] = ()
     date: str = field(default_factory=lambda: datetime.datetime.now().astimezone().isoformat(timespec="seconds"))
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> JsonTable:
         """The JSON file's content."""
         machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
         head = {"date": self.date, "machine": machine, "load": os.getloadavg()[0]}

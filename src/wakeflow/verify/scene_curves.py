@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +100,7 @@ def _tried(own: KnobSettings) -> Iterator[tuple[str, KnobSettings]]:
             yield name, knobs[name].at(own, coarser)
 
 
-def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str, Any]:
+def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str, object]:
     stages = (stage.seconds for name, stage in result.seconds.items() if name != str(COMPILED))
     led = result.refinement
     return {
@@ -176,7 +175,7 @@ def why_no_peer(scene: Scene) -> str | None:
 
 def peer_rows(
     scene: Scene, truth: Mapping[tuple[str, str], float], tell: Callable[[str], None] = lambda _: None
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[dict[str, object]]:
     """Rows (knob, setting, error, seconds) at growing numbers of granules: error of the largest bin share against the
     ``truth`` by fraction and bin, seconds of mesh, airflow and parcels.
 

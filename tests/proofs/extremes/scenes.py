@@ -79,7 +79,9 @@ def _dense_slab() -> Happened:
     met = ", ".join(f"{name} {number:.0f}" for name, number in slab.meetings.items())
     note = "; ".join([f"meetings of a granule: {met}", *result.warnings])
     ended: Counter[str] = sum((Counter(counted) for counted in slab.fates.values()), Counter())
-    return replace(happened_in(scene, result, max(errors), note), injected=sum(slab.granules.values()), fates=dict(ended))
+    return replace(
+        happened_in(scene, result, max(errors), note), injected=sum(slab.granules.values()), fates=dict(ended)
+    )
 
 
 add_row("feed", "50 t/h, the scene `vacuum`", _dense_feed, f"{CHAIN}; and a warning that it voids the shares",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +103,7 @@ def _cp_levels(cp: Array) -> tuple[Array, float]:
     return np.arange(low, high + 1e-9, 0.125), PALER * max(-low, high)
 
 
-def _scale(levels: Array, limit: float) -> Any:
+def _scale(levels: Array, limit: float) -> object:
     """Blue to white (0) to red up to +-limit; beyond the levels the shade one level further on."""
     from matplotlib import colormaps
 
@@ -213,7 +213,7 @@ FULL = 0.985  # of the window's area has no more than what the colour is full at
 SHADES = 24  # even: none is zero, and air that does not turn is white
 
 
-def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow) -> NDArray[Any]:
+def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow) -> NDArray[np.object_]:
     """Draw the vorticity times D / U round the first body: of a field in time at its first moment and in the mean."""
     from matplotlib.ticker import MaxNLocator
 
@@ -225,7 +225,7 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
     figure = new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9, paper)
-    panels: NDArray[Any] = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
+    panels: NDArray[np.object_] = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
     mesh, levels = triangulation(field), np.linspace(-most, most, SHADES)
     for axes, (name, values) in zip(panels, scaled.items(), strict=True):
         filled = axes.tricontourf(mesh, values, levels=levels, cmap="RdBu_r", extend="both")

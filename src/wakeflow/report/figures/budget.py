@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,14 +25,14 @@ MOST = 8  # inputs of a panel
 ENDS = {"at_low": (BLUE, "input at its lower end"), "at_high": (VERMILION, "at its upper end")}
 
 
-def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDArray[Any]:
+def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDArray[np.object_]:
     """Draw a panel for each quantity: how far each input alone moves it at either end of what the input was taken to,
     with the errors of these changes. Parts of a whole are in percentage points.
     """
     shown = {name: list(moves)[:MOST] for name, moves in panels.items()}
     rows = [len(moves) for moves in shown.values()]
     figure = new_figure(6.2, 0.9 + sum(0.25 * count + 0.6 for count in rows), paper)
-    grid: NDArray[Any] = figure.subplots(len(shown), 1, squeeze=False, gridspec_kw={"height_ratios": rows})
+    grid: NDArray[np.object_] = figure.subplots(len(shown), 1, squeeze=False, gridspec_kw={"height_ratios": rows})
     for axes, (name, moves) in zip(grid[:, 0], shown.items(), strict=True):
         _panel(axes, name, moves)
     _share_range([axes for axes, moves in zip(grid[:, 0], shown.values(), strict=True) if moves[0].is_part])
@@ -76,7 +76,7 @@ ROW = 0.27  # inches
 LEAST_ERROR = 1e-5  # of a share: an error that is zero in every bin is no bar
 
 
-def draw_cost(paper: Paper, budget: Sequence[BudgetRow]) -> NDArray[Any]:
+def draw_cost(paper: Paper, budget: Sequence[BudgetRow]) -> NDArray[np.object_]:
     """Draw a row a source of error, the largest on top: its largest part in any share, a mark for the median over the
     shares, and beside it the run time (s) that knowing it took.
     """
@@ -86,7 +86,7 @@ def draw_cost(paper: Paper, budget: Sequence[BudgetRow]) -> NDArray[Any]:
     typical = [100.0 * float(np.median(errors[name])) for name in names]
     seconds = [spent[name] for name in names]
     figure = new_figure(6.8, 0.9 + ROW * len(names), paper)
-    panels: NDArray[Any] = figure.subplots(1, 2, sharey=True)
+    panels: NDArray[np.object_] = figure.subplots(1, 2, sharey=True)
     left, right = panels
     left.barh(names, largest, color=COLOURS[0], height=0.62, label="in the share that it moves most")
     left.plot(typical, names, "|", ms=9, mew=1.8, color=INK, label="median over the shares")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class _Wall:
 
 def draw_landing(
     paper: Paper, scene: Scene, landings: Mapping[str, Landed], separation: Separation | None = None
-) -> NDArray[Any]:
+) -> NDArray[np.object_]:
     """Histograms of where each fraction lands, one row a fraction, one column a wall that has bins.
 
     ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are
@@ -61,7 +61,7 @@ def draw_landing(
     figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1), paper)
     panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
     colours = fraction_colours(names)
-    cells: list[tuple[Any, ...]] = []  # of all panels, one below the other
+    cells: list[tuple[object, ...]] = []  # of all panels, one below the other
     for row, name in enumerate(names):
         shares = _shares(scene, name, landings[name], separation)
         peak = 0.0
@@ -191,11 +191,11 @@ EMPTY = 0.3  # decades without granules: across them a curve is dotted and has n
 AXES = {"size": (MM, "diameter", "mm"), "terminal velocity": (1.0, "terminal velocity", "m/s")}
 
 
-def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve]) -> NDArray[Any]:
+def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve]) -> NDArray[np.object_]:
     """Draw a panel a property and a line a product, with its 95 % band and its cut."""
     kinds = list(dict.fromkeys(curve.by for curve in curves))
     figure = new_figure(0.6 + 4.6 * len(kinds), 3.9, paper)
-    panels: NDArray[Any] = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
+    panels: NDArray[np.object_] = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
     colours = _product_colours(scene, curves)
     for axes, kind in zip(panels, kinds, strict=True):
         scale, label, unit = AXES[kind]
@@ -258,14 +258,14 @@ LEAST = 1e-3  # a share that is smaller in every wake is not drawn
 ROW = 0.3  # inches
 
 
-def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[Any]:
+def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[np.object_]:
     """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
     rows = _wake_rows(scene, landings)
     panels = list(dict.fromkeys(name for name, _ in rows))
     wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
     counts = [sum(name == one for one, _ in rows) for name in panels]
     figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
-    grid: NDArray[Any] = figure.subplots(
+    grid: NDArray[np.object_] = figure.subplots(
         len(panels), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": counts}
     )[:, 0]
     colours = fraction_colours(list(scene.fraction))

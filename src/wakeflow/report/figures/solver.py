@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,12 +26,12 @@ LEAST, LEAST_PART = 0.01, 0.02  # an axis spans at least that much, or that part
 ROOM = 0.12  # of the range of what counts, above and below it: a kick at the start may leave the picture
 
 
-def draw_forces(paper: Paper, history: ForceHistory) -> NDArray[Any]:
+def draw_forces(paper: Paper, history: ForceHistory) -> NDArray[np.object_]:
     """Draw the lift and the drag coefficient over time (iterations of a steady airflow), the start-up that was dropped
     grey, the stretch whose air is kept as a loop marked, and the mean of what is averaged.
     """
     figure = new_figure(6.4, 4.2, paper)
-    panels: NDArray[Any] = figure.subplots(2, 1, sharex=True)
+    panels: NDArray[np.object_] = figure.subplots(2, 1, sharex=True)
     first = SETTLED * history.time[-1] if history.start_up is None else history.start_up
     counted = history.time >= first
     for axes, values, colour, name in (
@@ -76,14 +76,14 @@ NEAR = 0.9  # of the body's width: what the closer panel shows to every side of 
 EDGE = "#33526b"
 
 
-def draw_mesh(paper: Paper, cells: PlaneCells, scene: Scene, airflow: Airflow) -> NDArray[Any]:
+def draw_mesh(paper: Paper, cells: PlaneCells, scene: Scene, airflow: Airflow) -> NDArray[np.object_]:
     """Draw the cells in the window of the other pictures of the air, and close to the first body's wall."""
     x, y = first_outline(scene).mean(axis=0)
     reach = NEAR * scene.width
     windows = [window_round_body(scene, airflow), (x - reach, x + reach, y - reach, y + reach)]
     shapes = [(w[1] - w[0]) / (w[3] - w[2]) for w in windows]
     figure = new_figure(TALL * sum(shapes) + 1.6, TALL + 0.7, paper)
-    panels: NDArray[Any] = figure.subplots(1, 2, gridspec_kw={"width_ratios": shapes})
+    panels: NDArray[np.object_] = figure.subplots(1, 2, gridspec_kw={"width_ratios": shapes})
     for axes, window, line in zip(panels, windows, (0.25, 0.45), strict=True):
         _draw_cells(axes, cells, window, line)
         for body in scene.body.values():

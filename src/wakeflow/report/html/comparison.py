@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ...core.files import atomic_write
 from ...scene import RESERVED_BIN, Scene
@@ -105,7 +105,7 @@ def _bins(scenes: Sequence[Scene]) -> list[str]:
     return [*dict.fromkeys(name for scene in scenes for name in bins_across(scene)), RESERVED_BIN]
 
 
-def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, Any]]:
+def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, object]]:
     """Percent by fraction and bin: value, low and high, and their words."""
     found = {}
     for name, one in entry.by_name.items():

@@ -62,7 +62,7 @@ def render(
     title: str = "result",
     texts: Mapping[str, str] | None = None,
     scene: Scene | None = None,
-    live: Mapping[str, Any] | None = None,
+    live: Mapping[str, object] | None = None,
     film: str = "",
 ) -> str:
     """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order, the
@@ -156,7 +156,7 @@ def _grades(result: Result) -> list[tuple[str, list[str]]]:
     return [(grade, [line for _, line in part]) for grade, part in groupby(lines, key=lambda one: one[0])]
 
 
-def _asked(result: Result, scene: Scene) -> dict[str, Any]:
+def _asked(result: Result, scene: Scene) -> dict[str, object]:
     """What the page says of the machine, the materials, the rung, and where the answer comes from."""
     return {
         "machine": rows.machine_rows(scene),
@@ -181,7 +181,7 @@ def _origin(result: Result) -> list[tuple[str, str]]:
     return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
 
 
-def _shares(result: Result, scene: Scene) -> dict[str, Any]:
+def _shares(result: Result, scene: Scene) -> dict[str, object]:
     """What the page says of the separation."""
     landings = result.landings
     parts = ("separation", "without_collisions", "slab", "bracket", "air_loading")
@@ -212,7 +212,7 @@ def _cut(curve: PartitionCurve) -> tuple[str, ...]:
     return (" or ".join(curve.product), curve.by, *told, curve.why or "")
 
 
-def _air(result: Result) -> dict[str, Any]:
+def _air(result: Result) -> dict[str, object]:
     """What the page says of the air, the feed funnel, what was left out, first impacts and fates."""
     flights, airflow = result.flights, result.airflow
     impact = None if flights is None else flights.impact
@@ -235,7 +235,7 @@ def _air(result: Result) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _budget(result: Result) -> dict[str, Any]:
+def _budget(result: Result) -> dict[str, object]:
     """What the page says of the budget."""
     shown = words.condensed(result.budget)
     known = {part.source: part for row in shown for part in row.parts}

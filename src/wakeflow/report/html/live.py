@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ POINTS = 160  # of a track
 PLAYED = 1.0 / 30.0  # of real time
 
 
-def live_data(outcome: Outcome) -> dict[str, Any]:
+def live_data(outcome: Outcome) -> dict[str, object]:
     """Lengths in mm, times in s, shares in percent."""
     scene, result, channel = outcome.scene, outcome.result, outcome.scene.channel
     window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
@@ -64,7 +64,7 @@ def _flat(line: Array) -> list[float]:
     return [round(float(MM * x), 2) for x in line.ravel()]
 
 
-def _bin(scene: Scene, result: Result, name: str) -> dict[str, Any]:
+def _bin(scene: Scene, result: Result, name: str) -> dict[str, object]:
     """A bin's line, and what lands in it in words."""
     found = None if result.landings is None else result.landings.separation
     shares = {} if found is None else {one: percent(places[name]) + " %" for one, places in found.fractions.items()}
@@ -75,7 +75,7 @@ def _bin(scene: Scene, result: Result, name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _tracks(tracks: Sequence[Track]) -> list[dict[str, Any]]:
+def _tracks(tracks: Sequence[Track]) -> list[dict[str, object]]:
     """Tracks at even times: when each begins (s), its step (s), and its x and y in tenths of a millimetre."""
     found = []
     for track in tracks:
@@ -89,7 +89,7 @@ def _tracks(tracks: Sequence[Track]) -> list[dict[str, Any]]:
     return found
 
 
-def _wakes(result: Result) -> dict[str, Any]:
+def _wakes(result: Result) -> dict[str, object]:
     """Shares (%) by wake, fraction and bin: the answer first, its interval beside it; then other wakes."""
     landings = result.landings
     if landings is None:

@@ -71,13 +71,13 @@ def machine_rows(scene: Scene) -> list[tuple[str, str]]:
     return [(table, ", ".join(said)) for table, said in rows.items()]
 
 
-def input_text(key: str, value: Any) -> str:
+def input_text(key: str, value: object) -> str:
     """A value of a key of the scene with its unit, as machines are told of."""
     with speaking(UNITS):
         return _said(key, value)
 
 
-def _said(key: str, value: Any) -> str:
+def _said(key: str, value: object) -> str:
     unit = unit_of(key)
     if isinstance(value, list) and (len(value) > FEW or any(isinstance(one, list) for one in value)):
         return f"{len(value)} values"
@@ -148,7 +148,7 @@ def scene_in_full(scene: Scene, asked: Request | None = None) -> str:
     return tomlkit.dumps(_rounded(tables))
 
 
-def _rounded(value: Any) -> Any:
+def _rounded(value: object) -> Any:
     """Numbers to 12 digits: the last bits of a unit conversion are noise to a reader. Empty tables are left out."""
     if isinstance(value, Mapping):
         whole = {key: _rounded(member) for key, member in value.items()}

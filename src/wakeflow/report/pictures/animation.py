@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.files import atomic_write
 from ...core.geometry import distance_to
+from ...core.record import JsonTable
 from ...scene.pictures import Animation
 from ..canvas import BODY, INK, MM, Window, fraction_colours, new_figure, save
 from .view import Drawn, Path2D, View, body_displacement
@@ -237,7 +238,7 @@ def _gif(path: Path, view: View, actors: list[_Actor], window: Window, frames: A
         )
 
 
-def _rows(scene: Scene, actors: list[_Actor], frames: Array, start: float) -> list[tuple[Any, ...]]:
+def _rows(scene: Scene, actors: list[_Actor], frames: Array, start: float) -> list[tuple[object, ...]]:
     shift = body_displacement(scene, frames)
     found = []
     for actor in actors:
@@ -248,9 +249,9 @@ def _rows(scene: Scene, actors: list[_Actor], frames: Array, start: float) -> li
     return found
 
 
-def _numbers(actors: list[_Actor], start: float) -> dict[str, Any]:
+def _numbers(actors: list[_Actor], start: float) -> JsonTable:
     """By fraction, of each granule drawn: seconds until it leaves the body for good, highest hop before that (m)."""
-    table: dict[str, Any] = {}
+    table: JsonTable = {}
     for actor in actors:
         row = table.setdefault(actor.fraction, {"leaves": [], "hop": []})
         row["leaves"].append(None if actor.leaves is None else actor.leaves - start)
@@ -258,7 +259,7 @@ def _numbers(actors: list[_Actor], start: float) -> dict[str, Any]:
     return table
 
 
-def _text(numbers: dict[str, Any]) -> str:
+def _text(numbers: JsonTable) -> str:
     parts = []
     for name, row in numbers.items():
         hop = f"hops up to {MM * max(row['hop']):.2g} mm off the body" if max(row["hop"]) > 1e-6 else "never lifts off"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.record import JsonTable
 from ...injection.first_contact import motion_of
 from ...scene.pictures import Curves
 from ..canvas import MM, fraction_colours, new_figure, save
@@ -107,7 +108,7 @@ def _plot(axes: Axes, picture: Curves, curves: list[_Curve], colours: dict[str, 
     axes.set_title(f"Granules {where}".strip(), fontsize=9, loc="left")
 
 
-def _rows(curves: list[_Curve]) -> Iterator[tuple[Any, ...]]:
+def _rows(curves: list[_Curve]) -> Iterator[tuple[object, ...]]:
     count: dict[str, int] = {}
     for curve in curves:
         number = count[curve.fraction] = count.get(curve.fraction, 0) + 1
@@ -115,15 +116,15 @@ def _rows(curves: list[_Curve]) -> Iterator[tuple[Any, ...]]:
             yield curve.fraction, "chosen" if curve.chosen else str(number), *map(float, row)
 
 
-def _numbers(picture: Curves, curves: list[_Curve]) -> dict[str, Any]:
+def _numbers(picture: Curves, curves: list[_Curve]) -> dict[str, object]:
     """At the drop: time, x and vx of each fraction's chosen granule, and the range of x over all; the ratio of x."""
     if picture.drop is None:
         return {}
-    table: dict[str, Any] = {"drop": picture.drop, "fractions": {}}
+    table: JsonTable = {"drop": picture.drop, "fractions": {}}
     for name in dict.fromkeys(curve.fraction for curve in curves):
         here = [curve for curve in curves if curve.fraction == name]
         reached = [abs(curve.ended[1]) for curve in here if curve.ended is not None and not curve.chosen]
-        row: dict[str, Any] = {"granules": len(reached)}
+        row: JsonTable = {"granules": len(reached)}
         if reached:
             row["x"] = {"low": min(reached), "mean": float(np.mean(reached)), "high": max(reached)}
         for curve in here:
@@ -141,7 +142,7 @@ def _ratio(values: list[float]) -> float | None:
     return max(values) / min(values) if len(values) > 1 and min(values) > 0 else None
 
 
-def _text(picture: Curves, numbers: dict[str, Any]) -> str:
+def _text(picture: Curves, numbers: JsonTable) -> str:
     if not numbers:
         return ""
     rows = numbers["fractions"]

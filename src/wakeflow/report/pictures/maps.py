@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
         axes.tricontour(mesh, mean.velocity[:, 1], levels=[0.0], colors=INK, linewidths=0.9, linestyles=":", zorder=5)
 
 
-def _flux_rows(x: Array, y: Array, values: list[Array]) -> Iterator[tuple[Any, ...]]:
+def _flux_rows(x: Array, y: Array, values: list[Array]) -> Iterator[tuple[object, ...]]:
     for i, up in enumerate(0.5 * (y[1:] + y[:-1])):
         for j, along in enumerate(0.5 * (x[1:] + x[:-1])):
             yield float(along), float(up), *(float(value[i, j]) for value in values)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ...core.geometry import distance_to
 from ...core.lazy import cached_property
+from ...core.record import JsonMapping
 from ...core.registry import Registry
 from ...core.roots import halved
-from ...core.tables import CellTable
+from ...core.tables import AnyArray, CellTable
 from ...injection.first_contact import motion_of
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Path2D:
     diameter: float
 
     @classmethod
-    def of(cls, track: Mapping[str, Any]) -> Path2D:
+    def of(cls, track: Mapping[str, AnyArray]) -> Path2D:
         return cls(track["time"], track["position"], track["velocity"], float(track["diameter"]))
 
     def at(self, time: Array) -> tuple[Array, Array]:
@@ -88,7 +89,7 @@ class Drawn:
 
     files: list[Path]
     text: str = ""
-    numbers: Mapping[str, Any] = field(default_factory=dict)
+    numbers: JsonMapping = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

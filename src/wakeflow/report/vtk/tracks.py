@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
+from ...core.tables import Columns
 from ...pipeline.landings import FATES
 from ..air import moments_of
 from ..pictures.view import Path2D
@@ -73,7 +74,7 @@ def write_moving(
     return save_series(path, times, (_at_phase(found, scene, float(t), field.period) for t in times), ".vtp")
 
 
-def write_landings(folder: Path | str, granules: Mapping[str, NDArray[Any]], scene: Scene) -> Path:
+def write_landings(folder: Path | str, granules: Track, scene: Scene) -> Path:
     """Write where granules landed as points, landings.vtp; ``granules``: the columns of granules.npz."""
     data = _points(granules["position"])
     data.point_data.update({
@@ -93,7 +94,7 @@ def _granules(tracks: Mapping[str, Sequence[Track]], scene: Scene) -> Iterator[_
                 yield _Granule(places[name], shares[name] / len(part), track)
 
 
-def _columns(found: Sequence[_Granule]) -> dict[str, NDArray[Any]]:
+def _columns(found: Sequence[_Granule]) -> Columns:
     """What is known of each granule."""
     numbers = {key: np.array([int(one.track[key]) for one in found], dtype=np.int32) for key in ("bin", "fate")}
     return {
@@ -104,7 +105,7 @@ def _columns(found: Sequence[_Granule]) -> dict[str, NDArray[Any]]:
     }
 
 
-def _moving(velocity: Array) -> dict[str, NDArray[Any]]:
+def _moving(velocity: Array) -> Columns:
     return {"velocity (m/s)": lifted(velocity), "speed (m/s)": np.hypot(*velocity.T)}
 
 
@@ -141,7 +142,7 @@ def _points(plane: Array) -> Any:
     return pyvista.PolyData(lifted(plane)) if len(plane) else pyvista.PolyData()
 
 
-def _name_numbers(data: Any, scene: Scene) -> None:
+def _name_numbers(data: object, scene: Scene) -> None:
     number_by_name(data, "fraction", scene.fraction)
     number_by_name(data, "bin", scene.bin)
     number_by_name(data, "fate", FATES)
