@@ -1,4 +1,4 @@
-"""The last part of docs/results.md, made from the types of result.json: ``python tests/results/result_page.py``."""
+"""The last part of docs/results.md, made from the types of result.json: ``python tests/answer/result_page.py``."""
 
 from __future__ import annotations
 

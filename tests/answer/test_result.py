@@ -159,7 +159,7 @@ def test_a_result_of_schema_1_is_read(finished: Result) -> None:
 
 
 def test_the_page_says_what_the_types_hold() -> None:
-    """Brought up to date by: python tests/results/result_page.py."""
+    """Brought up to date by: python tests/answer/result_page.py."""
     assert PAGE.read_text() == page()
 
 
