@@ -47,8 +47,8 @@ QUICK = [["--help"], ["plan", "cases/rhombus.toml", "--json"], ["new", "--help"]
 
 # What breaks a rule today. Each list is meant to empty: what no longer breaks it must be struck off.
 CIRCLES: set[str] = set()
-# The table [body.NAME] of a scene and the tracker's public wf.Body: both names are a contract. Gate: of the command line
-# and of the plan. Table: of a scene and of a proof
+# The table [body.NAME] of a scene and the tracker's public wf.Body: both names are a contract. Gate: of the command
+# line and of the plan. Table: of a scene and of a proof
 TWICE = {"Body", "Gate", "Table"}
 LONG: set[str] = set()
 

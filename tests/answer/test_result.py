@@ -45,9 +45,6 @@ def first_column(title: str) -> list[str]:
     return [row[0].strip("`") for row in tables_of(title)]
 
 
-# -- types and JSON ----------------------------------------------------------------------------------------------------
-
-
 def test_a_finished_run_is_read_back_byte_for_byte(finished: Result) -> None:
     text = (finished.folder / "result.json").read_text()
     again = Result.load(finished.folder)
@@ -59,7 +56,6 @@ def test_a_finished_run_is_read_back_byte_for_byte(finished: Result) -> None:
 
 
 def test_what_stands_against_an_answer_is_told_with_it(finished: Result) -> None:
-    assert finished.landings is not None
     assert (finished.caveat, finished.lacking) == ("", ())
     assert holds(finished).startswith("The interval holds 95 %")
 
@@ -153,9 +149,6 @@ def test_a_result_of_schema_1_is_read(finished: Result) -> None:
     assert old.separation == finished.separation
     assert old.share("soft", "near") == finished.share("soft", "near")
     assert [row.total.error for row in old.budget] == [row.total.error for row in finished.budget]
-
-
-# -- the page ----------------------------------------------------------------------------------------------------------
 
 
 def test_the_page_says_what_the_types_hold() -> None:

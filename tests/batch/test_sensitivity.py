@@ -27,8 +27,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_table_holds_what_the_result_holds(folder: Path) -> None:
     result = Result.load(folder)
-    assert result.landings is not None
-    assert result.landings.inputs is not None
     assert result.landings.inputs["fraction.hard.restitution"].high == pytest.approx(0.55)
     with (folder / "sensitivity.csv").open() as stream:
         rows = list(csv.DictReader(stream))

@@ -53,7 +53,6 @@ def test_what_is_held_is_not_searched_at_any_level(tmp_path: Path) -> None:
     path.write_text(FILE)
     task = read_search_file(path, {"air.speed": "5 m/s", "numerics.rung": "none"}, "20 s")
     assert [axis.key for axis in task.within] == ["body.rhombus.slope_angle"]
-    assert task.scene.air is not None
     assert task.scene.air.speed == 5.0
     assert task.scene.numerics.rung == "none"
     assert task.levels == ({"feed.count": 256}, {})
@@ -120,7 +119,6 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
     assert best.changes["bin.middle.from"] == f"-{best.changes['bin.inner-right.from']}"
     assert best.name in {one.name for one in found.front}
     own = found.as_it_stands
-    assert own is not None
     assert list(own.changes.values())[:2] == ["100.0 mm", "80.0 mm"]
     assert own.quantities["recovery.wheat"].value <= best.quantities["recovery.wheat"].value
     table = (tmp_path / "level-2" / "sweep.csv").read_bytes()

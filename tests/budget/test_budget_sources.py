@@ -47,7 +47,6 @@ class CoarserSteps(Source[Tracked]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         coarse, bins = fraction.flights.of(self), len(fraction.pipeline.scene.bin)
-        assert coarse is not None
         moved = coarse.landings[fraction.name].counts(bins) - fraction.compared.counts(bins)
         errors, seconds = np.abs(moved.mean(axis=0)), fraction.pipeline.spent(self.name)
         return {place: [self.part(float(error), seconds)] for place, error in zip(fraction.shares, errors, strict=True)}

@@ -59,7 +59,6 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
         "print(pool.submit(os.getpid).result(), flush=True); pool.submit(time.sleep, 300).result()"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as parent:
-        assert parent.stdout is not None
         pid = int(parent.stdout.readline())
         assert _lives(pid)
         parent.kill()

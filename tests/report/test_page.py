@@ -58,9 +58,6 @@ def vacuum(tmp_path_factory: pytest.TempPathFactory) -> tuple[wf.Result, str]:
     return result, (result.folder / "report.html").read_text()
 
 
-# -- the page ----------------------------------------------------------------------------------------------------------
-
-
 def test_the_page_is_well_formed_and_can_be_read_without_eyes_or_mouse(vacuum: tuple[wf.Result, str]) -> None:
     page = Outline(vacuum[1])
     assert page.open == []
@@ -90,7 +87,6 @@ def test_the_page_asks_nothing_of_the_network_and_is_small(vacuum: tuple[wf.Resu
 def test_the_page_tells_where_the_answer_comes_from(vacuum: tuple[wf.Result, str]) -> None:
     result, text = vacuum
     made = result.provenance
-    assert made is not None
     assert made.seed == 0
     assert made.openfoam is None
     for told in (made.host, made.system, made.date, result.key, result.versions["numpy"]):
@@ -102,7 +98,6 @@ def test_the_page_tells_where_the_answer_comes_from(vacuum: tuple[wf.Result, str
 def test_the_script_is_handed_tracks_and_shares(vacuum: tuple[wf.Result, str]) -> None:
     result, text = vacuum
     found = re.search(r'id="live-data">(.*?)</script>', text, re.S)
-    assert found is not None
     data: dict[str, Any] = json.loads(found[1])
     assert data["frames"] == []
     assert data["loop"] is None
@@ -142,9 +137,6 @@ def _middle(frame: str) -> tuple[int, int, int]:
     pixel = image.convert("RGB").getpixel((image.width // 2, image.height // 2))
     assert isinstance(pixel, tuple)
     return pixel[0], pixel[1], pixel[2]
-
-
-# -- what was asked ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -197,9 +189,6 @@ def test_a_default_interval_tells_what_it_rests_on() -> None:
     )
 
 
-# -- what it was compared with -----------------------------------------------------------------------------------------
-
-
 def test_what_the_page_says_of_proofs_stands_in_the_validation() -> None:
     text = (Path(__file__).parents[2] / "docs" / "validation.md").read_text()
     sections = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", text, flags=re.M | re.S))
@@ -211,9 +200,6 @@ def test_what_the_page_says_of_proofs_stands_in_the_validation() -> None:
                     number,
                 )
     assert len(proofs_of("standard")) > len(proofs_of("none"))
-
-
-# -- provenance --------------------------------------------------------------------------------------------------------
 
 
 def test_the_commit_is_that_of_the_folder_itself(tmp_path: Path) -> None:

@@ -49,9 +49,6 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-# -- the paper's figures -----------------------------------------------------------------------------------------------
-
-
 def test_every_shipped_scene_is_run_here() -> None:
     assert {str(param.id) for param in SCENES} == {path.stem for path in PAPER.glob("*.toml")}
 
@@ -166,9 +163,6 @@ def test_pictures_do_not_touch_the_tracks() -> None:
     del bare["picture"]
     scene = Scene.parse(bare)
     assert keys == {Pipeline(scene, make_plan(scene)).tracks_key}
-
-
-# -- what they are made of ---------------------------------------------------------------------------------------------
 
 
 def test_every_kind_has_keys_and_is_drawn() -> None:

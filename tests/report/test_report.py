@@ -65,7 +65,6 @@ PLAN: dict[str, Any] = {
 
 def _field(scene: Scene, step: float = 0.01) -> FlowField:
     """Uniform air round the body; Cp = 0.9 in a spot ahead of it, -1.5 in one behind it."""
-    assert scene.air is not None
     channel, sign = scene.channel, 1.0 if scene.air.direction == "down" else -1.0
     x = np.linspace(-channel.width / 2, channel.width / 2, round(channel.width / step) + 1)
     y = np.linspace(channel.bottom, channel.top, round((channel.top - channel.bottom) / step) + 1)
@@ -185,7 +184,6 @@ def _read(table: dict[str, Any]) -> Result:
 
 
 def _separation(result: Result) -> Separation:
-    assert result.landings is not None
     return result.landings.separation
 
 
@@ -219,9 +217,6 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 def _annotations(figure: Any) -> dict[str, Any]:
     return {a.get_text(): a for axes in figure.axes for a in axes.texts if a.get_text()}
-
-
-# -- all of it ---------------------------------------------------------------------------------------------------------
 
 
 def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
@@ -263,9 +258,6 @@ def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: P
     assert not (tmp_path / "figures" / "pressure.png").exists()
     with pytest.raises(ValueError, match="pressure"):
         draw_pressure(tmp_path / "p.png", outcome.field, rhombus, FOUND)
-
-
-# -- standard figures --------------------------------------------------------------------------------------------------
 
 
 def _draw_sizes(paper: Paper, outcome: Outcome) -> Any:
@@ -311,9 +303,6 @@ def test_no_picture_of_a_scene_takes_the_name_of_a_figure(cases: Path) -> None:
             Scene.load(cases / "rhombus.toml", {f"picture.{name}.kind": "density"})
 
 
-# -- pictures ----------------------------------------------------------------------------------------------------------
-
-
 SECOND = {"shape": "rhombus", "width": "30 mm", "slope_angle": "50 deg"}
 
 
@@ -343,7 +332,6 @@ def test_times_in_a_zone_from_wall_to_wall_are_told_as_such(width: float, told: 
     assert FOUND.suction is not None
     airflow = replace(FOUND, suction=replace(FOUND.suction, width=width))
     legend = draw_residence(Canvas(), _field(scene), scene, airflow, _tracks(scene)).get_legend()
-    assert legend is not None
     assert legend.get_title().get_text().startswith(told)
     assert bool(legend.get_title().get_text()) == bool(told)
 
@@ -357,7 +345,6 @@ def test_the_vorticity_of_steady_air_is_one_panel_that_its_caption_fits(rhombus:
 @pytest.mark.parametrize("name", ["rhombus", "prism"])
 def test_zones_are_named_where_they_are(name: str, cases: Path, drawn: list[Any]) -> None:
     scene = Scene.load(cases / f"{name}.toml")
-    assert scene.air is not None
     draw_pressure("unused", _field(scene), scene, FOUND)
     told = _annotations(drawn[0])
     down = 1.0 if scene.air.direction == "down" else -1.0
@@ -515,9 +502,6 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     assert "shelf" in _annotations(drawn[1])
 
 
-# -- tables ------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("number", "text"),
     [
@@ -596,9 +580,6 @@ def test_an_empty_budget_prints() -> None:
     assert "budget" in _printed(budget_table(()))
 
 
-# -- HTML --------------------------------------------------------------------------------------------------------------
-
-
 class _Page(HTMLParser):
     """Tables by id as lists of rows of cell texts, picture sources, and all text."""
 
@@ -650,7 +631,6 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
     told = {row[0]: row[1:4] for row in page.tables["recovery"][1:]}
     for name, fraction in scene.fraction.items():
         found = separation.recovery[name]
-        assert found is not None
         ends = f"{100 * found.low:.3g} to {100 * found.high:.3g}"
         assert told[name] == [" or ".join(fraction.targets), f"{100 * found.value:.1f}", ends]
     if scene.air is not None:

@@ -55,9 +55,7 @@ def _read(path: Path) -> dict[str, Any]:
     """Points, lines as lists of indices, and the arrays of points, cells and the whole file, of a .vtp."""
     root = ElementTree.parse(path).getroot()
     data = root.find("PolyData")
-    assert data is not None
     piece = data.find("Piece")
-    assert piece is not None
     found: dict[str, Any] = {"point": {}, "cell": {}, "names": {}, "numbers": {}}
     for where, part in (("point", piece.find("PointData")), ("cell", piece.find("CellData"))):
         for array in [] if part is None else part:
@@ -115,7 +113,6 @@ def test_meshio_reads_steady_air(rhombus: Scene, tmp_path: Path) -> None:
     assert mesh.points[:, :2] == pytest.approx(field.points, abs=1e-6)
     assert mesh.point_data["velocity (m/s)"][:, :2] == pytest.approx(_shown(field, scene), abs=1e-6)
     assert mesh.point_data["pressure (Pa)"] == pytest.approx(field.pressure, abs=1e-6)
-    assert scene.air is not None
     dynamic = 0.5 * field.density * scene.air.speed**2
     assert mesh.point_data["Cp"] == pytest.approx(field.points[:, 1] / dynamic, abs=1e-6)
     assert mesh.point_data["k (m2/s2)"] == pytest.approx(0.5)
@@ -229,7 +226,6 @@ def test_the_machine_is_blocks_with_the_scenes_names(tmp_path: Path) -> None:
     for name, body in scene.body.items():
         found = blocks["bodies"][name]
         assert found["points"][found["Polys"][0]][:, :2] == pytest.approx(body.outline(), abs=1e-6)
-        assert scene.vibration is not None
         assert found["numbers"]["frequency (Hz)"] == pytest.approx([1.0 / scene.vibration.period])
     for name, bin_ in scene.bin.items():
         assert blocks["bins"][name]["points"][:, :2] == pytest.approx(bin_.line(scene.channel), abs=1e-6)

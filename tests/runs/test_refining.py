@@ -165,7 +165,6 @@ def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
     longer = scene.replace({"numerics.averaging": "1 %"})
     assert make_plan(longer, rung="standard").airflow.accuracy == 0.01
     slab = make_plan(scene.replace({"collisions.count": 64}), rung="draft", force={"collisions": True}).crowd
-    assert slab is not None
     assert slab.count == 64
 
 
@@ -190,7 +189,6 @@ def run_to_target(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, lis
 def test_a_run_buys_what_the_target_needs_and_no_more(run_to_target: tuple[Result, list[str]]) -> None:
     result, told = run_to_target
     table = result.refinement
-    assert table is not None
     assert table.met
     rows = [row for row in result.budget if row.total.numerical is not None]
     assert table.numerical == max(row.total.numerical or 0.0 for row in rows) <= 0.016
@@ -210,7 +208,6 @@ def test_what_the_inputs_leave_is_said_with_what_to_measure(run_to_target: tuple
     """An input known as well as the table asks for brings the total below the target."""
     result, told = run_to_target
     table = result.refinement
-    assert table is not None
     assert table.total is not None
     assert table.total > 0.016
     assert any(line.startswith("hard in ") and "measure " in line and " to +- " in line for line in table.measure)

@@ -48,7 +48,6 @@ def test_a_known_curve_is_found_with_its_cut_and_sharpness(scene: Scene) -> None
         (("near",), "size"), (("near",), "terminal velocity"), (("far",), "size"), (("far",), "terminal velocity"),
     ]  # fmt: skip
     far = curves[2]
-    assert far.cut is not None
     assert far.cut.value == pytest.approx(CUT, rel=0.02)
     assert far.ep == pytest.approx(EP, rel=0.1)
     assert far.imperfection == pytest.approx(far.ep / far.cut.value)
@@ -57,7 +56,6 @@ def test_a_known_curve_is_found_with_its_cut_and_sharpness(scene: Scene) -> None
     assert sum(far.mass) == pytest.approx(1.0)
     near = curves[0]
     assert np.array(near.share) + np.array(far.share) == pytest.approx(1.0)
-    assert near.cut is not None
     assert near.cut.value == pytest.approx(far.cut.value)
 
 
@@ -67,7 +65,6 @@ def test_bands_hold_the_truth_as_often_as_they_say(scene: Scene) -> None:
         far = partition_curves(scene, plan, _landings(scene, seed, 2048, None))[1]
         exact = expit(SHARPNESS * np.log(np.array(far.at) / CUT))
         inside.append(np.mean((exact >= far.low) & (exact <= far.high)))
-        assert far.cut is not None
         assert far.cut.low is not None
         assert far.cut.high is not None
         cuts.append(far.cut.low <= CUT <= far.cut.high)

@@ -45,10 +45,8 @@ def test_shares_purity_recovery_throughput(scene: Scene) -> None:
         assert sum(share.value for share in shares.values()) == pytest.approx(1.0)
         assert all(share.low <= share.value <= share.high for share in shares.values())
     recovery, purity = found.recovery["soft"], found.purity["near"]
-    assert recovery is not None
     assert recovery.value == 0.5
     near_soft, near_hard = 0.25 * 0.5, 0.75 * 0.25
-    assert purity is not None
     assert purity["soft"].value == pytest.approx(near_soft / (near_soft + near_hard))
     assert found.throughput["near"] == pytest.approx(3600 * (near_soft + near_hard))
     assert sum(found.throughput.values()) == pytest.approx(3600)
@@ -95,7 +93,6 @@ def test_purity_of_a_nearly_pure_bin_admits_what_was_not_seen(scene: Scene) -> N
     for _ in range(60):
         soft, hard = (np.where(rng.random(n) < p, 1, 0) for p in (p_soft, p_hard))
         purity = separate(scene, {"soft": landings(soft), "hard": landings(hard)}).purity["far"]
-        assert purity is not None
         low, high = purity["soft"].low, purity["soft"].high
         assert low is not None
         assert high is not None

@@ -54,7 +54,6 @@ def covered(scene: Scene, mean: float, spread: float, clusters: int, fields: int
         found = separate(scene, {"soft": landed(rng, soft, fields), "hard": landed(rng, hard, fields)})
         recovery, purity, share = found.recovery["soft"], found.purity["near"], found.fractions["soft"]["near"]
         assert recovery is not None
-        assert purity is not None
         hits["share"] += share.low <= mean <= share.high
         hits["recovery"] += _holds(recovery, 1.5 * mean)
         hits["purity"] += _holds(purity["soft"], pure)

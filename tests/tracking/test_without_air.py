@@ -116,9 +116,6 @@ def test_granules_born_inside_or_touching() -> None:
     assert caught.position[0, 1] == pytest.approx(1.001)
 
 
-# -- many bodies ------------------------------------------------------------------------------------------------------
-
-
 def maze(motion: Motion | None) -> tuple[list[Body], list[np.ndarray]]:
     """A rhombus, two prisms, a plate, walls, and two bins below."""
     bodies = [Body(shapes["rhombus"](width=D, slope_angle=math.pi / 4), motion=motion)]
@@ -240,9 +237,6 @@ def test_nothing_is_entered_and_no_energy_is_made(friction: float) -> None:
         for body in bodies:
             assert not contains(body.outline, x).any()
             assert distance_to(x, body.outline).min() >= 0.5 * grains.diameter[i] * (1 - 1e-9) - 1e-10
-
-
-# -- scenes -----------------------------------------------------------------------------------------------------------
 
 
 def test_the_labyrinth_without_its_air(cases: Path) -> None:
