@@ -3,8 +3,6 @@
 That a stage's key covers all the code that computes it is held by tests/core/test_sources.py.
 """
 
-from __future__ import annotations
-
 import ast
 import pydoc
 import re

@@ -1,7 +1,5 @@
 """The command line: exit codes, one-line errors, options."""
 
-from __future__ import annotations
-
 import json
 from importlib.metadata import version
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the documents name is there: files, modules, public names, anchors, commands that the command line parses."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import pydoc

@@ -1,7 +1,5 @@
 """Every example of docs/extending.md is run as it stands there, what it adds is used the public way, and removed."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

@@ -1,7 +1,5 @@
 """The last part of docs/results.md, made from the types of result.json: ``python tests/answer/result_page.py``."""
 
-from __future__ import annotations
-
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass

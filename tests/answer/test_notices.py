@@ -1,7 +1,5 @@
 """What a user must know: graded, few on screen, and said of what leaves through the top."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 from typing import Any, cast

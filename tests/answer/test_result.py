@@ -1,7 +1,5 @@
 """The answer's types: what they hold comes back byte for byte, and the page says what they hold."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

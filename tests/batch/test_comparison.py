@@ -1,7 +1,5 @@
 """Runs side by side: what differs, by how much, and how surely."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

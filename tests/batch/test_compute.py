@@ -1,7 +1,5 @@
 """Sweeps as a whole: one table, each stage once, going on after a kill, failures on record."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """The search's loop on problems whose answer is known: what it finds, what it spends, what it promotes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

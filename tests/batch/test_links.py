@@ -1,7 +1,5 @@
 """Fields stand once on the disk, however many runs show them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import wakeflow as wf

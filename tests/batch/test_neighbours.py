@@ -1,7 +1,5 @@
 """Airflows of a sweep that start from each other: which from which, what that saves, and that the answer stays."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Sweeps on a Dask cluster: the table of a local sweep, whichever worker dies meanwhile."""
 
-from __future__ import annotations
-
 import csv
 import time
 from collections.abc import Iterator

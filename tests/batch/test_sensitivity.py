@@ -1,7 +1,5 @@
 """Which input moves which number: the command, its files and its figures, by regression and by sweep."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

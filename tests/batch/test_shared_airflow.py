@@ -1,7 +1,5 @@
 """Real airflows in a sweep: each solved once, by workers, and what the table says of it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A search from its file to its answer, on granules without air."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

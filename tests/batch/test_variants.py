@@ -1,7 +1,5 @@
 """Axes, designs and sweep files: which scenes a sweep is made of."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

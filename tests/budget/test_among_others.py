@@ -1,7 +1,5 @@
 """The factor from what a shift moves of granules alone to what it moves among others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

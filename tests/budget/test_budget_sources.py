@@ -1,7 +1,5 @@
 """Sources of the budget are registered objects: what each of them owes, and one that is added from outside."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

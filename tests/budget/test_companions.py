@@ -1,7 +1,5 @@
 """The same granules flown again: what is the same, what differs, what the budget makes of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One total a row: how its parts make an interval."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What `wakeflow plan` says and draws: ten lines within the width of a screen, the rest on request."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

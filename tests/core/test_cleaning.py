@@ -1,7 +1,5 @@
 """What the cache holds, what goes first, and links to it."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A Dask cluster on loopback: what its tasks return and raise, where they work, what is left when a worker dies."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

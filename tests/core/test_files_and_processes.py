@@ -1,7 +1,5 @@
 """Nothing half-written passes for finished; no child outlives its parent; two threads at work end together."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Numbers with a unit mean what they say, or are refused; boxes, brackets of roots, grades of messages."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

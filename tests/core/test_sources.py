@@ -1,7 +1,5 @@
 """A stage's key covers all the code that computes it: the import closure, read from the sources."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """Workers: what they return and raise, that one may die alone, and that none outlives its parent."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

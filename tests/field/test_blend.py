@@ -1,7 +1,5 @@
 """Fields made of fields: the wake between its two ends, the change by a force, a record that is made periodic."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

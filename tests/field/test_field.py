@@ -1,7 +1,5 @@
 """FlowField: linear is exact, gradients are second order, mirrors are mirrors; vorticity and stream function."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Failures are recognised and named; numerical ones climb the ladder; nonsense is refused; the robustness matrix."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Rung 3d: extrusion, disturbance, cost, and a coarse airflow from plan to landings, killed on the way."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Drag laws: published values, Stokes limit, the kernel's table, terminal velocities and calibration."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 That the compiled terms are the formulas of the records is shown by the exact problems (tests/proofs/problems).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

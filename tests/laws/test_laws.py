@@ -1,7 +1,5 @@
 """The laws of lift, spin, turbulence and Brownian motion: published values, limits, exactness where it is claimed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from decimal import Decimal, localcontext

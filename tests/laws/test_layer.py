@@ -1,7 +1,5 @@
 """The layer on a slope: closed forms, balances of momentum and energy, superposition; the impact table of a scene."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

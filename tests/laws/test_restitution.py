@@ -1,7 +1,5 @@
 """Restitution laws: what each rests on, their table in the tracker, and that granules under them come to rest."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

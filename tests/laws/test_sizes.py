@@ -1,7 +1,5 @@
 """Size distributions: quantiles by mass, published checks, and what scenes may and may not say."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

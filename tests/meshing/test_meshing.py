@@ -1,7 +1,5 @@
 """The mesh: deterministic, named, graded, fit for a solver, for every shape of body."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import sys

@@ -1,7 +1,5 @@
 """The air feels the granules: end to end on a coarse mesh, its decision, its symmetry, its cache, what it costs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

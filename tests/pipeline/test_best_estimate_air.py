@@ -2,8 +2,6 @@
 fly in. The ends are fields that need no solver.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

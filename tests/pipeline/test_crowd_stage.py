@@ -1,7 +1,5 @@
 """The slab's stage: what it keeps, that it goes on where it stopped, and that a trickle flies as granules alone do."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

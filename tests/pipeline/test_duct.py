@@ -1,7 +1,5 @@
 """Channels in which nothing stands: the air is known, and what it carries over follows from terminal velocities."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

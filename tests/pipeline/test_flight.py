@@ -1,7 +1,5 @@
 """From the feed to the landing: walls, ends, mirror images, what is kept, what is drawn of the unknown, and a film."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

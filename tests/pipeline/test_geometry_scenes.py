@@ -1,7 +1,5 @@
 """Shapes, several bodies, secondary streams, inlet profiles and a user's own case: from the scene to the numbers."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

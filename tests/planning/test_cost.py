@@ -1,7 +1,5 @@
 """What a plan expects to take, by stage and on the machine whose earlier runs are known; a plan that is sent."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from dataclasses import replace

@@ -3,8 +3,6 @@
 What is compared, and how, is in tests/proofs/studies/gates.py, which prints the table of docs/model.md.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from proofs.report import cell

@@ -1,7 +1,5 @@
 """Which granules meet the front of a body: the ideal flow before it is one, its efficiencies are the known ones."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

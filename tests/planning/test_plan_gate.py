@@ -4,8 +4,6 @@ Granules of cases/rhombus.toml in its draft airflow. A bound holds when 95 % of 
 less than it; it is not idle when it is at most 30 times what 95 % of them move.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Stages of a run are registered objects: one that is added from outside is made, planned, timed, scaled and shown."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is not known of a scene: which numbers, how far off by default, and what a draw of them changes."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

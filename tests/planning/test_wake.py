@@ -1,7 +1,5 @@
 """The wake that a scene is flown in and its airflow: which shape, which rung, and what the plan says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

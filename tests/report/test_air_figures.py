@@ -1,7 +1,5 @@
 """Figures of the solved air and of what it does: the mesh, recorded forces, residence times, what knowing them took."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from typing import Any

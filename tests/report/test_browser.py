@@ -1,7 +1,5 @@
 """The page in Debian's chromium: every control works, nothing is asked of the network, paper holds every bin."""
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Fractions keep their colours, and the colours are seen apart with any kind of colour vision."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

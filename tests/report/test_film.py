@@ -1,7 +1,5 @@
 """Films: what is where in which frame, how large they are, and that they stand on the page."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What the page tells of machine, materials, proofs and origin, and what its script is handed; no browser."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

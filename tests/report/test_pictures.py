@@ -1,7 +1,5 @@
 """Pictures that a scene asks for, and the paper's figures as scenes."""
 
-from __future__ import annotations
-
 import csv
 import html
 import math

@@ -1,7 +1,5 @@
 """A finished run in Python: its pictures on axes of one's own, its tables, and what a notebook shows of it."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The report says what it was handed: pictures, VTK files, tables, HTML."""
 
-from __future__ import annotations
-
 import base64
 import io
 import itertools
@@ -11,7 +9,7 @@ from csv import DictReader
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,9 +38,6 @@ from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
-
-if TYPE_CHECKING:
-    from wakeflow.report.canvas import Paper
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {
@@ -260,7 +255,7 @@ def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: P
         draw_pressure(tmp_path / "p.png", outcome.field, rhombus, FOUND)
 
 
-def _draw_sizes(paper: Paper, outcome: Outcome) -> Any:
+def _draw_sizes(paper: "Canvas | str | Path", outcome: Outcome) -> Any:
     axes = new_axes(4.0, 3.0, paper)
     axes.bar(list(outcome.landings), [len(found.bin) for found in outcome.landings.values()])
     save(axes.figure, paper)

@@ -1,7 +1,5 @@
 """The sketch of a machine: every name and measure stands on the paper, and none on another."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 

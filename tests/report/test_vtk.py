@@ -1,7 +1,5 @@
 """What ParaView opens, read back by others than its writer: meshio, and a reader of VTK's XML written for this test."""
 
-from __future__ import annotations
-
 import base64
 import zlib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The window on a machine, drawn off-screen: what is where, and in which colour."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Progress in a notebook: one bar that is drawn over itself, in a kernel only, unless a listener hears instead."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,7 @@ class Cell:
     def __init__(self) -> None:
         self.shown: list[str] = []
 
-    def display(self, page: Any, *, display_id: bool) -> Cell:
+    def display(self, page: Any, *, display_id: bool) -> "Cell":
         assert display_id
         assert not self.shown  # once; afterwards it is drawn over
         self.update(page)

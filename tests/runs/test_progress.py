@@ -1,7 +1,5 @@
 """How far a run is: stages that are done, one that is under way, the time left at the pace so far."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field
 from pathlib import Path

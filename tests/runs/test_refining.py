@@ -1,7 +1,5 @@
 """A run with a target error: what is expected of other settings, what is chosen, what cannot be met, and the way."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from math import hypot

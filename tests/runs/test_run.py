@@ -1,7 +1,5 @@
 """The whole chain on real Gmsh and real OpenFOAM: mass balance, symmetry, cache, resume, failures."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Materials of the user's own, in a file beside the scene; and how materials are listed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

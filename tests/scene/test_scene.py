@@ -1,7 +1,5 @@
 """Scenes: what is accepted means what it says; what is wrong is named in one line."""
 
-from __future__ import annotations
-
 import math
 import re
 from html import escape

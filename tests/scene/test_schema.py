@@ -1,7 +1,5 @@
 """The JSON schema: with it an editor takes every shipped scene, refuses what the program does, explains each key."""
 
-from __future__ import annotations
-
 import copy
 import tomllib
 from functools import cache

@@ -1,7 +1,5 @@
 """Dividers: the best of all where that can be enumerated, the purity kept, intervals that hold on new granules."""
 
-from __future__ import annotations
-
 import copy
 import itertools
 import re

@@ -1,7 +1,5 @@
 """Mesh errors from a few grids: published worked examples, laws with known limits, and refusals to extrapolate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The range over unknown inputs from draws: slopes, what is beyond them, and the sampling that is no part of it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

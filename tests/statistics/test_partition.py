@@ -1,7 +1,5 @@
 """Partition curves: of landings whose curve is known, and terminal velocities from the table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

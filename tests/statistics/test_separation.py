@@ -1,7 +1,5 @@
 """Shares, intervals, purity and throughput from landings whose answer is known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Intervals that hold the finite sample of the shedding: how often they cover a truth that is known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

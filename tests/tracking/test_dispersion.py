@@ -1,7 +1,5 @@
 """Dispersion and Brownian motion in the tracker: well mixed, independent of intervals, threads and company."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

@@ -2,8 +2,6 @@
 grows in the body's frame, nothing enters a body, nothing loops for ever.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What granules exert on the air: it is what they lost to it, whatever walls they met and however coarse the boxes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Near-wake residence time: decays that are known exactly, wakes that keep what they hold, mirror images, scaling."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any, Literal

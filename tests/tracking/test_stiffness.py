@@ -1,7 +1,5 @@
 """Relaxation times from 1e-9 s to 1e3 s, steps from 1e-12 to 1e12 of them: cost bounded, limits reached, no NaN."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The tracker in the air: exact where it can be, third order elsewhere, honest about its tolerance, and never lost."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

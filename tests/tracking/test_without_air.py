@@ -1,7 +1,5 @@
 """Flight without air: exact answers of one body, closed forms for many, nothing entered, no energy made."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys
