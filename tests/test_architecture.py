@@ -1,6 +1,6 @@
 """The house's rules: the listing of modules is the pipeline, heavy libraries have one importer, one name is one thing.
 
-That a stage's key covers all the code that computes it is held by tests/core/test_sources.py.
+That a stage's key covers all the code that computes it is held by tests/core/test_store.py.
 """
 
 import ast

@@ -1,24 +1,140 @@
-"""Figures of the solved air and of what it does: the mesh, recorded forces, residence times, what knowing them took."""
+"""Figures: the sketch of a machine, colours that are seen apart, the solved air and what knowing it took."""
 
 import csv
+import itertools
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 
-from support import field_of
+from support import CASES, field_of, shipped
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.core.record import from_json
+from wakeflow.laws.material import materials
 from wakeflow.pipeline.airflow import Airflow
 from wakeflow.report.air import _levels_of_bodies, suction_nodes
-from wakeflow.report.canvas import new_figure, pdf_too, save
+from wakeflow.report.canvas import COLOURS, KNOWN, fraction_colours, new_figure, pdf_too, save
 from wakeflow.report.figures import budget, solver
 from wakeflow.report.figures.budget import draw_cost
 from wakeflow.report.figures.flights import times_in_zone
 from wakeflow.report.figures.solver import draw_forces, draw_mesh
+from wakeflow.report.many import _looks
+from wakeflow.report.sketch import draw_sketch
 from wakeflow.report.solved_case import ForceHistory, PlaneCells
-from wakeflow.scene import Scene
+from wakeflow.scene import Scene, units_written
+
+FILES = [*CASES.glob("*.toml"), *CASES.glob("paper/*.toml")]
+MACHINES = sorted(path for path in FILES if path.stem.partition("-")[0] not in ("sweep", "search"))
+
+
+def _texts(figure: Figure) -> list[Annotation]:
+    return [one for one in figure.axes[0].texts if isinstance(one, Annotation) and one.get_text()]
+
+
+def _extents(figure: Figure) -> list[tuple[str, Bbox]]:
+    """What is written on the paper, and where (pixels), without the arrows that lead from it."""
+    canvas = figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)
+    canvas.draw()
+    return [(one.get_text(), super(Annotation, one).get_window_extent(canvas.get_renderer())) for one in _texts(figure)]
+
+
+@pytest.mark.parametrize("path", MACHINES, ids=lambda path: path.stem)
+def test_all_is_written_on_the_paper_and_nothing_on_another(path: Path) -> None:
+    scene = Scene.load(path)
+    figure = draw_sketch(scene)
+    written = _extents(figure)
+    names = " ".join(text for text, _ in written)
+    assert not [name for name in (*scene.body, *scene.bin, *scene.channel.inlet) if name not in names]
+    paper = figure.bbox
+    assert not [text for text, box in written if not (paper.contains(*box.min) and paper.contains(*box.max))]
+    assert not [(one, other) for (one, a), (other, b) in combinations(written, 2) if a.overlaps(b)]
+
+
+def test_measures_are_the_scenes() -> None:
+    written = {one.get_text() for one in _texts(draw_sketch(shipped("rhombus")))}
+    assert {"400 mm", "-135", "135", "-200", "air 5 m/s down", "inner-left"} <= written
+    assert "feed: 40 mm wide, falls 100 mm\n500 kg/h over a depth of 300 mm" in written
+    assert "rhombus: 50 mm x 50 mm, 45 deg\nvibrates at 30 Hz, ± 0.552 mm (2 g)" in written
+
+
+def test_measures_are_said_in_the_users_units(tmp_path: Path) -> None:
+    machine = tmp_path / "machine.toml"
+    text = (CASES / "aspirator.toml").read_text().replace("100 mm", "10 cm").replace("200 mm", "20 cm")
+    machine.write_text(text.replace("400 mm", "40 cm").replace('"6 m/s"', '"21.6 km/h"'))
+    spoken = units_written(machine)
+    assert spoken["m"] == "cm"
+    written = {one.get_text() for one in _texts(draw_sketch(Scene.load(machine), spoken))}
+    assert {"20 cm", "100 cm", "-10", "10"} <= written
+
+
+def test_a_resting_feed_and_a_side_bin_are_told() -> None:
+    tables = shipped("vacuum").tables()
+    tables["feed"] = {"start": "resting", "width": 0.02, "count": 32}
+    tables["bin"]["wall"] = {"on": "left", "from": -0.1, "to": 0.0}
+    written = " ".join(one.get_text() for one in _texts(draw_sketch(Scene.parse(tables))))
+    assert "at rest on the body" in written
+    assert "bin wall: y -100 mm to 0 mm" in written
+
+
+VISIONS = ("normal", "protanomaly", "deuteranomaly", "tritanomaly")
+SHIPPED = ("rhombus", "prism", "labyrinth", "aspirator")
+APART, SHIPPED_APART = 9.0, 14.0  # CAM02-UCS (Luo, Cui & Li 2006): 1 is just seen; side by side 10 are another colour
+
+
+def _difference(one: str, other: str, vision: str) -> float:
+    """Of two colours as they are seen with a lack of one kind of cone (Machado, Oliveira & Fernandes 2009)."""
+    from colorspacious import cspace_convert, deltaE
+
+    seen = [np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255 for colour in (one, other)]
+    if vision != "normal":
+        space = {"name": "sRGB1+CVD", "cvd_type": vision, "severity": 100}
+        seen = [np.clip(cspace_convert(colour, space, "sRGB1"), 0.0, 1.0) for colour in seen]
+    return float(deltaE(*seen, input_space="sRGB1"))
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_any_two_colours_are_seen_apart(vision: str) -> None:
+    assert min(_difference(one, other, vision) for one, other in itertools.combinations(COLOURS, 2)) > APART
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_fractions_of_shipped_scenes_are_far_apart(name: str, cases: Path) -> None:
+    colours = fraction_colours(list(Scene.load(cases / f"{name}.toml").fraction)).values()
+    pairs = itertools.combinations(colours, 2)
+    assert min(_difference(one, other, vision) for one, other in pairs for vision in VISIONS) > SHIPPED_APART
+
+
+def test_a_fraction_keeps_its_colour_whatever_is_fed_with_it() -> None:
+    for name in materials:
+        alone = fraction_colours([name])[name]
+        assert fraction_colours(["weed", name, "grit"])[name] == alone or name not in KNOWN
+    assert fraction_colours(["weed"])["weed"] == fraction_colours(["wheat", "weed"])["weed"]
+
+
+def test_up_to_nine_fractions_have_nine_colours() -> None:
+    names = [f"sieve-{i}" for i in range(len(COLOURS) - 1)]
+    found = fraction_colours(["wheat", *names])
+    assert list(found) == ["wheat", *names]  # in the order asked for
+    assert len(set(found.values())) == len(COLOURS)
+    assert set(fraction_colours([f"f{i}" for i in range(20)]).values()) == set(COLOURS)
+
+
+def test_figures_of_many_runs_colour_quantities_by_their_fraction() -> None:
+    recoveries = ["recovery.straw", "recovery.wheat", "recovery.own"]
+    colours = fraction_colours(["straw", "wheat", "own"]).values()
+    assert [look.colour for look in _looks(recoveries).values()] == list(colours)
+    assert _looks(["purity.left.chaff"])["purity.left.chaff"].colour == KNOWN["chaff"]
+    left, right, chaff = _looks(["share.wheat.left", "share.wheat.right", "share.chaff.left"]).values()
+    assert left.colour == right.colour != chaff.colour
+    assert left.marker != right.marker
+
 
 SPEED = 2.0  # m/s of the tracks below
 

@@ -1,4 +1,4 @@
-"""Airflows of a sweep that start from each other: which from which, what that saves, and that the answer stays."""
+"""Airflows of a sweep: each solved once, kept once on the disk, started from each other; the answer stays."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import wakeflow as wf
-from support import shipped
+from support import ALONE, shipped
 from wakeflow.answer.result import Request
 from wakeflow.batch import agenda as run_agenda
 from wakeflow.batch.agenda import make_agenda, starts
@@ -101,3 +101,33 @@ def test_a_start_that_cannot_be_is_one_line(tmp_path: Path) -> None:
         wf.run(scene, tmp_path, near=tmp_path)
     with pytest.raises(SceneError, match="holds no finished run"):
         wf.run(scene, tmp_path / "run", near=tmp_path / "nothing")
+
+
+@pytest.mark.openfoam
+def test_a_change_of_restitution_solves_no_airflow(tmp_path: Path) -> None:
+    """Two scenes fly at once in one airflow, which neither of them solves."""
+    few = {"feed.count": 64, "feed.rate": "0.5 kg/hour"}  # that neither meet nor load the air
+    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, **few})
+    found = wf.variants(scene, {"fraction.chaff.restitution": [0.21, 0.34]})
+    sweep = wf.sweep(found, tmp_path, rung="draft", workers=2)
+    assert sweep.failed == {}
+    assert len(list((tmp_path / "airflows").iterdir())) == 1
+    stages = [json.loads((tmp_path / one.name / "result.json").read_text())["seconds"] for one in found]
+    assert all(seconds["airflow"]["cached"] and seconds["mesh"]["cached"] for seconds in stages)
+    assert len({seconds["airflow"]["seconds"] for seconds in stages}) == 1
+    drag = [entry.by_name["airflow.cd"] for entry in sweep.table.entries]
+    assert drag[0] == drag[1]
+    assert drag[0].value > 1.0
+
+
+def test_runs_in_one_airflow_share_the_fields_files(tmp_path: Path) -> None:
+    scene = shipped("aspirator", {"feed.count": 16, "numerics.mesh_scale": 2.0})
+    first, second = (
+        wf.run(scene.replace({"fraction.straw.target": target}), tmp_path / target, force=ALONE).folder / "field.vtu"
+        for target in ("light", "heavy")
+    )
+    assert first.samefile(second)
+    before = first.read_bytes()
+    wf.run(scene.replace({"air.speed": 5.0}), tmp_path / "heavy", force=ALONE)  # another airflow in the second folder
+    assert not first.samefile(second)
+    assert first.read_bytes() == before
