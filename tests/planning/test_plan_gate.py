@@ -55,7 +55,6 @@ def test_at_one_percent_wheat_leaves_out_history_and_brownian_motion(draft: Scen
     for term in ("basset-history", "brownian"):
         assert term not in plan.fractions["wheat"].forces
         row = left["wheat", term]
-        assert row.bound is not None
         assert row.bound <= plan.fractions["wheat"].limit  # type: ignore[operator]
         assert "below the" in row.why
     assert "pressure-gradient" in plan.fractions["chaff"].forces
@@ -76,7 +75,6 @@ def test_the_shipped_scenes_are_not_refused(name: str) -> None:
 def test_what_is_left_out_by_its_size_stays_small_together(name: str, target: float) -> None:
     plan = make_plan(shipped(name), target_error=target, force={"basset-history": False})
     for fraction, how in plan.fractions.items():
-        assert how.limit is not None
         small = [row for row in plan.left_out if row.fraction == fraction and "below the" in row.why]
         assert all(row.bound <= how.limit for row in small)  # type: ignore[operator]
         assert sum(row.bound for row in small if row.name in COMPUTED) <= 0.75 * how.limit  # type: ignore[misc]
@@ -541,7 +539,6 @@ def test_the_budgets_share_covers_granules_that_are_shifted(draft: Scene, kind: 
             continue  # more than the window: a density is no local one
         for place, parts in terms.items():
             (error,) = [part.error for part in parts if part.source == row.name]
-            assert error is not None
             assert abs(after[place].value - before[place].value) <= error + 1e-3
 
 

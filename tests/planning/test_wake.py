@@ -76,7 +76,6 @@ def test_several_bodies_have_the_widest_range(cases: Path, rhombus: Scene) -> No
 
 
 def at(scene: Scene, reynolds: float) -> Scene:
-    assert scene.reynolds is not None
     return scene.replace({"air.speed": scene.air.speed * reynolds / scene.reynolds})
 
 

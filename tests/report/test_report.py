@@ -378,7 +378,6 @@ def test_pressure_is_drawn_as_a_coefficient_from_the_inlet(
 
 def test_the_mean_of_a_field_in_time_is_drawn(rhombus: Scene, drawn: list[Any]) -> None:
     steady = _field(rhombus)
-    assert steady.pressure is not None
     swing = np.array([-1.0, 1.0, -1.0])[:, None]  # its trapezoidal mean is 0
     moving = replace(
         steady,

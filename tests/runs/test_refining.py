@@ -62,8 +62,6 @@ def test_a_limit_of_counted_granules_is_read_back_and_limited_again(changed: int
     assert expected == pytest.approx(steps(4 * changed, 4096).error, rel=1e-6)
     if changed:
         tighter = expected_part(steps(changed, 1024), NOW, replace(then, tolerance=1e-5))
-        assert tighter is not None
-        assert expected is not None
         assert tighter < 0.5 * expected
 
 
@@ -125,7 +123,6 @@ def test_a_dear_knob_is_turned_only_where_the_cheap_one_does_not_serve() -> None
     assert choose([row(*parts)], spent, now, now, 0.02).settings.mesh_scale == 2.0
     parts = sampling(0.005), BudgetPart("mesh", 0.03, note="two grids")
     chosen = choose([row(*parts)], spent, now, now, 0.02).settings
-    assert chosen.mesh_scale is not None
     assert 1.0 < chosen.mesh_scale < 2.0
     assert expected_seconds(spent, now, chosen) > 150.0
 
@@ -206,7 +203,6 @@ def test_what_the_inputs_leave_is_said_with_what_to_measure(run_to_target: tuple
     """An input known as well as the table asks for brings the total below the target."""
     result, told = run_to_target
     table = result.refinement
-    assert table.total is not None
     assert table.total > 0.016
     assert any(line.startswith("hard in ") and "measure " in line and " to +- " in line for line in table.measure)
     assert any("by a first look" in line and "measure " in line for line in told)

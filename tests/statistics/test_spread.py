@@ -59,7 +59,6 @@ def covered(scene: Scene, mean: float, spread: float, clusters: int, fields: int
 
 
 def _holds(found: Number, truth: float) -> bool:
-    assert found.low is not None
     assert found.high is not None
     return found.low <= truth <= found.high
 
