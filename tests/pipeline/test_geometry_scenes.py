@@ -1,4 +1,4 @@
-"""Shapes, several bodies, secondary streams, inlet profiles and a user's own case: from the scene to the numbers."""
+"""Shapes, several bodies, secondary streams, inlet profiles, empty channels and a user's own case, to the numbers."""
 
 import itertools
 import json

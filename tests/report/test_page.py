@@ -1,4 +1,4 @@
-"""What the page tells of machine, materials, proofs and origin, and what its script is handed; no browser."""
+"""The page: machine, materials, proofs, origin, what its script is handed, films on it; no browser."""
 
 import itertools
 import json

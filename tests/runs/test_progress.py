@@ -1,4 +1,4 @@
-"""How far a run is: stages that are done, one that is under way, the time left at the pace so far."""
+"""How far a run is: stages done and under way, the time left; in a notebook one bar that is drawn over itself."""
 
 import json
 from dataclasses import dataclass, field

@@ -1,5 +1,6 @@
 """Extremes: any slope, restitution, friction and strength of vibration, corners and simultaneous hits. Energy never
 grows in the body's frame, nothing enters a body, nothing loops for ever.
+Stiffness: relaxation times and flows of any time scale.
 """
 
 from itertools import product
