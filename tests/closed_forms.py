@@ -13,8 +13,6 @@ It shares the law of impact, the motion of bodies and the random numbers with th
 10 ms an impact.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

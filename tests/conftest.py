@@ -2,8 +2,6 @@
 that say which outside program a test starts, and skip it where that is missing; shipped scenes.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

@@ -1,9 +1,7 @@
 """The house's rules: the listing of modules is the pipeline, heavy libraries have one importer, one name is one thing.
 
-That a stage's key covers all the code that computes it is held by tests/core/test_sources.py.
+That a stage's key covers all the code that computes it is held by tests/core/test_store.py.
 """
-
-from __future__ import annotations
 
 import ast
 import pydoc
@@ -47,8 +45,8 @@ QUICK = [["--help"], ["plan", "cases/rhombus.toml", "--json"], ["new", "--help"]
 
 # What breaks a rule today. Each list is meant to empty: what no longer breaks it must be struck off.
 CIRCLES: set[str] = set()
-# The table [body.NAME] of a scene and the public wf.Body: both names are a contract. Gate: of the command line
-# and of the plan. Table: of a scene and of a proof
+# The table [body.NAME] of a scene and the tracker's public wf.Body: both names are a contract. Gate: of the command
+# line and of the plan. Table: of a scene and of a proof
 TWICE = {"Body", "Gate", "Table"}
 LONG: set[str] = set()
 

@@ -1,7 +1,5 @@
 """The command line: exit codes, one-line errors, options."""
 
-from __future__ import annotations
-
 import json
 from importlib.metadata import version
 from pathlib import Path
@@ -112,18 +110,8 @@ def test_wrong_input_is_one_line_and_code_2(
     assert len(error.strip().splitlines()) == 1
 
 
-def test_new_writes_a_scene_that_loads_and_keeps_what_is_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["new", "rhombus"]) == 0
-    assert main(["plan", "rhombus.toml"]) == 0
-    assert main(["new", "rhombus"]) == 2
-    assert "exists" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("kind", scene_templates())
-def test_a_new_scene_names_itself(
+def test_a_new_scene_names_itself_and_replaces_no_file(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -134,6 +122,8 @@ def test_a_new_scene_names_itself(
     assert text.count("wakeflow run 'my machine.toml'") == 1 + shipped.count(f"wakeflow run cases/{kind}.toml")
     assert text.startswith("# Look at it:  wakeflow plan 'my machine.toml'")
     assert Scene.load("my machine.toml") == Scene.load(scene_templates()[kind])
+    assert main(["new", kind, "my machine.toml"]) == 2
+    assert "exists" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

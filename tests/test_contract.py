@@ -4,8 +4,6 @@ contract.txt lists them, a line each. New ones are added by ``python tests/test_
 with an entry in CHANGELOG.md.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator
 from pathlib import Path

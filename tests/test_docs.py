@@ -3,8 +3,6 @@
 Their sentences use plain words: subject, verb, object, and no idiom that only this program uses.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import pydoc

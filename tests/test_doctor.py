@@ -1,7 +1,5 @@
 """The doctor: finds what is there, names the command for what is not, survives what crashes."""
 
-from __future__ import annotations
-
 import io
 import os
 import tomllib

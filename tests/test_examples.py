@@ -1,7 +1,5 @@
 """What README, docs and docstrings show in Python runs; so do the scripts that make families of scenes."""
 
-from __future__ import annotations
-
 import doctest
 import re
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Every example of docs/extending.md is run as it stands there, what it adds is used the public way, and removed."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re
@@ -195,7 +193,6 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     airflow: Any = SimpleNamespace(found=SimpleNamespace(suction=SimpleNamespace(length=0.1)), width=0.05)
     found = quantities["suction_length"].of(airflow)
-    assert found is not None
     assert found.value == 2.0
 
 

@@ -1,7 +1,5 @@
 """docs/tutorial.md: every line of code runs in order, as it stands or without its airflow; the page is a notebook."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Numbers with a unit mean what they say, or are refused; boxes, brackets of roots, grades of messages."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 
@@ -10,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wakeflow.core.geometry import Boxes, ForceDensity
+from wakeflow.core.geometry import Boxes, ForceDensity, halved, halved_all
 from wakeflow.core.graded import gravest_first, information, less_sure, void
 from wakeflow.core.quantities import converted, quantity, say, speaking
-from wakeflow.core.roots import halved, halved_all
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """A force on the air in OpenFOAM 1912: whole on the cells, felt by the air as momentum says, the same when resumed."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import dataclass

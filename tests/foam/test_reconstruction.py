@@ -1,7 +1,5 @@
 """Cell values to node values: linear fields exact, curved ones second order, walls have p itself, divergence goes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

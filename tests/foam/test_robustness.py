@@ -1,7 +1,5 @@
 """Failures are recognised and named; numerical ones climb the ladder; nonsense is refused; the robustness matrix."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import json
@@ -197,7 +195,6 @@ def test_the_ladder_is_climbed_in_order_and_remembered_over_an_interruption(tmp_
     assert all(attempt.cause == "diverged" for attempt in tried)
     assert (tmp_path / "failed-1.log").read_text() == "first\n"
     told = warning(settings, tried)
-    assert told is not None
     assert "first order" in told
     assert "normal diverged, careful diverged" in told
     assert warning("normal", []) is None

@@ -1,7 +1,5 @@
 """The same answer everywhere: an airflow does not depend on the load of the machine, nor on how often it was killed."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import multiprocessing

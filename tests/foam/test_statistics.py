@@ -1,7 +1,5 @@
 """What a history says so far: intervals that cover known means, start-ups dropped, drifts noticed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Turbulence models: every record holds together, and a model that the program does not know is added as one."""
 
-from __future__ import annotations
-
 import math
 import re
 import shutil

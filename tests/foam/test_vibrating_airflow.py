@@ -1,7 +1,5 @@
 """The vibrating body in the air: the moving mesh against exact references, its loop, what is left out and why."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

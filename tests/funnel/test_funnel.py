@@ -1,7 +1,5 @@
 """The feed funnel: laws, geometry, rates from curves; with LIGGGHTS also the vibrating wall and a small discharge."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Granules enter the field where, when and as fast as the model says; the slab's feed has the true rate and sizes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

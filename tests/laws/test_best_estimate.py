@@ -1,7 +1,5 @@
 """The best estimate: what an entry gives, how entries are weighed, how wide the range is, what the data file holds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Collisions with walls, of pairs, with scatter, of spheres with dust: published cases, and no energy made."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys

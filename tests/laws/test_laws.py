@@ -1,19 +1,27 @@
 """The laws of lift, spin, turbulence and Brownian motion: published values, limits, exactness where it is claimed."""
 
-from __future__ import annotations
-
+import json
 import math
 from collections.abc import Callable, Iterator
 from decimal import Decimal, localcontext
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wakeflow.laws.drag import relaxation_time, slip_correction
+import wakeflow as wf
+from support import FLOOR, G
+from wakeflow.core.errors import SceneError
+from wakeflow.laws.collision import bounce
+from wakeflow.laws.drag import drag_laws, relaxation_time, slip_correction
 from wakeflow.laws.lift import lift_coefficient, magnus_factor, spin_decay, spin_rate
+from wakeflow.laws.restitution import restitution_laws, restitution_table
+from wakeflow.laws.size import sizes
 from wakeflow.laws.turbulence import brownian_diffusivity, crossing_times, langevin, lifetime
+from wakeflow.scene import Scene
+from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
 EXTREMES = [0.0, 5e-324, 1e-300, 1e-12, 1e-3, 0.45, 1.0, 31.7, 39.999, 40.0, 1e3, 1e7, 1e12]
 
@@ -201,3 +209,277 @@ def test_brownian_diffusivity_in_air() -> None:
     for diameter, published in ((1e-7, 6.9e-10), (1e-6, 2.7e-11), (1e-5, 2.4e-12)):
         ours = brownian_diffusivity(diameter, 1.825e-5, 293.15, float(slip_correction(diameter)))
         assert ours == pytest.approx(published, rel=0.03)
+
+
+LAWS = [
+    wf.Restitution("constant", value=0.5),
+    wf.Restitution("power", value=0.5, at=1.0),
+    wf.Restitution("power", value=0.3, at=2.0, exponent=1.0, most=0.8),
+    wf.Restitution("elastic-plastic", value=0.6, at=1.4),
+    wf.Restitution("viscoelastic", value=0.9, at=1.0),
+    wf.Restitution("viscoelastic", value=0.2, at=3.0),
+    wf.Restitution("table", speeds=[0.3, 1.0, 4.0], values=[0.62, 0.5, 0.31]),
+]
+every_law = pytest.mark.parametrize("law", LAWS, ids=repr)
+
+
+def test_every_registered_law_is_tried() -> None:
+    assert {law.law for law in LAWS} == set(restitution_laws)
+
+
+@every_law
+def test_a_law_is_a_restitution_that_falls_with_the_speed_through_the_value_given(law: wf.Restitution) -> None:
+    speeds = np.concatenate([[0.0, 1e-300], np.logspace(-12, 12, 2000)])
+    e = law(speeds)
+    assert np.all((e >= 0.0) & (e <= 1.0))
+    assert np.all(np.diff(e) <= 1e-15)
+    given = law.parameters
+    if "at" in given:
+        assert law(given["at"]) == pytest.approx(given["value"], abs=1e-12)
+
+
+@every_law
+def test_the_table_is_the_law_also_at_its_kinks(law: wf.Restitution) -> None:
+    cells = restitution_table(law)
+    kinks = np.array(law.kinks)
+    speeds = np.concatenate([np.logspace(-7.99, 2.99, 5001), kinks, kinks * (1 - 1e-6), kinks * (1 + 1e-6)])
+    y = np.log10(speeds)
+    cell = np.searchsorted(cells[:, 0], y, side="right") - 1
+    w = (y - cells[cell, 0]) * cells[cell, 1]
+    table = sum(cells[cell, 2 + i] * w**i for i in range(4))
+    np.testing.assert_allclose(table, law(speeds), atol=1e-7)
+
+
+def test_the_viscoelastic_law_is_the_contact_integrated() -> None:
+    """Hertz with dissipation, d'' = -d^1.5 - b sqrt(d) d', until the force is gone; b grows as v^1/5 with the speed."""
+
+    def bounced(b: float) -> float:
+        def force_gone(t: float, y: Any) -> float:
+            return y[0] + b * y[1]
+
+        force_gone.terminal, force_gone.direction = True, -1  # type: ignore[attr-defined]
+        root = lambda d: np.sqrt(max(d, 0.0))  # noqa: E731
+        run = solve_ivp(
+            lambda t, y: [y[1], -root(y[0]) * (y[0] + b * y[1])],
+            (0.0, 100.0), [1e-14, 1.0], events=force_gone, rtol=1e-11, atol=1e-14,
+        )  # fmt: skip
+        return float(-run.y_events[0][0][1])
+
+    law = wf.Restitution("viscoelastic", value=bounced(0.1), at=1.0)  # 0.893
+    for b, accuracy in ((0.01, 2e-5), (0.2, 3e-4), (0.6, 3e-3), (3.0, 9e-3)):
+        assert law((b / 0.1) ** 5) == pytest.approx(bounced(b), abs=accuracy)
+
+
+def test_the_elastic_plastic_law_is_its_energy_balance() -> None:
+    """Hertz up to the yield, then the force grows linearly; the unloading is Hertz' on the flattened contact.
+
+    In units of the yield point, at the indentation 1 + s: F = 1 + 1.5 s, work 0.4 + s + 0.75 s^2, given back
+    0.4 F^2 / sqrt(1 + s); the speed is sqrt(work / 0.4) yield speeds.
+    """
+    s = np.logspace(-2, 4, 20)
+    work = 0.4 + s + 0.75 * s**2
+    e = np.sqrt(0.4 * (1 + 1.5 * s) ** 2 / np.sqrt(1 + s) / work)
+    speed = np.sqrt(work / 0.4)
+    law = wf.Restitution("elastic-plastic", value=float(e[7]), at=float(speed[7]), most=1.0)
+    np.testing.assert_allclose(law(speed), e, rtol=1e-12)
+    assert law(0.999) == pytest.approx(1.0, abs=1e-15)
+    assert law(1e6) * 1e6**0.25 == pytest.approx(1.185, abs=1e-3)  # far above the yield: v^-1/4
+
+
+@pytest.mark.parametrize(
+    ("law", "given", "message"),
+    [
+        ("power", {"value": 0.5}, "lacks at"),
+        ("power", {"value": 0.5, "at": 1.0, "speeds": [1.0]}, "has no speeds"),
+        ("powr", {}, "did you mean 'power'"),
+        ("power", {"value": 0.5, "at": 0.0}, "at = 0"),
+        ("power", {"value": 0.5, "at": 1.0, "most": 0.4}, "value = 0.5, allowed 0.001 to 0.4"),
+        ("constant", {"value": 1.1}, "value = 1.1"),
+        ("table", {"speeds": [1.0, 1.0], "values": [0.5, 0.5]}, "must be positive and rise"),
+        ("table", {"speeds": [1.0], "values": [0.5, 0.5]}, "1 speeds and 2 values"),
+    ],
+)
+def test_a_wrong_law_says_what_is_wrong(law: str, given: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        wf.Restitution(law, **given)
+
+
+@every_law
+def test_walls_throw_back_by_the_law_of_the_speed_into_them(law: wf.Restitution) -> None:
+    speeds = np.array([1e-3, 0.05, 0.3, 1.0, 3.0, 20.0])
+    up = np.column_stack([np.linspace(-0.5, 0.5, 6), np.full(6, 2e-3)])
+    grains = Granules(up, np.column_stack([np.full(6, 0.2), -speeds]), 2e-3, 1000.0, restitution=law, friction=0.0)
+    far = {"until": 3.0, "gravity": (0.0, 0.0), "lines": [np.array([[-9.0, 4e-3], [9.0, 4e-3]])]}
+    tracks = track(None, grains, bodies=[FLOOR], **far)
+    np.testing.assert_allclose(tracks.velocity[:, 1], law(speeds) * speeds, rtol=1e-6)
+    np.testing.assert_allclose(tracks.velocity[:, 0], 0.2)
+    own = track(None, grains, bodies=[Body(FLOOR, restitution=0.25)], **far)  # the body's own number wins
+    np.testing.assert_allclose(own.velocity[:, 1], 0.25 * speeds)
+
+
+def test_a_slope_that_moves_and_the_impact_law_agree() -> None:
+    law, b, lift = wf.Restitution("power", value=0.4, at=1.0), 0.6, 0.3
+    wedge = np.array([[0.0, 0.0], [-np.cos(b), np.sin(b)], [-np.cos(b), 0.0]])
+    place = wedge[1] / 2 + 2e-3 * np.array([np.sin(b), np.cos(b)])
+    grains = Granules([place], [[0.0, -1.2]], 2e-3, 1000.0, restitution=law, friction=0.2, inertia=0.4)
+    body = Body(wedge, motion=Motion((0.0, lift / 1e-3), 1e-3 / (2 * np.pi)))  # moves up at a constant 0.3 m/s
+    line = np.array([[-2.0, place[1] + 2e-3], [2.0, place[1] + 2e-3]])
+    tracks = track(None, grains, until=0.02, bodies=[body], gravity=(0.0, 0.0), lines=[line])
+    expected = wf.impact(b, 1.2, lift, law, 0.2, 0.4, 1e-3)
+    np.testing.assert_allclose(tracks.velocity[0], expected.velocity, rtol=1e-6)
+    assert tracks.spin[0] == pytest.approx(float(expected.spin), rel=1e-6)
+    assert expected.restitution == pytest.approx(float(law(1.5 * np.cos(b))))
+    point = wf.impact(b, 1.2, lift, law, 0.2).velocity
+    np.testing.assert_allclose(bounce([0.0, -1.2], [np.sin(b), np.cos(b)], [0.0, lift], law, 0.2), point)
+
+
+@every_law
+def test_what_bounces_on_a_floor_comes_to_rest(law: wf.Restitution) -> None:
+    grains = Granules([[0.0, 0.501]], [[0.0, 0.0]], 2e-3, 1000.0, restitution=law)
+    tracks = track(None, grains, until=99.0, bodies=[FLOOR], length=0.05, tolerance=1e-4)
+    assert tracks.fate[0] == Fate.RESTING
+    assert tracks.impacts[0] < 2000
+    np.testing.assert_allclose(tracks.position[0], [0.0, 1e-3], atol=1e-12)
+
+
+def test_a_wall_that_takes_no_energy_ends_at_the_hard_stop_not_never() -> None:
+    law = wf.Restitution("power", value=0.5, at=1.0, most=1.0)  # elastic below 62.5 mm/s
+    grains = Granules([[0.0, 0.011]], [[0.0, 0.0]], 2e-3, 1000.0, restitution=law)
+    tracks = track(None, grains, until=1e9, bodies=[FLOOR])
+    assert tracks.fate[0] == Fate.STOPPED
+    assert 0.5 * tracks.velocity[0] @ tracks.velocity[0] + G * (tracks.position[0, 1] - 1e-3) <= 0.5 * 0.0626**2
+
+
+SIEVES = {"diameters": [1e-5, 4e-5, 8e-5, 2e-4, 4e-4], "passing": [0.0, 0.25, 0.6, 0.6, 1.0]}
+PARAMETERS = {
+    "single": {"diameter": 1e-3},
+    "uniform": {"low": 1e-3, "high": 2e-3},
+    "normal": {"mean": 1e-3, "std": 2e-4},
+    "lognormal": {"median": 1e-3, "geometric_std": 1.5},
+    "rosin-rammler": {"scale": 4e-5, "spread": 1.4},
+    "table": SIEVES,
+}
+EVENLY = (np.arange(200_000) + 0.5) / 200_000
+
+
+@pytest.mark.parametrize("name", list(sizes))
+def test_quantiles_increase_and_stay_positive(name: str) -> None:
+    diameters = sizes[name](np.linspace(0.001, 0.999, 999), **PARAMETERS[name])
+    assert np.all(diameters > 0)
+    assert np.all(np.diff(diameters) >= 0)
+    far = sizes[name](np.array([1e-12, 1.0 - 1e-12]), **PARAMETERS[name])
+    assert np.all(np.isfinite(far) & (far > 0))
+
+
+def test_moments_are_the_ones_asked_for() -> None:
+    normal = sizes["normal"](EVENLY, mean=1e-3, std=2e-4)
+    assert normal.mean() == pytest.approx(1e-3, rel=1e-4)
+    assert normal.std() == pytest.approx(2e-4, rel=1e-3)
+    log = np.log(sizes["lognormal"](EVENLY, median=1e-3, geometric_std=1.5))
+    assert np.exp(log.mean()) == pytest.approx(1e-3, rel=1e-6)
+    assert np.exp(log.std()) == pytest.approx(1.5, rel=1e-3)
+    with pytest.raises(SceneError, match="below zero"):
+        sizes["normal"](EVENLY, mean=1e-3, std=1e-3)
+
+
+def test_rosin_rammler_passes_63_percent_at_its_scale_and_has_weibulls_mean() -> None:
+    quantile = sizes["rosin-rammler"]
+    assert quantile(1 - math.exp(-1), scale=4e-5, spread=2.7, low=0.0) == pytest.approx(4e-5, rel=1e-14)
+    for spread in (0.8, 1.0, 2.5):
+        mean = quantile(EVENLY, scale=1e-3, spread=spread, low=0.0).mean()
+        assert mean == pytest.approx(1e-3 * math.gamma(1 + 1 / spread), rel=2e-4)
+
+
+def test_cut_rosin_rammler_keeps_to_its_cuts_and_to_its_shape() -> None:
+    low, high = 1e-5, 6e-5
+    d = sizes["rosin-rammler"](EVENLY, scale=4e-5, spread=1.4, low=low, high=high)
+    assert low <= d.min()
+    assert d.max() <= high
+    passing = 1 - np.exp(-((np.array([low, 3e-5, high]) / 4e-5) ** 1.4))
+    wanted = (passing[1] - passing[0]) / (passing[2] - passing[0])
+    assert np.mean(d < 3e-5) == pytest.approx(wanted, abs=1e-5)
+    tail = sizes["rosin-rammler"](1 - 1e-9, scale=4e-5, spread=0.3, low=0.0)  # uncut it has its whole tail
+    assert tail == pytest.approx(4e-5 * (9 * math.log(10)) ** (1 / 0.3), rel=1e-6)
+    assert sizes["rosin-rammler"](1e-12, scale=4e-5, spread=0.5) == pytest.approx(1e-9, rel=1e-6)  # no atoms
+    ends = sizes["rosin-rammler"](np.array([0.0, 1.0]), scale=4e-5, spread=1.4, low=low, high=high)
+    np.testing.assert_allclose(ends, [low, high], rtol=1e-12)
+
+
+def test_sieve_table_gives_back_its_mass_fractions() -> None:
+    d = sizes["table"](EVENLY, **SIEVES)
+    for sieve, passing in zip(SIEVES["diameters"], SIEVES["passing"], strict=True):
+        assert np.mean(d <= sieve * (1 + 1e-12)) == pytest.approx(passing, abs=1e-5)
+    assert not np.any((d > 8.0001e-5) & (d < 1.9999e-4))  # a plateau: nothing between those sieves
+    assert np.mean(d < 2e-5) == pytest.approx(0.125, abs=1e-5)  # half of a step in log d
+    np.testing.assert_allclose(sizes["table"](np.array([0.0, 1.0]), **SIEVES), [1e-5, 4e-4], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("size", "message"),
+    [
+        ({"distribution": "rosin-rammler", "scale": "40 um"}, "lacks spread"),
+        ({"distribution": "rosin-rammler", "scale": "40 um", "spread": 0}, "spread"),
+        ({"distribution": "rosin-rammler", "scale": 4e-5, "spread": 1, "low": 2e-5, "high": 1e-5}, "must be below"),
+        ({"distribution": "rosin-rammler", "scale": 4e-5, "spread": 40, "low": 2e-4}, "widen them"),
+        ({"distribution": "rosin-rammler", "scale": 1e-9, "spread": 50, "low": 0.05}, "widen them"),
+        ({"distribution": "rosin-rammler", "scale": 4e-5, "spread": 50, "high": 2e-5}, "widen them"),
+        ({"distribution": "table", "diameters": ["40 um"], "passing": [1.0]}, "two at least"),
+        ({"distribution": "table", "diameters": [1e-5, 2e-5], "passing": [0, 0.5, 1]}, "must pair up"),
+        ({"distribution": "table", "diameters": [2e-5, 1e-5], "passing": [0, 1]}, "diameters must increase"),
+        ({"distribution": "table", "diameters": [1e-5, 1e-5, 2e-5], "passing": [0, 0.5, 1]}, "must increase"),
+        ({"distribution": "table", "diameters": [1e-5, 2e-5, 3e-5], "passing": [0, 0.7, 0.6]}, "must begin with 0"),
+        ({"distribution": "table", "diameters": [1e-5, 2e-5], "passing": [0.1, 1]}, "must begin with 0"),
+        (
+            {"distribution": "table", "diameters": [1e-5, 2e-5, 3e-5, 4e-5], "passing": [0, 0.7, 0.6, 1]},
+            "must not decrease",
+        ),
+        ({"distribution": "table", "diameters": [1e-5, 2e-5], "passing": [0, 100]}, "passing"),
+    ],
+)
+def test_scenes_refuse_what_is_no_distribution(rhombus: Scene, size: dict[str, object], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        rhombus.replace({"fraction.dust.size": size})
+
+
+def test_percent_are_not_taken_for_fractions() -> None:
+    with pytest.raises(SceneError, match="fractions, not percent"):
+        sizes["table"](EVENLY, diameters=[1e-5, 2e-5], passing=[0.0, 100.0])
+
+
+def test_scenes_take_units_and_lists_and_save_them(rhombus: Scene, tmp_path: Path) -> None:
+    sieves = {"distribution": "table", "diameters": ["10 um", "40 um", 1e-4], "passing": [0, 0.4, 1]}
+    scene = rhombus.replace(
+        {
+            "fraction.dust.size": {"distribution": "rosin-rammler", "scale": "40 um", "spread": 1.4, "high": "0.2 mm"},
+            "fraction.chaff.size": sieves,
+        }
+    )
+    scene.save(tmp_path / "scene.toml")
+    again = Scene.load(tmp_path / "scene.toml")
+    p = np.linspace(0.01, 0.99, 50)
+    dust = sizes["rosin-rammler"](p, scale=4e-5, spread=1.4, high=2e-4)
+    np.testing.assert_allclose(again.fraction["dust"].diameters(p), dust, rtol=1e-12)
+    chaff = sizes["table"](p, diameters=[1e-5, 4e-5, 1e-4], passing=[0, 0.4, 1])
+    np.testing.assert_allclose(again.fraction["chaff"].diameters(p), chaff, rtol=1e-12)
+    wider = scene.replace({"fraction.dust.size.spread": 2.0}).fraction["dust"].diameters(p)
+    np.testing.assert_allclose(wider, sizes["rosin-rammler"](p, scale=4e-5, spread=2.0, high=2e-4), rtol=1e-12)
+
+
+def test_the_schema_names_every_distribution_and_the_drag_laws() -> None:
+    text = json.dumps(Scene.model_json_schema(by_alias=True))
+    for name in (*sizes, *drag_laws):
+        assert name in text
+
+
+def test_a_fraction_chooses_its_drag_law(rhombus: Scene) -> None:
+    assert rhombus.fraction["wheat"].drag_law == "brown-lawler"
+    assert rhombus.replace({"fraction.wheat.sphericity": 0.8}).fraction["wheat"].drag_law == "haider-levenspiel"
+    chosen = rhombus.replace({"fraction.wheat.sphericity": 0.8, "fraction.wheat.drag": "ganser"})
+    assert chosen.fraction["wheat"].drag_law == "ganser"
+    assert rhombus.replace({"fraction.wheat.drag": "putnam"}).fraction["wheat"].drag_law == "putnam"
+    with pytest.raises(SceneError, match=r"unknown drag law 'gansr'.*did you mean"):
+        rhombus.replace({"fraction.wheat.drag": "gansr"})
+    with pytest.raises(SceneError, match="'ganser' needs a sphericity"):
+        rhombus.replace({"fraction.wheat.drag": "ganser"})
+    with pytest.raises(SceneError, match="'putnam' has no sphericity"):
+        rhombus.replace({"fraction.wheat.sphericity": 0.8, "fraction.wheat.drag": "putnam"})

@@ -1,7 +1,5 @@
 """The layer on a slope: closed forms, balances of momentum and energy, superposition; the impact table of a scene."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -172,7 +170,6 @@ def test_fall_speeds_are_those_of_the_tracker(cases: Path) -> None:
 def test_what_the_air_carries_up_presses_on_nothing_and_many_slopes_add_up(cases: Path) -> None:
     prism = Scene.load(cases / "prism.toml")
     table = impact_loads(prism, make_plan(prism))
-    assert table is not None
     assert table.fractions["dust"].slopes == {}
     assert table.fractions["dust"].total.mass_flow == 0.0
     assert set(table.fractions["wheat"].slopes) == {"left", "right"}
@@ -180,6 +177,5 @@ def test_what_the_air_carries_up_presses_on_nothing_and_many_slopes_add_up(cases
     tables["body"] = {"ball": {"shape": "circle", "width": 0.05, "corners": 24}}
     ball = Scene.parse(tables)
     round_ = impact_loads(ball, make_plan(ball))
-    assert round_ is not None
     assert len(round_.slopes) > 3
     assert sum(row.mass_flow for row in round_.slopes.values()) == pytest.approx(1.0)

@@ -1,7 +1,5 @@
 """Measured vibration: samples are integrated exactly, move the bodies, and meet the stream with the right phases."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The mesh: deterministic, named, graded, fit for a solver, for every shape of body."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import sys
@@ -21,8 +19,8 @@ from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, ends, plan_mesh, read_mesh
-from wakeflow.meshing.build import MeshReport
 from wakeflow.meshing.sizing import sources
+from wakeflow.meshing.spec import MeshReport
 
 
 def circle(points: int, width: float = 0.05) -> np.ndarray:

@@ -1,7 +1,5 @@
 """Rungs and kinds of airflow: each listed once, and a new one is added with one record and one class."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Whether granules meet: the estimate of their meetings, what the plan decides by it, and the slab that it asks for."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

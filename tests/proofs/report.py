@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wakeflow.core.number import student
-from wakeflow.verify.report import NOTHING as NOTHING
-from wakeflow.verify.report import Column as Column
-from wakeflow.verify.report import Report as Report
-from wakeflow.verify.report import Row as Row
-from wakeflow.verify.report import Table as Table
-from wakeflow.verify.report import Tell as Tell
-from wakeflow.verify.report import cell as cell
+from wakeflow.verify.report import NOTHING, Column, Report, Row, Table, Tell, cell
+
+__all__ = [
+    "NOTHING", "Column", "Report", "Row", "Table", "Tell", "cell", "mean_interval", "plus_minus",
+]  # fmt: skip
 
 Interval = tuple[float, float, float]  # value, low, high
 

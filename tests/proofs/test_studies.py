@@ -16,7 +16,7 @@ from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
 
 # tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
-# tests/planning/test_gates_elsewhere.py, tests/planning/test_crowd.py
+# tests/planning/test_plan_gate.py, tests/planning/test_crowd.py
 ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimensions"}
 SLOW = (pytest.mark.slow, pytest.mark.openfoam)  # a minute; what it times is tested in sweeps, pipeline, foam
 VARIANTS = ["the program's own", "pressure: one level of cells at a time"]
@@ -102,7 +102,7 @@ def test_the_cylinder_of_impaction() -> None:
 @pytest.mark.slow
 @pytest.mark.openfoam
 def test_air_loading() -> None:
-    """The scene "air_loading" of tests/pipeline/test_air_loading.py, whose airflow is in the cache."""
+    """The scene "air_loading" of tests/pipeline/test_dense_feeds.py, whose airflow is in the cache."""
     passes, answers = laws.tables(loaded_scene(), force={"basset-history": False})
     assert [row["number"] for row in passes] == list(range(len(passes)))
     assert passes[0]["force"] == 0.0

@@ -1,7 +1,5 @@
 """The page in Debian's chromium: every control works, nothing is asked of the network, paper holds every bin."""
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Iterator
@@ -191,7 +189,6 @@ def test_paper_holds_every_bin_and_cuts_nothing(page: Any, run: wf.Result, tmp_p
     page.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True)
     sheets = PdfReader(tmp_path / "page.pdf").pages
     text = " ".join(sheet.extract_text() for sheet in sheets)
-    assert run.landings is not None
     for place in run.landings.separation.bins:
         assert place in text
     assert "Zoom in" not in text

@@ -1,7 +1,5 @@
 """Pictures that a scene asks for, and the paper's figures as scenes."""
 
-from __future__ import annotations
-
 import csv
 import html
 import math
@@ -47,9 +45,6 @@ def scene_of(name: str, changes: dict[str, Any] | None = None) -> Scene:
 def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open() as stream:
         return list(csv.DictReader(stream))
-
-
-# -- the paper's figures -----------------------------------------------------------------------------------------------
 
 
 def test_every_shipped_scene_is_run_here() -> None:
@@ -166,9 +161,6 @@ def test_pictures_do_not_touch_the_tracks() -> None:
     del bare["picture"]
     scene = Scene.parse(bare)
     assert keys == {Pipeline(scene, make_plan(scene)).tracks_key}
-
-
-# -- what they are made of ---------------------------------------------------------------------------------------------
 
 
 def test_every_kind_has_keys_and_is_drawn() -> None:

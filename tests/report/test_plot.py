@@ -1,7 +1,5 @@
 """A finished run in Python: its pictures on axes of one's own, its tables, and what a notebook shows of it."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -128,7 +126,6 @@ def test_the_mesh_is_drawn_of_what_its_picture_left(tmp_path: Path) -> None:
     ends = {"cell ends": [4, 7], "cell corners": [0, 1, 2, 3, 1, 4, 2]}
     np.savez_compressed(tmp_path / "mesh.npz", **{"x (m)": corners[:, 0], "y (m)": corners[:, 1], **ends})
     cells = cells_left(tmp_path / "mesh.npz")
-    assert cells is not None
     assert np.array_equal(cells.points, corners)
     assert [cell.tolist() for cell in cells.cells] == [[0, 1, 2, 3], [1, 4, 2]]
     assert cells_left(tmp_path / "none.npz") is None

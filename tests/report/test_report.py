@@ -1,7 +1,5 @@
 """The report says what it was handed: pictures, VTK files, tables, HTML."""
 
-from __future__ import annotations
-
 import base64
 import io
 import itertools
@@ -12,7 +10,7 @@ from csv import DictReader
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +27,8 @@ from wakeflow.field import FlowField
 from wakeflow.injection.impact_loads import impact_loads
 from wakeflow.pipeline.airflow import Airflow
 from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, tables, write_report
+from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, write_report
+from wakeflow.report import words as tables
 from wakeflow.report.air import window_round_body
 from wakeflow.report.canvas import inside_window, new_axes, save
 from wakeflow.report.figures import Figure, air, figures, flights
@@ -41,9 +40,6 @@ from wakeflow.report.html.live import live_data
 from wakeflow.report.words import percent
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
-
-if TYPE_CHECKING:
-    from wakeflow.report.canvas import Paper
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {
@@ -66,7 +62,6 @@ PLAN: dict[str, Any] = {
 
 def _field(scene: Scene, step: float = 0.01) -> FlowField:
     """Uniform air round the body; Cp = 0.9 in a spot ahead of it, -1.5 in one behind it."""
-    assert scene.air is not None
     channel, sign = scene.channel, 1.0 if scene.air.direction == "down" else -1.0
     x = np.linspace(-channel.width / 2, channel.width / 2, round(channel.width / step) + 1)
     y = np.linspace(channel.bottom, channel.top, round((channel.top - channel.bottom) / step) + 1)
@@ -186,7 +181,6 @@ def _read(table: dict[str, Any]) -> Result:
 
 
 def _separation(result: Result) -> Separation:
-    assert result.landings is not None
     return result.landings.separation
 
 
@@ -220,9 +214,6 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 def _annotations(figure: Any) -> dict[str, Any]:
     return {a.get_text(): a for axes in figure.axes for a in axes.texts if a.get_text()}
-
-
-# -- all of it ---------------------------------------------------------------------------------------------------------
 
 
 def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
@@ -266,10 +257,7 @@ def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: P
         draw_pressure(tmp_path / "p.png", outcome.field, rhombus, FOUND)
 
 
-# -- standard figures --------------------------------------------------------------------------------------------------
-
-
-def _draw_sizes(paper: Paper, outcome: Outcome) -> Any:
+def _draw_sizes(paper: "Canvas | str | Path", outcome: Outcome) -> Any:
     axes = new_axes(4.0, 3.0, paper)
     axes.bar(list(outcome.landings), [len(found.bin) for found in outcome.landings.values()])
     save(axes.figure, paper)
@@ -312,9 +300,6 @@ def test_no_picture_of_a_scene_takes_the_name_of_a_figure(cases: Path) -> None:
             Scene.load(cases / "rhombus.toml", {f"picture.{name}.kind": "density"})
 
 
-# -- pictures ----------------------------------------------------------------------------------------------------------
-
-
 SECOND = {"shape": "rhombus", "width": "30 mm", "slope_angle": "50 deg"}
 
 
@@ -344,7 +329,6 @@ def test_times_in_a_zone_from_wall_to_wall_are_told_as_such(width: float, told: 
     assert FOUND.suction is not None
     airflow = replace(FOUND, suction=replace(FOUND.suction, width=width))
     legend = draw_residence(Canvas(), _field(scene), scene, airflow, _tracks(scene)).get_legend()
-    assert legend is not None
     assert legend.get_title().get_text().startswith(told)
     assert bool(legend.get_title().get_text()) == bool(told)
 
@@ -358,7 +342,6 @@ def test_the_vorticity_of_steady_air_is_one_panel_that_its_caption_fits(rhombus:
 @pytest.mark.parametrize("name", ["rhombus", "prism"])
 def test_zones_are_named_where_they_are(name: str, cases: Path, drawn: list[Any]) -> None:
     scene = Scene.load(cases / f"{name}.toml")
-    assert scene.air is not None
     draw_pressure("unused", _field(scene), scene, FOUND)
     told = _annotations(drawn[0])
     down = 1.0 if scene.air.direction == "down" else -1.0
@@ -397,7 +380,6 @@ def test_pressure_is_drawn_as_a_coefficient_from_the_inlet(
 
 def test_the_mean_of_a_field_in_time_is_drawn(rhombus: Scene, drawn: list[Any]) -> None:
     steady = _field(rhombus)
-    assert steady.pressure is not None
     swing = np.array([-1.0, 1.0, -1.0])[:, None]  # its trapezoidal mean is 0
     moving = replace(
         steady,
@@ -516,9 +498,6 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     assert "shelf" in _annotations(drawn[1])
 
 
-# -- tables ------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("number", "text"),
     [
@@ -597,9 +576,6 @@ def test_an_empty_budget_prints() -> None:
     assert "budget" in _printed(budget_table(()))
 
 
-# -- HTML --------------------------------------------------------------------------------------------------------------
-
-
 class _Page(HTMLParser):
     """Tables by id as lists of rows of cell texts, picture sources, and all text."""
 
@@ -651,7 +627,6 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
     told = {row[0]: row[1:4] for row in page.tables["recovery"][1:]}
     for name, fraction in scene.fraction.items():
         found = separation.recovery[name]
-        assert found is not None
         ends = f"{100 * found.low:.3g} to {100 * found.high:.3g}"
         assert told[name] == [" or ".join(fraction.targets), f"{100 * found.value:.1f}", ends]
     if scene.air is not None:
@@ -792,7 +767,7 @@ def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
 def test_the_report_loads_nothing_heavy() -> None:
     from wakeflow.core.process import capture
 
-    code = "import sys, wakeflow.report, wakeflow.report.tables, wakeflow.report.figures, wakeflow.report.vtk;" + (
+    code = "import sys, wakeflow.report, wakeflow.report.words, wakeflow.report.figures, wakeflow.report.vtk;" + (
         "print(sorted({'pyvista', 'vtk', 'matplotlib', 'jinja2', 'scipy'} & set(sys.modules)))"
     )
     assert capture([sys.executable, "-c", code]) == (0, "[]\n")

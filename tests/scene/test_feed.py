@@ -1,7 +1,5 @@
 """The curtain and what its density strains: profiles, speeds on arrival, and the feed rates that limits stand for."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

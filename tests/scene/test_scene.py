@@ -1,21 +1,27 @@
 """Scenes: what is accepted means what it says; what is wrong is named in one line."""
 
-from __future__ import annotations
-
+import copy
 import math
 import re
+import tomllib
+from functools import cache
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
+from support import CASES
+from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import impact_models
 from wakeflow.laws.material import materials
 from wakeflow.laws.shape import shapes
 from wakeflow.scene import Scene
 from wakeflow.scene.messages import unit_of
+from wakeflow.scene.schema import scene_schema
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
 ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}
@@ -423,3 +429,206 @@ def test_symmetry_counts_pairs_of_bodies_and_streams(rhombus: Scene) -> None:
     assert "secondary streams: a add 0.02 of the main stream's air" in lines  # 2 m/s x 20 mm beside 5 m/s x 400 mm
     assert streamed.replace({"channel.inlet.b": {**INLET, "side": "right"}}).symmetric
     assert not streamed.replace({"channel.inlet.b": {**INLET, "side": "right", "velocity": 1.0}}).symmetric
+
+
+OF_MANY = ("sweep-*.toml", "search-*.toml")  # tables beside a scene's own
+SCENES = sorted(path for path in CASES.rglob("*.toml") if not any(path.match(name) for name in OF_MANY))
+
+
+@cache
+def _validator() -> Draft202012Validator:
+    schema = scene_schema()
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+def _complaints(data: dict[str, Any]) -> list[str]:
+    return [f"{error.json_path}: {error.message}" for error in _validator().iter_errors(data)]
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: str(path.relative_to(CASES)))
+def test_every_shipped_scene_is_accepted(path: Path) -> None:
+    assert _complaints(tomllib.loads(path.read_text(encoding="utf-8"))) == []
+
+
+def test_a_saved_scene_is_accepted() -> None:
+    assert _complaints(Scene.load(CASES / "labyrinth.toml").tables()) == []
+
+
+BOTH = [  # of rhombus.toml: what program and editor take, and what both refuse
+    ({"vibration.frequency": "1800 rpm"}, True),
+    ({"fraction.wheat.mass_share": "90 %"}, True),
+    ({"air.turbulence": "5 %"}, True),
+    ({"fraction.wheat.size": "4 mm"}, True),
+    ({"fraction.wheat.size": 0.004}, True),
+    ({"fraction.wheat.terminal_velocity": {"distribution": "uniform", "low": 7.0, "high": "8 m/s"}}, True),
+    ({"feed.profile": "triangular"}, True),
+    ({"numerics.ranks": "auto"}, True),
+    ({"bin.slope": {"points": [["-190 mm", 0], [-0.1, "-0.1 m"]]}}, True),
+    ({"picture.waves": {"kind": "curves", "drop": "20 mm"}}, True),
+    ({"air.speed": "1,5 m/s"}, False),
+    ({"air.speed": "5"}, False),
+    ({"air.speed": 101.0}, False),
+    ({"air.spede": 5.0}, False),
+    ({"air.direction": "sideways"}, False),
+    ({"body.rhombus.slope_angle": 60}, False),
+    ({"fraction.wheat.mass_share": 90}, False),
+    ({"fraction.wheat.size": 4}, False),
+    ({"feed.count": 8}, False),
+    ({"bin.a b": {"from": 0.0, "to": 0.01}}, False),
+    ({"picture.waves": {"kind": "curvs"}}, False),
+    ({"picture.waves": {"kind": "density", "drop": "20 mm"}}, False),
+]
+
+
+@pytest.mark.parametrize(("changes", "good"), BOTH, ids=lambda value: str(value)[:60])
+def test_program_and_schema_agree(changes: dict[str, Any], good: bool) -> None:
+    data = tomllib.loads((CASES / "rhombus.toml").read_text(encoding="utf-8"))
+    changed = copy.deepcopy(data)
+    for key, value in changes.items():
+        *tables, last = key.split(".")
+        table = changed
+        for name in tables:
+            table = table.setdefault(name, {})
+        table[last] = value
+    assert (_complaints(changed) == []) is good
+    if good:
+        Scene.parse(changed)
+    else:
+        with pytest.raises(SceneError):
+            Scene.parse(changed)
+
+
+def test_air_needs_a_speed_or_a_case() -> None:
+    data = tomllib.loads((CASES / "rhombus.toml").read_text(encoding="utf-8"))
+    assert _complaints({**data, "air": {"case": "my-case"}}) == []
+    assert _complaints({**data, "air": {"direction": "up"}}) != []
+
+
+def test_every_key_is_explained_with_unit_range_and_default() -> None:
+    schema = scene_schema()
+    for name, table in schema["$defs"].items():
+        assert table["description"], name
+        for key, node in table["properties"].items():
+            assert "const" in node or "$ref" in node or node.get("description"), f"{name}.{key}"
+    air, vibration = schema["$defs"]["Air"]["properties"], schema["$defs"]["Vibration"]["properties"]
+    assert air["speed"]["unit"] == "m/s"
+    assert air["speed"]["description"] == (">= 1e-06 m/s and <= 100 m/s; a number in m/s, or a string such as '5 m/s'")
+    assert air["turbulence"]["default"] == 0.05
+    assert vibration["direction"]["default"] == pytest.approx(1.5707963)
+    assert "null" not in str(schema)
+    assert "None" not in str(schema)
+
+
+PEAS = """
+[peas]
+diameter = 4.1e-3
+density = 1100.0
+confidence = "measured"
+source = "our own lot, 2026"
+[peas.terminal_velocity]
+value = 6.2
+std = 0.3
+confidence = "measured"
+source = "our own lot, 2026"
+[peas.restitution]
+value = 0.45
+std = 0.05
+confidence = "low"
+source = "as barley"
+[peas.friction]
+value = 0.4
+std = 0.0
+confidence = "low"
+source = "as barley"
+[peas.rebound_scatter]
+value = 0.2
+confidence = "low"
+source = "as barley"
+[peas.impact]
+model = "disc"
+confidence = "low"
+source = "as barley"
+"""
+
+
+def _scene(folder: Path, text: str = PEAS, fraction: str = 'material = "peas"') -> Scene:
+    (folder / "mine.toml").write_text(text)
+    whole = 'materials = "mine.toml"\n' + (CASES / "rhombus.toml").read_text()
+    (folder / "scene.toml").write_text(whole.replace('material = "chaff"', fraction))
+    return Scene.load(folder / "scene.toml")
+
+
+def test_a_fraction_has_the_values_of_its_own_material(tmp_path: Path) -> None:
+    peas = _scene(tmp_path).fraction["chaff"]
+    assert peas.properties.density == 1100.0
+    assert peas.properties.terminal_velocity == 6.2
+    assert (peas.properties.friction, peas.properties.rebound_scatter, peas.impact_model) == (0.4, 0.2, "disc")
+    spread = peas.coefficients("restitution", np.array([0.5, 0.8413]))
+    assert spread is not None
+    assert spread == pytest.approx([0.45, 0.50], abs=1e-4)
+    assert peas.diameters(np.array([0.5]))[0] == 4.1e-3
+
+
+def test_what_the_fraction_says_itself_comes_first(tmp_path: Path) -> None:
+    peas = _scene(tmp_path, fraction='material = "peas"\ndensity = 1050\nterminal_velocity = "6.5 m/s"')
+    assert peas.fraction["chaff"].properties.density == 1050.0
+    assert peas.fraction["chaff"].properties.terminal_velocity == 6.5
+
+
+def test_a_result_tells_the_values_and_not_the_file(tmp_path: Path) -> None:
+    scene = _scene(tmp_path)
+    assert "materials" not in scene.tables()
+    assert Scene.parse(scene.tables()) == scene
+    scene.save(tmp_path / "again.toml")
+    (tmp_path / "mine.toml").unlink()
+    assert Scene.load(tmp_path / "again.toml") == scene
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("density = 1100.0", "", "scene.toml: mine.toml: peas: lacks density"),
+        ("density = 1100.0", "densty = 1100.0\ndensity = 1.0", "peas.densty: unknown; did you mean 'density'?"),
+        ("density = 1100.0", 'density = "1100 kg/m3"', "needs a number in SI units"),
+        ("diameter = 4.1e-3", "diameter = 4.1", "peas.diameter = 4.1: needs a number in SI units from 0 to 0.1"),
+        ("std = 0.3\n", "", "peas.terminal_velocity: lacks std"),
+        ('confidence = "measured"', 'confidence = "sure"', "write measured, typical, low"),
+        ("[peas", "[wheat", "wheat: is a built-in material; give yours another name"),
+        ("[peas]", "[peas", "not valid TOML"),
+    ],
+)
+def test_a_mistake_is_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    with pytest.raises(SceneError) as problem:
+        _scene(tmp_path, PEAS.replace(old, new))
+    assert message in str(problem.value)
+    assert "\n" not in str(problem.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text('materials = "mine.toml"\n' + (CASES / "rhombus.toml").read_text())
+    with pytest.raises(SceneError, match=r"mine.toml': No such file"):
+        Scene.load(tmp_path / "scene.toml")
+
+
+def test_all_materials_are_listed_within_the_screen(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["materials"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    starts = [line.split()[0] for line in lines if line.split()]
+    assert [name for name in materials if name not in starts] == []
+
+
+def test_a_material_tells_ranges_sources_and_trust(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["materials", "wheat"]) == 0
+    out = capsys.readouterr().out
+    assert "terminal_velocity: 7.8 +- 0.9 m/s (a lot's mean: +- 0.31); measured" in out
+    assert "by moisture: 6.81 m/s at 7%, 8.63 m/s at 20%" in out
+    (tmp_path / "mine.toml").write_text(PEAS)
+    assert main(["materials", "peas", "--file", str(tmp_path / "mine.toml")]) == 0
+    assert "our own lot, 2026" in capsys.readouterr().out
+    assert main(["materials", "wheet"]) == 2
+    assert "did you mean 'wheat'?" in capsys.readouterr().err

@@ -1,14 +1,22 @@
-"""Dispersion and Brownian motion in the tracker: well mixed, independent of intervals, threads and company."""
+"""Dispersion by turbulence, residence times of tracers, momentum handed to the air."""
 
-from __future__ import annotations
+import math
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from proofs.problems.exact import box
+from support import DENSITY, G, field_of, with_tau
+from wakeflow.core.errors import SceneError
+from wakeflow.core.geometry import Boxes
 from wakeflow.field import FlowField
-from wakeflow.tracking import Body, Fate, Granules, driver, track
+from wakeflow.laws.turbulence import LIFETIME
+from wakeflow.tracking import Body, Fate, Granules, Tracks, driver, track
+from wakeflow.tracking.momentum import force_on_the_air
+from wakeflow.tracking.residence import LONGEST, ResidenceTime, residence_time
 
 HEIGHT = 1.0
 
@@ -107,3 +115,268 @@ def test_calm_air_disperses_nothing() -> None:
     still = track(field, grains, until=0.5, forces=("drag",), bodies=walls, length=1.0)
     noisy = track(field, grains, until=0.5, forces=("drag", "dispersion"), bodies=walls, length=1.0)
     np.testing.assert_allclose(noisy.position, still.position, atol=1e-12)
+
+
+WIDTH = 0.5  # m
+PLATE = np.array([[-0.25, 0.0], [0.25, 0.0], [0.25, 0.01], [-0.25, 0.01]])  # m, its rear is y = 0 in downward air
+SPEED = 2.0  # m/s
+FAR = 2 * SPEED / WIDTH  # 1/s, of a decay with H = 0.5
+
+
+def exponential(rate: float, scale: float = 1.0, **more: Any) -> FlowField:
+    """Stagnation flow away from the plate's rear: what fills the box thins out as exp(-rate t), exactly."""
+    return field_of(lambda x: rate * np.stack([-x[:, 0], x[:, 1]], axis=1), n=4, low=-2 * scale, high=2 * scale, **more)
+
+
+def found(
+    field: Any, speed: float = SPEED, direction: Literal["down", "up"] = "down", outline: Any = PLATE, **more: Any
+) -> ResidenceTime:
+    return residence_time(field, outline, direction, speed, **{"count": 1024, **more})
+
+
+@pytest.mark.parametrize("rate", [0.5, FAR])
+def test_an_exponential_decay_is_found_with_its_interval(rate: float) -> None:
+    result = found(exponential(rate))
+    assert result.value == pytest.approx(SPEED / WIDTH / rate, rel=0.1)
+    assert result.low < SPEED / WIDTH / rate < result.high
+    assert result.tau == pytest.approx(result.value * WIDTH / SPEED)
+    assert result.samples == 1024
+    assert not result.closed
+
+
+def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
+    truth = SPEED / WIDTH / FAR
+    results = [found(exponential(FAR), count=256, seed=seed) for seed in range(40)]
+    assert sum(result.low <= truth <= result.high for result in results) >= 34  # of 40 at 95 %: fewer once in 300
+
+
+def test_fitted_between_half_and_three_percent_in_a_uniform_stream() -> None:
+    """A box of one width empties evenly: 1 - t U / D left, whose logarithm is fitted."""
+    result = found(field_of(lambda x: np.tile([0.0, -SPEED], (len(x), 1)), n=4, low=-2, high=2), count=4096)
+    time = np.arange(0.5, 0.97, 0.05)
+    expected = -1 / np.polyfit(time, np.log(1 - time), 1)[0]
+    assert result.value == pytest.approx(expected, rel=0.05)
+
+
+def test_a_closed_eddy_keeps_its_dust_and_says_so() -> None:
+    def eddy(x: np.ndarray) -> np.ndarray:
+        return np.stack([-(x[:, 1] + 0.25), x[:, 0]], axis=1) * 8.0
+
+    result = found(field_of(eddy, n=4, low=-2, high=2), count=64)
+    assert result.closed
+    assert (result.value, result.high, result.tau) == (math.inf,) * 3
+    assert result.low == pytest.approx(LONGEST / math.log(1 / 0.03))
+    assert result.left > np.pi / 4 - 0.2
+
+
+def slab(time: np.ndarray, length: float) -> np.ndarray:
+    """What is left (n,) of an even filling of a slab between two walls that absorb; time in length^2 / diffusivity."""
+    odd = np.arange(1, 40, 2)[:, None]
+    return np.asarray((8 / (odd * np.pi) ** 2 * np.exp(-((odd * np.pi / length) ** 2) * time)).sum(axis=0))
+
+
+def test_diffusion_out_of_a_box_decays_as_its_series() -> None:
+    """Still air that ends where the box ends, below a body that reflects. Eddies small against the box carry tracers
+    out by diffusion, as if the edges lay |zeta(1/2)| = 1.460 free paths farther out (Burschka & Titulaer 1981, J. Stat.
+    Phys. 25, 569: the Milne problem of the Langevin process).
+    """
+    rms, life, side = 1.0, 0.02, 0.5  # m/s, s, m
+    k, lid = np.full(9, 1.5 * rms**2), PLATE + np.array([0.0, side / 2])
+    field = field_of(lambda x: 0.0 * x, n=2, low=-side / 2, high=side / 2, k=k, dissipation=LIFETIME * k / life)
+    result = found(field, outline=lid, count=2048)
+    time = np.arange(0.0, 40.0, 0.1) * WIDTH / SPEED
+    edge = 1.460 * rms * life
+    share = slab(time * rms**2 * life, side + 2 * edge) * slab(time * rms**2 * life, 2 * (side + edge))
+    fitted = (share <= 0.5) & (share >= 0.03)
+    assert result.tau == pytest.approx(-1 / np.polyfit(time[fitted], np.log(share[fitted]), 1)[0], rel=0.06)
+    assert result.low < result.value < result.high
+
+
+def test_speed_and_size_only_scale_it() -> None:
+    base = found(exponential(FAR))
+    faster = found(exponential(3 * FAR), speed=3 * SPEED)
+    larger = found(exponential(FAR / 2, scale=2.0), outline=2 * PLATE)
+    for other in (faster, larger):
+        assert other.value == pytest.approx(base.value, rel=1e-3)
+    assert faster.tau == pytest.approx(base.tau / 3, rel=1e-3)
+    assert larger.tau == pytest.approx(base.tau * 2, rel=1e-3)
+
+
+def test_upward_air_is_the_picture_upside_down() -> None:
+    down, up = found(exponential(FAR)), found(exponential(FAR), direction="up", outline=-PLATE)
+    assert up.value == pytest.approx(down.value, rel=5e-3)
+
+
+def skew(scale: float = 1.0) -> FlowField:
+    """Stagnation flow with a drift to the right, which is not its own mirror image."""
+    return field_of(lambda x: FAR * np.stack([0.4 + 0.3 * x[:, 1] - x[:, 0], x[:, 1]], axis=1), n=8, low=-2, high=2)
+
+
+def test_a_mirrored_wake_keeps_dust_as_long() -> None:
+    own, image = found(skew(), count=4096), found(skew().reflected(), count=4096)
+    assert own.value == pytest.approx(image.value, abs=own.high - own.low)
+    assert own.low < SPEED / WIDTH / FAR  # the drift carries some out sideways, which is faster
+
+
+def test_a_field_that_repeats_takes_tracers_over_its_whole_period() -> None:
+    """An exponential decay whose rate swings: the births over all phases see its mean, the sheddings are batches."""
+    times = np.linspace(0, 1, 16, endpoint=False)
+    still = exponential(FAR)
+    swing = 1 + 0.5 * np.sin(2 * np.pi * 8 * times / 8)
+    field = replace(still, velocity=swing[:, None, None] * still.velocity, times=times, period=1.0)
+    slow = replace(still, velocity=0.5 * still.velocity)
+    both = found(field), found(field, sheddings=8)
+    for result in both:
+        assert found(still).value * 0.7 < result.value < found(slow).value
+    assert both[0].value == both[1].value  # the same flights, other batches
+    assert both[0].low != both[1].low
+
+
+def test_snapshots_that_do_not_repeat_take_tracers_in_their_first_half() -> None:
+    still = exponential(FAR)
+    field = replace(still, velocity=np.stack([still.velocity] * 2), times=np.array([0.0, 50.0]))
+    assert found(field).value == pytest.approx(found(still).value, rel=0.1)
+
+
+def test_realisations_share_the_tracers() -> None:
+    fields = [exponential(rate) for rate in (0.5 * FAR, FAR, FAR, 2 * FAR)]
+    result = found(fields)
+    assert result.samples == 1024
+    assert found(fields[3]).value < result.value < found(fields[0]).value
+    assert result.high - result.low > 3 * (found(fields[1]).high - found(fields[1]).low)  # they differ
+
+
+def test_a_swinging_mesh_is_taken_in_its_middle_position() -> None:
+    field = exponential(FAR)
+    assert found(field.moving((0.0, 0.1), 30.0)).value == found(field).value
+
+
+def test_one_seed_one_answer_whatever_else() -> None:
+    first, again, other = found(skew()), found(skew()), found(skew(), seed=1)
+    assert first == again
+    assert first.value != other.value
+
+
+def test_the_near_wake_begins_at_the_widest_place() -> None:
+    """A rhombus: tracers beside its lower half count; a stream at rest there keeps them, and moves below its rear."""
+    rhombus = np.array([[-0.25, 0.25], [0.0, 0.0], [0.25, 0.25], [0.0, 0.5]])
+    field = field_of(lambda x: np.stack([0 * x[:, 0], np.minimum(x[:, 1], 0.0) * 8.0], axis=1), n=100, low=-2, high=2)
+    result = found(field, outline=rhombus)
+    assert result.closed
+    beside, below, body = 0.0625, 0.25, 0.0625  # m2; the mesh has no hole: who is born in the body stays there
+    assert result.left == pytest.approx((beside + body) / (beside + body + below), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"count": 3}, "too few"),
+        ({"sheddings": 0}, "too few"),
+        ({"speed": 0.0}, "speed"),
+        ({"outline": PLATE + 50.0}, "outside the mesh"),
+        ({"field": []}, "too few"),
+    ],
+)
+def test_what_cannot_be_asked(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        found(**{"field": exponential(FAR), **changes})
+
+
+WIND = np.array([0.4, -1.5])  # m/s
+FLOW = 0.7  # kg/s and metre
+BOXES = Boxes.across(2.0, -1.0, 1.0, 0.05)
+ROOF = np.array([[-0.4, -0.5], [0.4, -0.5], [0.0, 0.1]])  # m: granules bounce off it and slide down its sides
+
+
+def windy(points: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(WIND, points.shape)
+
+
+def falling(tau: float, count: int = 40, **more: Any) -> Granules:
+    places = np.stack([np.linspace(-0.3, 0.3, count), np.full(count, 0.7)], axis=1)
+    return with_tau(tau, places, np.zeros((count, 2)), **more)
+
+
+def test_in_free_flight_the_force_is_what_the_ends_of_the_tracks_tell() -> None:
+    grains = falling(0.2)
+    tracks = track(field_of(windy), grains, until=0.35, tolerance=1e-6, record=True)
+    force = force_on_the_air(tracks, grains, FLOW, BOXES)
+    lost = -(tracks.velocity - grains.velocity - np.outer(tracks.time, (0.0, -G))).mean(axis=0) * FLOW
+    assert force.total == pytest.approx(lost, rel=1e-11)
+    assert force.total[0] < 0.0  # the wind pushes them to the right, they push it to the left
+
+
+@pytest.mark.parametrize(("restitution", "error"), [(0.0, 1e-3), (0.6, 1e-4)])
+def test_walls_take_no_part_of_it(restitution: float, error: float) -> None:
+    """Under Stokes drag in a uniform wind u the air gives (u T - way) / tau, whatever walls give beside it; along a
+    wall, where granules without rebound slide, to the trapezoidal rule over the tracker's steps.
+    """
+    tau = 0.2
+    grains = falling(tau, restitution=restitution, friction=0.3)
+    tracks = track(field_of(windy), grains, until=0.6, tolerance=1e-7, bodies=[ROOF], drag="stokes", record=True)
+    assert np.mean(tracks.impacts > 0) > 0.8
+    force = force_on_the_air(tracks, grains, FLOW, BOXES)
+    way = tracks.position - grains.position
+    given = ((np.outer(tracks.time, WIND) - way) / tau).mean(axis=0)
+    assert force.total == pytest.approx(-FLOW * given, rel=error)
+
+
+def test_neither_boxes_nor_thinned_paths_change_the_whole_force() -> None:
+    grains, field = falling(0.05), field_of(windy)
+    tracks, thin = (
+        track(field, grains, until=0.6, tolerance=1e-6, bodies=[ROOF], record=points) for points in (1024, 16)
+    )
+    fine = force_on_the_air(tracks, grains, FLOW, BOXES)
+    coarse = force_on_the_air(tracks, grains, FLOW, Boxes.across(2.0, -1.0, 1.0, 1.0))
+    assert coarse.total == pytest.approx(fine.total, rel=1e-12)
+    assert force_on_the_air(thin, grains, FLOW, BOXES).total == pytest.approx(fine.total, rel=1e-9)
+
+
+def test_at_terminal_velocity_the_air_carries_the_weight_of_what_is_in_a_box() -> None:
+    """n m g: a mass flow M at the speed v is M / v in a metre of height, and buoyancy is no drag."""
+    tau, speed = 0.01, 0.01 * G
+    places = np.stack([np.full(32, 0.025), np.linspace(0.3, 0.35, 32)], axis=1)
+    grains = with_tau(tau, places, np.tile([0.0, -speed], (32, 1)))
+    tracks = track(
+        field_of(np.zeros_like),
+        grains,
+        until=6.0,
+        tolerance=1e-8,
+        drag="stokes",
+        forces=("drag", "gravity"),
+        record=True,
+    )
+    force = force_on_the_air(tracks, grains, FLOW, BOXES)
+    column = np.flatnonzero(np.abs(BOXES.centres[0, :, 0] - 0.025) < 1e-9)
+    rows = np.flatnonzero(np.abs(BOXES.centres[:, 0, 1]) < 0.2)
+    expected = -FLOW / speed * G / BOXES.pitch
+    assert float(force.density[rows, column, 1].mean()) == pytest.approx(expected, rel=0.01)
+    np.testing.assert_allclose(force.density[rows, column, 1], expected, rtol=0.1)  # a piece of a track more or less
+    light = force_on_the_air(tracks, grains, FLOW, BOXES, air_density=DENSITY, forces=("drag", "gravity", "buoyancy"))
+    ratio = 1.0 - DENSITY / grains.density[0]  # the same path told as one with buoyancy: so much less was drag
+    assert light.total[1] == pytest.approx(ratio * force.total[1], rel=1e-9)
+
+
+def test_a_mirrored_scene_exerts_the_mirror_image() -> None:
+    def bent(points: np.ndarray) -> np.ndarray:
+        return np.stack([points[:, 0], -1.0 - points[:, 1]], axis=1)
+
+    grid = np.linspace(-1.0, 1.0, 21)
+    points = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    from scipy.spatial import Delaunay
+
+    from wakeflow.field import FlowField
+
+    field = FlowField.from_arrays(points, Delaunay(points).simplices, bent(points))
+    place = np.array([[0.31, 0.6]])
+    forces = []
+    for sign in (1.0, -1.0):
+        grains = with_tau(0.1, place * (sign, 1.0), np.zeros((1, 2)))
+        tracks = track(field, grains, until=0.5, tolerance=1e-9, bodies=[ROOF], record=True)
+        forces.append(force_on_the_air(tracks, grains, FLOW, BOXES))
+    np.testing.assert_allclose(forces[0].total, forces[1].total * (-1.0, 1.0), rtol=1e-6)
+
+
+def test_tracks_without_paths_are_refused() -> None:
+    with pytest.raises(SceneError, match="no paths were kept"):
+        force_on_the_air(Tracks.empty(1), falling(0.1, 1), FLOW, BOXES)

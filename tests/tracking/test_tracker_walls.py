@@ -2,8 +2,6 @@
 appears.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay

@@ -1,7 +1,5 @@
 """Flight without air: exact answers of one body, closed forms for many, nothing entered, no energy made."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys
@@ -114,9 +112,6 @@ def test_granules_born_inside_or_touching() -> None:
     caught = fly(one(0.0, 2.0), until=9.0, bodies=[Body(box.outline, capture=True)])
     assert caught.fate[0] == Fate.CAPTURED
     assert caught.position[0, 1] == pytest.approx(1.001)
-
-
-# -- many bodies ------------------------------------------------------------------------------------------------------
 
 
 def maze(motion: Motion | None) -> tuple[list[Body], list[np.ndarray]]:
@@ -240,9 +235,6 @@ def test_nothing_is_entered_and_no_energy_is_made(friction: float) -> None:
         for body in bodies:
             assert not contains(body.outline, x).any()
             assert distance_to(x, body.outline).min() >= 0.5 * grains.diameter[i] * (1 - 1e-9) - 1e-10
-
-
-# -- scenes -----------------------------------------------------------------------------------------------------------
 
 
 def test_the_labyrinth_without_its_air(cases: Path) -> None:

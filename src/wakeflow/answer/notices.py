@@ -10,7 +10,7 @@ from ..core.errors import known
 from ..core.graded import Notice, information, less_sure, void
 from ..core.number import Number
 from ..funnel import notices as funnel_notices
-from ..funnel.delivered import FunnelSummary
+from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow, GridStudy, ResidenceTimes, WakeEnds
 from ..pipeline.pipeline import Pipeline
 from ..scene import OVER_THE_TOP, Scene

@@ -19,9 +19,10 @@ from ..core.number import Number
 from ..core.record import JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry
 from ..core.tables import Columns, frame_of
-from ..funnel.delivered import FunnelSummary
+from ..funnel.rate import FunnelSummary
 from ..injection.impact_loads import ImpactSummary
-from ..pipeline.airflow import Airflow, MeshReport
+from ..meshing.spec import MeshReport
+from ..pipeline.airflow import Airflow
 from ..pipeline.cache import StageTime
 from ..planning.plan import Plan
 from ..planning.terms import AIR

@@ -20,7 +20,7 @@ from ..core.number import Number
 from ..core.record import JsonMapping, columns
 from ..core.registry import did_you_mean
 from ..core.tables import Cell, CellTable
-from ..funnel.delivered import FunnelSummary
+from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow
 from ..scene import RESERVED_BIN, Scene
 from ..scene.messages import unit_of

@@ -70,7 +70,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     overwrite
         Replace an existing file.
     """
-    from ..scene.templates import write_template
+    from ..scene.changes import write_template
 
     target = path or Path(f"{kind}.toml")
     write_template(kind, target, overwrite=overwrite)

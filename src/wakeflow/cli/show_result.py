@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain
 from ..core.errors import known
 from ..core.number import Number
-from ..report.tables import bins_in_words
 from ..report.words import (
     NO_VALUE,
     TERMS,
+    bins_in_words,
     budget_columns,
     change_of,
     condensed,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from ..answer.result import Result
-    from ..funnel.delivered import FunnelSummary
+    from ..funnel.rate import FunnelSummary
     from ..pipeline.airflow import Airflow
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from .combined import blended_wake, interpolated
 from .flow import FlowField
+from .mirror import Swing
 from .modes import Truncation
-from .swing import Swing
 from .triangles import Divergence
 
 __all__ = ["Divergence", "FlowField", "Swing", "Truncation", "blended_wake", "interpolated"]

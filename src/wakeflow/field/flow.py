@@ -8,7 +8,7 @@ splines).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,14 +18,35 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
+from ..core.tables import save_arrays
 from . import checks
-from .mirror import mirrored, reflected
+from .mirror import Swing, mirrored, reflected
 from .modes import TimeAxis, Truncation, compress, design
 from .recovery import gradient_operators
-from .storage import read_arrays, write_arrays
-from .swing import Swing
 from .triangles import Divergence, Triangles, divergence_of
 
+
+# -- A flow field's arrays in one .npz file ----------------------------------------------------------------------------
+def write_arrays(path: Path | str, arrays: Mapping[str, ArrayLike], short: Collection[str]) -> None:
+    """Write ``arrays`` by name to ``path``, whole or not at all; those in ``short`` in single precision."""
+    save_arrays(path, {name: np.asarray(a, dtype=np.float32 if name in short else None) for name, a in arrays.items()})
+
+
+def read_arrays(path: Path | str, needed: Collection[str], known: Collection[str]) -> dict[str, Any]:
+    """Every array of the file by name. Raises SceneError when it cannot be read, lacks one that is ``needed``, or holds
+    one that is not ``known``.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            content = {name: data[name] for name in data.files}
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{path}: cannot be read as a flow field ({error})") from None
+    if not set(needed) <= set(content) <= set(known):
+        raise SceneError(f"{path}: is not a flow field written by wakeflow")
+    return content
+
+
+# -- FlowField: velocity and pressure on a triangle mesh, steady or in time; linear inside every -----------------------
 Array = NDArray[np.float64]
 NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")  # the arrays with a value at every node
 LEAST = 0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite

@@ -12,7 +12,7 @@ from ..core.record import load
 from ..core.sources import code_key
 from ..core.store import content_key
 from ..scene import Funnel
-from .delivered import FunnelSummary
+from .rate import FunnelSummary
 
 __all__ = ["compute", "estimated_seconds", "notices", "summary"]
 

@@ -16,7 +16,6 @@ from ..laws.collision import contact_time
 from ..laws.constants import GRAVITY
 from ..laws.streams import beverloo, cone_factor
 from ..scene import Funnel
-from .delivered import DischargeCurve, FunnelSummary
 from .engine import (
     SCRIPTS,
     Cone,
@@ -29,7 +28,7 @@ from .engine import (
     write_settings,
     write_stl,
 )
-from .rate import Curve, rate_of, read_curve, time_to_empty
+from .rate import Curve, DischargeCurve, FunnelSummary, rate_of, read_curve, time_to_empty
 
 # -- The bed: a loose heap that has fallen into the closed funnel at rest. The same for every vibration ----------------
 Array = NDArray[np.float64]

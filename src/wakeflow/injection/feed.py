@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from .. import tracking
 from ..core.errors import known
-from ..core.geometry import edges, normals
-from ..core.roots import halved
+from ..core.geometry import edges, halved, normals
 from ..field import FlowField
 from ..laws.collision import approach_speed, thrown
 from ..laws.constants import GRAVITY, STANDARD_AIR

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.roots import halved_all
+from ..core.geometry import halved_all
 from ..scene import Scene
 from ..tracking import Motion
 

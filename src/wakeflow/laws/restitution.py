@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
+from ..core.geometry import halved
 from ..core.registry import Registry
-from ..core.roots import halved
 
 Array = NDArray[np.float64]
 MOST = 0.99  # largest e of laws that are elastic below a yield speed, so that a bouncing granule comes to rest

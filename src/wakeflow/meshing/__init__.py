@@ -6,8 +6,7 @@ that no two threads may touch: :func:`build_mesh` runs it in a process of its ow
 meshio (``quality``). The same spec always gives the same mesh.
 """
 
-from .build import MeshReport, build_mesh, read_mesh
 from .sizing import ends, plan_mesh
-from .spec import MeshSpec, SideInlet
+from .spec import MeshReport, MeshSpec, SideInlet, build_mesh, read_mesh
 
 __all__ = ["MeshReport", "MeshSpec", "SideInlet", "build_mesh", "ends", "plan_mesh", "read_mesh"]

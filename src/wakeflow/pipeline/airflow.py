@@ -12,7 +12,6 @@ from ..field.modes import Truncation
 from ..foam.airflow_result import AirflowResult, SuctionZone
 from ..laws.best_estimate import WakeEstimate
 from ..laws.momentum import momentum_pressure
-from ..meshing.build import MeshReport as MeshReport  # what is known of its mesh
 
 if TYPE_CHECKING:
     from ..scene import Scene

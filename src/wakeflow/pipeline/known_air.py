@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..core.errors import SceneError, known
 from ..core.record import save
 from ..core.store import content_key, digest_files
-from ..meshing.build import MeshReport
+from ..meshing.spec import MeshReport
 from .airflow import Airflow
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import code_of

@@ -16,7 +16,7 @@ from ..core.lazy import cached_property
 from ..core.store import Store, cache_root, content_key
 from ..core.tables import Columns
 from ..funnel import compute as compute_funnel
-from ..funnel.delivered import FunnelSummary
+from ..funnel.rate import FunnelSummary
 from ..injection.impact_loads import ImpactSummary, impact_loads
 from ..planning.make import Planner
 from ..planning.plan import Plan

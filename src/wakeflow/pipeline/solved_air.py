@@ -12,7 +12,7 @@ from ..core.files import atomic_write, case_template
 from ..core.lazy import cached_property
 from ..core.record import load
 from ..core.store import content_key, digest_files
-from ..meshing.build import MeshReport
+from ..meshing.spec import MeshReport
 from ..planning.airflow import SHEDDING_ABOVE
 from ..planning.cost import ranks_for
 from .airflow_kinds import CaseAir, airflow_kinds

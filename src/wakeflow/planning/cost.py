@@ -252,7 +252,7 @@ def _code(*modules: str) -> tuple[str, ...]:
     return tuple(f"wakeflow.{module}" for module in modules)
 
 
-MESH = Stage("mesh", _code("meshing.build"), "mesh", Scaling.CELLS, "airflow", _meshing)
+MESH = Stage("mesh", _code("meshing.spec"), "mesh", Scaling.CELLS, "airflow", _meshing)
 AIRFLOW = Stage("airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "airflow", _solving)
 FIELD = Stage("field", _code("pipeline.case_field"), "field", Scaling.CELLS, "airflow", _reading)
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import FlightScales
-from ..laws.forces.scales import NEAR
+from ..laws.forces.record import NEAR
 from ..scene import Fraction, Scene
 from .meetings import RECIRCULATION, Encounters, thrown_by
 from .uniform_fall import FallTimes, UniformFall

@@ -26,7 +26,7 @@ from ..core.number import Most
 from ..core.record import column
 from ..core.registry import Registry, did_you_mean
 from ..laws.forces import Bound, FlightScales, forces
-from ..laws.forces.scales import SIDEWAYS
+from ..laws.forces.record import SIDEWAYS
 from ..laws.turbulence import has_no_turbulence
 from ..scene import Fraction, Scene
 from .crowd import why_no_crowd

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
-from ..laws.forces.scales import NEAR
+from ..laws.forces.record import NEAR
 from ..scene import Air, Scene
 
 Array = NDArray[np.float64]

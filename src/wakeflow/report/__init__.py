@@ -14,7 +14,7 @@ from .outcome import Landed, Outcome
 
 if TYPE_CHECKING:
     from ..answer.result import PictureSummary
-    from ..funnel.delivered import FunnelSummary
+    from ..funnel.rate import FunnelSummary
 
 __all__ = [
     "Landed",
@@ -43,7 +43,7 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
     from . import html, pictures, vtk
     from .canvas import pdf_too
     from .figures import draw_figures
-    from .tables import write_tables
+    from .words import write_tables
 
     folder = Path(folder)
     clear_report(folder, film=False)

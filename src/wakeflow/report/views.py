@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..answer.result import accessors
 from .plot import Plot
-from .tables import result_card
+from .words import result_card
 
 accessors.add("plot", Plot)
 accessors.add("html", result_card)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..answer.result import Request, asked_in
 from ..core.errors import SceneError
-from ..funnel.delivered import FunnelSummary
+from ..funnel.rate import FunnelSummary
 from ..pipeline.cache import Listener, in_turn
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import Planner

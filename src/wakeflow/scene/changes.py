@@ -1,15 +1,21 @@
-"""What differs between scenes: their keys and values, and names of folders made of them."""
+"""What differs between scenes, names of folders made of it, and scene files to start from."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import re
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
+from ..core.errors import SceneError
+from ..core.files import atomic_write, scene_templates
 from ..core.record import JsonTable
+from ..core.registry import did_you_mean
 from .scene import Scene
 
+# -- What differs between scenes: their keys and values, and names of folders made of them -----------------------------
 LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
 PARTS = "+"  # between the changes in a name
 
@@ -69,3 +75,20 @@ def _text(value: object) -> str:
         return f"{value:.6g}"
     text = re.sub(r"\s*%", "pct", value if isinstance(value, str) else json.dumps(value))
     return re.sub(r"[^A-Za-z0-9.,_-]+", "-", text).strip("-")
+
+
+# -- Scene files to start from -----------------------------------------------------------------------------------------
+def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:
+    """Write the shipped scene called ``kind`` to the file ``target``, which the commands in its comments name.
+
+    Raises SceneError for an unknown kind, and where the file exists and ``overwrite`` does not allow replacing it.
+    """
+    known = scene_templates()
+    if kind not in known:
+        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
+    if target.exists() and not overwrite:
+        raise SceneError(f"{target} exists; choose another name or add --overwrite")
+    path, text = shlex.quote(str(target)), known[kind].read_text(encoding="utf-8")
+    with atomic_write(target) as stream:
+        stream.write(f"# Look at it:  wakeflow plan {path}    Compute it:  wakeflow run {path}\n")
+        stream.write(text.replace(f"wakeflow run cases/{kind}.toml", f"wakeflow run {path}"))

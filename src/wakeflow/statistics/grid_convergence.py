@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from ..core.errors import SceneError
-from ..core.roots import halved
+from ..core.geometry import halved
 from ..pipeline.airflow import GridEstimate
 from ..planning.unknowns import SIGMAS
 

@@ -66,7 +66,7 @@ def solve_row(spec: FlowSpec, store: Store) -> Row:
         write_json(folder / "row.json", row)
         shutil.rmtree(folder / "case")
 
-    code = content_key(code_key("wakeflow.meshing.build", "wakeflow.foam.airflow"), digest_files([case_template()]))
+    code = content_key(code_key("wakeflow.meshing.spec", "wakeflow.foam.airflow"), digest_files([case_template()]))
     folder, _ = store.make("meshes", content_key("meshes", asdict(spec), code), work)
     row: Row = json.loads((folder / "row.json").read_text())
     return row

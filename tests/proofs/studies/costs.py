@@ -55,7 +55,7 @@ from wakeflow.foam.programs import call, scatter
 from wakeflow.foam.start import first_step, start_from
 from wakeflow.foam.statistics import cycles
 from wakeflow.meshing import build_mesh
-from wakeflow.pipeline.specs import flow_spec, mesh_spec
+from wakeflow.pipeline.airflow_kinds import flow_spec, mesh_spec
 from wakeflow.planning.cost import wall_seconds
 from wakeflow.planning.machine_rates import on_this_machine
 

@@ -31,8 +31,8 @@ from wakeflow.foam.read import CaseFields
 from wakeflow.foam.span_measure import measure_span
 from wakeflow.foam.span_record import SpanRecord, lead_of, read_layers
 from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.airflow_kinds import flow_spec, mesh_spec
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.specs import flow_spec, mesh_spec
 from wakeflow.pipeline.tracks import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene.overrides import changes_of

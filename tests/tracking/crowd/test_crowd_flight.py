@@ -1,7 +1,5 @@
 """A crowd in which nobody meets lands where the tracker says: in a vacuum, in air, by chance; and the step's error."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two granules meet exactly as the law of pairs says, a crowd keeps what it must; heaps, jams, and what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -9,8 +9,7 @@ from .basic import ADDED_MASS, BUOYANCY, DRAG, GRAVITY_FORCE, PRESSURE_GRADIENT
 from .fluctuations import BROWNIAN_MOTION, DISPERSION
 from .history_force import HISTORY_FORCE
 from .lift import SHEAR_LIFT, SPIN_LIFT
-from .record import Force, Granule, Instant, forces
-from .scales import Bound, FlightScales
+from .record import Bound, FlightScales, Force, Granule, Instant, forces
 
 __all__ = ["Bound", "FlightScales", "Force", "Granule", "Instant", "forces"]
 

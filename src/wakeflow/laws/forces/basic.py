@@ -6,8 +6,7 @@ import numpy as np
 
 from ...core.errors import known
 from ..constants import GRAVITY
-from .record import AirProperties, Array, Force, Grains, Granule, Instant, Slots, Vector
-from .scales import Bound, FlightScales
+from .record import AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Instant, Slots, Vector
 
 
 # -- Weight: what pulls a granule down, in air and in a vacuum ---------------------------------------------------------

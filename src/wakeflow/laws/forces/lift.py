@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from ..lift import lift_coefficient, magnus_factor, spin_rate
-from .record import AirProperties, Force, Grains, Instant, Slots, Vector
-from .scales import Bound, FlightScales
+from .record import AirProperties, Bound, FlightScales, Force, Grains, Instant, Slots, Vector
 
 # -- Shear lift (Saffman-Mei): a granule that slips in air which turns is pushed across its slip -----------------------
 SHEAR = 20.0  # U / D: vorticity of a wake's shear layer; chosen: the lift goes with its square root

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...field import FlowField
-    from ...funnel.delivered import FunnelSummary
+    from ...funnel.rate import FunnelSummary
     from ...pipeline.airflow import Airflow
     from ...scene import Scene
     from ..canvas import Paper

@@ -22,7 +22,7 @@ from ..figures import captions
 from ..film import film_in, film_section
 from ..pictures import found
 from ..sketch import UNITS
-from ..tables import impact_cells
+from ..words import impact_cells
 from . import rows
 from .live import live_data
 

@@ -21,8 +21,9 @@ from ..sketch import UNITS
 from ..words import NO_VALUE
 
 if TYPE_CHECKING:
-    from ...funnel.delivered import FunnelSummary
-    from ...pipeline.airflow import Airflow, MeshReport
+    from ...funnel.rate import FunnelSummary
+    from ...meshing.spec import MeshReport
+    from ...pipeline.airflow import Airflow
 
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
 QUANTITIES = {  # of a material: name, unit

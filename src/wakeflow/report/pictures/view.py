@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.geometry import distance_to
+from ...core.geometry import distance_to, halved
 from ...core.lazy import cached_property
 from ...core.record import JsonMapping
 from ...core.registry import Registry
-from ...core.roots import halved
 from ...core.tables import AnyArray, CellTable
 from ...injection.first_contact import motion_of
 

@@ -1,0 +1,262 @@
+"""The answer's types: what they hold comes back byte for byte, and the page says what they hold."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from result_page import PAGE, page
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
+from wakeflow.answer.result import Result
+from wakeflow.answer.shares import BudgetPart, InputPart
+from wakeflow.cli.screen import MOST_WARNINGS, warn
+from wakeflow.core.errors import SceneError
+from wakeflow.core.graded import Grade
+from wakeflow.core.number import Number
+from wakeflow.core.record import from_json
+from wakeflow.pipeline.airflow import Airflow, GridStudy
+from wakeflow.pipeline.landings import Landings
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import Plan
+from wakeflow.report.words import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, holds, separation_cells
+from wakeflow.runs import report_again
+from wakeflow.scene import Scene
+from wakeflow.tracking import Fate
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """A run without air on few granules: seconds, and every file but those of the air."""
+    scene = wf.Scene.load(Path(__file__).parents[2] / "cases" / "vacuum.toml", {"feed.count": 256})
+    return wf.run(scene, tmp_path_factory.mktemp("vacuum"))
+
+
+def tables_of(title: str) -> list[tuple[str, ...]]:
+    """The rows of the table under a heading of the page, without its head."""
+    (text,) = re.findall(rf"^#+ {re.escape(title)}\n(.*?)(?=^#|\Z)", PAGE.read_text(), flags=re.MULTILINE | re.DOTALL)
+    lines = [line for line in text.splitlines() if line.startswith("| ")][1:]
+    return [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines]
+
+
+def first_column(title: str) -> list[str]:
+    return [row[0].strip("`") for row in tables_of(title)]
+
+
+def test_a_finished_run_is_read_back_byte_for_byte(finished: Result) -> None:
+    text = (finished.folder / "result.json").read_text()
+    again = Result.load(finished.folder)
+    assert json.dumps(again.to_json(), indent=2) + "\n" == text
+    assert again.table == finished.table == json.loads(text)
+    assert again.share("soft", "near") == finished.share("soft", "near")
+    assert again.separation == finished.table["separation"]
+    assert again.landings == finished.landings
+
+
+def test_what_stands_against_an_answer_is_told_with_it(finished: Result) -> None:
+    assert (finished.caveat, finished.lacking) == ("", ())
+    assert holds(finished).startswith("The interval holds 95 %")
+
+    void = replace(finished, warnings=("beads jam; feed.rate below 2 kg/h",), grades=(Grade.VOID.value,))
+    assert repr(void).endswith("; void>")
+    assert holds(void).startswith("VOID")
+    assert "beads jam" in holds(void)
+
+    model = BudgetPart(source="airflow-model")  # of a size that nobody knows
+    budget = tuple(replace(row, parts=(*row.parts, model)) for row in finished.budget)
+    lacking = replace(finished, landings=replace(finished.landings, budget=budget))
+    assert repr(lacking).endswith("; without airflow-model>")
+    assert "lacks airflow-model, whose size is not known; it takes numerics.rung = 'standard'" in holds(lacking)
+    known = {row.quantity for row in budget}
+    table = separation_cells(lacking, finished.landings.separation)
+    rows = [dict(zip(table.heads, row, strict=True)) for row in table.rows]
+    told = {row["not in the interval"] for row in rows if f"share.{row['fraction']}.{row['bin']}" in known}
+    assert told == {"airflow-model"}
+
+
+def test_an_input_tells_where_its_error_is_smaller_than_what_it_moves() -> None:
+    """A square's relative error is twice its root's: an index of 0.4 +- 0.5 is a change of 12 +- 7.5 points."""
+    known = InputPart(half=0.12, variance=0.4, error=0.5)
+    assert known.uncertainty == pytest.approx(0.075)
+    assert known.tells
+    assert not InputPart(half=0.12, variance=0.1, error=0.3).tells
+
+
+def test_drag_holds_the_error_of_its_mesh() -> None:
+    still = Number(2.053, 2.053, 2.053)
+    study = GridStudy(
+        2.053, 1.821, 2.284, quantity="cd", cells=(776, 360), values=(2.053, 1.964), order=None, kind="two-grid", why=""
+    )
+    assert with_mesh_error(Airflow(cd=still), [study]).cd == Number(2.053, 1.821, 2.284)
+    assert with_mesh_error(Airflow(cd=still), []).cd == still
+
+
+def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="holds no finished run; make one with: wakeflow run"):
+        Result.load(tmp_path)
+    (tmp_path / "result.json").write_text("{")
+    with pytest.raises(SceneError, match=r"result.json is damaged; make it again with: wakeflow run"):
+        Result.load(tmp_path)
+    with pytest.raises(SceneError, match=r"is no run but holds some, .*: name "):
+        Result.load(tmp_path.parent)
+    with pytest.raises(SceneError, match="folder of a run = 3: needs a path, not int"):
+        Result.load(3)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="is a file; name the folder"):
+        Result.load(tmp_path / "result.json")
+    (tmp_path / "result.json").write_text("[]")
+    with pytest.raises(SceneError, match="must be a table"):
+        Result.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": None}, "schema: is null, must have a value"),
+        ({"sparkle": 1}, "sparkle: is not known to this version"),
+        ({"seconds": {"tracks": {"seconds": 1.0}}}, r"seconds\.tracks\.cached: is missing"),
+    ],
+)
+def test_what_is_no_result_is_named(finished: Result, change: dict[str, object], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        Result.from_json(finished.folder, {**finished.table, **change})
+
+
+def test_a_run_that_ended_early_has_no_shares(tmp_path: Path, cases: Path) -> None:
+    scene = wf.Scene.load(cases / "vacuum.toml", {"feed.count": 256})
+    result = wf.run(scene, tmp_path, until="tracks")
+    assert result.flights is not None
+    assert result.landings is None
+    assert Result.load(tmp_path).to_json() == result.table
+    with pytest.raises(SceneError, match="the run ended before them"):
+        result.share("soft", "near")
+    with pytest.raises(SceneError, match="without --until"):
+        report_again(tmp_path)
+
+
+def test_a_plan_is_read_back(cases: Path) -> None:
+    for name in ("rhombus", "vacuum", "labyrinth"):
+        table = make_plan(wf.Scene.load(cases / f"{name}.toml")).summary()
+        assert from_json(Plan, table, "plan").summary() == table
+
+
+def test_a_result_of_schema_1_is_read(finished: Result) -> None:
+    """Made by the last version that wrote it: the shipped vacuum of 256 granules."""
+    old = Result.load(Path(__file__).parent / "schema_1")
+    assert (old.schema, old.plan.rung) == (2, "none")
+    assert [notice.text for notice in old.plan.notices] == list(finished.plan.warnings)
+    assert old.separation == finished.separation
+    assert old.share("soft", "near") == finished.share("soft", "near")
+    assert [row.total.error for row in old.budget] == [row.total.error for row in finished.budget]
+
+
+def test_the_page_says_what_the_types_hold() -> None:
+    """Brought up to date by: python tests/answer/result_page.py."""
+    assert PAGE.read_text() == page()
+
+
+def test_the_page_names_the_columns_of_the_files(finished: Result) -> None:
+    for name, columns_ in (("separation", SEPARATION_COLUMNS), ("budget", BUDGET_COLUMNS), ("impact", IMPACT_COLUMNS)):
+        assert first_column(f"The columns of {name}.csv") == list(columns_)
+        head = (finished.folder / f"{name}.csv").read_text().splitlines()[0]
+        for column in columns_:
+            assert column in head
+
+
+def test_the_page_names_the_arrays_of_granules_npz(finished: Result) -> None:
+    with np.load(finished.folder / "granules.npz") as data:
+        sizes = {"f": len(data["names"]), "n": len(data["bin"]), "2": 2}
+        for array, shape, *_ in tables_of("The arrays of granules.npz"):
+            wanted = tuple(sizes[part] for part in re.findall(r"\w", shape))
+            assert data[array.strip("`")].shape == wanted
+        assert first_column("The arrays of granules.npz") == data.files
+
+
+@pytest.mark.parametrize("file", ["tracks.vtp", "landings.vtp"])
+def test_the_page_names_the_arrays_of_the_vtk_files(finished: Result, file: str) -> None:
+    import pyvista
+
+    data = pyvista.read(finished.folder / file)
+    told = {"point": data.point_data.keys(), "cell": data.cell_data.keys(), "file": data.field_data.keys()}
+    named = [row for row in tables_of("The arrays of the VTK files") if row[0] == f"`{file}`"]
+    for where, arrays in told.items():
+        assert sorted({row[1].strip("`") for row in named if row[2] == where} - {"loop time (s)"}) == sorted(arrays)
+
+
+def test_the_page_names_every_file(finished: Result) -> None:
+    named = " ".join(first_column("Results")).replace("`", "")
+    for path in finished.folder.iterdir():
+        if not path.name.startswith("."):
+            assert path.name in named, path.name
+
+
+KEY = re.compile(r"\b[a-z]+\.[a-zA-Z_.]+|--force [a-z.-]+=o|\[[a-z.A-Z]+\]")  # air.speed, --force lift=on, [vibration]
+
+
+def test_granules_that_leave_above_are_told_and_those_that_fall_are_not() -> None:
+    scene = shipped("aspirator")
+    above, below = scene.level + 0.1, scene.level - 0.1
+    row = np.zeros(4, dtype=int)
+    landing = Landings(
+        position=np.array([[0.0, above], [0.0, above], [0.0, below], [0.0, above]]),
+        bin=np.array([-1, -1, -1, 0]),  # the last one came to a bin
+        replicate=row, diameter=row, fate=np.full(4, Fate.ESCAPED), time=row, impacts=row, realisation=row, cycle=row,
+    )  # fmt: skip
+    tracked = cast("Any", SimpleNamespace(landings={"straw": landing}))
+    (told,) = _out_of_the_top(scene, tracked)
+    assert told.text.startswith("straw: 0.5 of it leaves through the top")
+    assert "on = 'top'" in told.text
+    (thrown,) = _out_of_the_top(scene.replace({"air.direction": "down"}), tracked)
+    assert thrown.text.startswith("straw: 0.5 of it is thrown out through the top")
+    assert "channel.top" in thrown.text
+
+
+def test_the_gravest_stand_on_screen_and_the_rest_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    plan = make_plan(shipped("rhombus"), force={"collisions": False, "air-loading": False})
+    warn(plan.warnings, [notice.grade.value for notice in plan.notices])
+    out = capsys.readouterr().out
+    assert plan.notices[0].grade is Grade.VOID  # 500 kg/h are far beyond independent granules
+    assert sum(out.count(f"! {grade.value}: ") for grade in Grade) == MOST_WARNINGS
+    assert f"! and {len(plan.notices) - MOST_WARNINGS} more" in out
+
+
+def test_what_upward_air_carries_out_has_its_own_bin() -> None:
+    scene = shipped("aspirator")
+    assert scene.with_top() is scene  # it has a bin up there
+    tables = scene.tables()
+    del tables["bin"]["light"], tables["fraction"]["straw"]["target"], tables["fraction"]["internodes"]["target"]
+    lost = Scene.parse(tables)
+    caught = lost.with_top()
+    assert [list(lost.bin), list(caught.bin)] == [["heavy"], ["heavy", "top"]]
+    assert np.array_equal(caught.bin["top"].line(caught.channel)[:, 0], [-0.1, 0.1])
+    assert lost.replace({"air.direction": "down"}).with_top().bin == lost.bin
+    assert make_plan(lost).airflow.kind == "analytic"
+
+    row = np.zeros(4, dtype=int)
+    landing = Landings(
+        position=np.full((4, 2), 0.6), bin=np.array([1, 1, 0, 1]), replicate=row, diameter=row,
+        fate=np.full(4, Fate.BINNED), time=row, impacts=row, realisation=row, cycle=row,
+    )  # fmt: skip
+    (told,) = _out_of_the_top(caught, cast("Any", SimpleNamespace(landings={"straw": landing})))
+    assert (told.grade, told.text) == (
+        Grade.INFORMATION,
+        "straw: 0.75 of it leaves through the top with the air, counted as top; a lower air.speed keeps it in",
+    )
+
+
+def test_every_ending_that_is_no_landing_names_a_key_to_change() -> None:
+    fates = {"straw": {"binned": 80, **dict.fromkeys(ENDINGS, 4)}}
+    told = list(_unlanded(fates))
+    assert len(told) == len(ENDINGS)
+    assert not [notice.text for notice in told if not KEY.search(notice.text.partition(";")[2])]
+
+
+def test_every_doubt_of_a_shipped_plan_ends_with_the_key_to_change() -> None:
+    for name in ("rhombus", "prism", "aspirator"):
+        doubts = [one.text for one in make_plan(shipped(name)).notices if one.grade is not Grade.INFORMATION]
+        assert not [text for text in doubts if not KEY.search(text[-110:])], name

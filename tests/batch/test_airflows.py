@@ -1,0 +1,133 @@
+"""Airflows of a sweep: each solved once, kept once on the disk, started from each other; the answer stays."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wakeflow as wf
+from support import ALONE, shipped
+from wakeflow.answer.result import Request
+from wakeflow.batch import agenda as run_agenda
+from wakeflow.batch.agenda import make_agenda, starts
+from wakeflow.batch.work import Job
+from wakeflow.core.errors import SceneError
+from wakeflow.runs import report_again
+
+COARSE = {
+    "numerics.mesh_scale": 3.0,
+    "feed.count": 256,
+    "feed.rate": "0.5 kg/hour",
+}  # no granule meets or loads the air
+
+
+def test_the_most_central_starts_from_rest_and_the_others_from_the_nearest() -> None:
+    speeds = [{"air.speed": float(speed)} for speed in (3, 4, 5, 6, 7)]
+    assert starts(speeds) == [2, 2, None, 2, 2]  # 4 is as near to 3 as to 5, which is there first
+    assert starts([{"air.speed": float(speed)} for speed in range(11)])[:3] == [5, 0, 0]
+    two = [{"air.speed": 1.0, "body.shape": shape} for shape in ("prism", "rhombus", "rhombus")]
+    two.append({"air.speed": 1.1, "body.shape": "prism"})
+    assert starts(two) == [1, None, 1, 1]  # speeds span 1.0 to 1.1: as far apart as two shapes
+    assert starts([]) == []
+    assert starts([{}]) == [None]
+    assert starts([{"a": 1.0}, {"a": 1.0}]) == [None, 0]
+
+
+def test_an_airflow_waits_for_the_one_that_it_starts_from(tmp_path: Path) -> None:
+    found = wf.variants(shipped("rhombus", COARSE), ["air.speed=4,5,6", "fraction.chaff.restitution=0.2,0.3"])
+    cold, warm = (
+        make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=near) for near in (False, True)
+    )
+    airflows = [step for step in warm.steps if step.airflow]
+    roots = [step for step in airflows if step.needs is None]
+    assert len(airflows) == 3
+    assert len(roots) == 1
+    assert {step.needs for step in airflows} == {None, roots[0].name}
+    for step in warm.steps:  # flights ask for the air that was solved so
+        if not step.airflow:
+            speed = step.job.tables["air"]["speed"]
+            assert (step.job.request.near is None) == (speed == roots[0].job.tables["air"]["speed"])
+    assert cold.stamps != warm.stamps
+    again = make_agenda(found[::-1], tmp_path, Request(None, "draft", {}, None), neighbours=True)
+    assert again.stamps == warm.stamps
+
+
+def test_where_a_neighbour_fails_the_others_start_from_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = wf.variants(shipped("rhombus", COARSE), ["air.speed=4,5"])
+    asked: dict[float, str | None] = {}
+
+    def solve(job: Job) -> str:
+        speed = float(job.tables["air"]["speed"])
+        asked[speed] = job.asked.near
+        return "no luck" if job.request.near is None else ""
+
+    monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)
+    monkeypatch.setattr(run_agenda, "fly_scene", lambda job: "")
+    from concurrent.futures import ThreadPoolExecutor
+
+    agenda = make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=True)
+    ends: dict[str, str] = {}
+    with ThreadPoolExecutor(1) as pool:
+        run_agenda.do_agenda(agenda, pool, lambda _: None, lambda step, end: ends.update({step.name: end}))
+    assert asked == {4.0: None, 5.0: None}
+    assert sorted(bool(end) for name, end in ends.items() if not name.startswith("airflows")) == [False, True]
+
+
+@pytest.mark.openfoam
+def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path) -> None:
+    """Another speed, another mesh: fewer iterations, the same drag and shares within what they are said to be."""
+    base = shipped("rhombus", COARSE)
+    first = wf.run(base, tmp_path / "first", rung="draft", report=False)
+    other = base.replace({"air.speed": 5.5, "numerics.mesh_scale": 2.85})
+    rest = wf.run(other, tmp_path / "rest", rung="draft", report=False)
+    near = wf.run(other, tmp_path / "near", rung="draft", near=tmp_path / "first", report=False)
+    steps = [run.table["airflow"]["steps"] for run in (first, rest, near)]
+    assert steps[2] < 0.9 * steps[1]
+    drag = [run.table["airflow"]["cd"]["value"] for run in (rest, near)]
+    assert drag[1] == pytest.approx(drag[0], rel=2e-3)
+    for name, row in rest.separation["fractions"].items():
+        for place, share in row.items():
+            assert near.separation["fractions"][name][place]["value"] == pytest.approx(share["value"], abs=0.02)
+    assert near.key != rest.key
+    options: dict[str, Any] = json.loads((tmp_path / "near" / "result.json").read_text())["options"]
+    assert options["near"] == str(tmp_path / "first")
+    report_again(tmp_path / "near")  # finds the airflow that was started so
+
+
+def test_a_start_that_cannot_be_is_one_line(tmp_path: Path) -> None:
+    scene = shipped("rhombus", COARSE)
+    with pytest.raises(SceneError, match="own folder"):
+        wf.run(scene, tmp_path, near=tmp_path)
+    with pytest.raises(SceneError, match="holds no finished run"):
+        wf.run(scene, tmp_path / "run", near=tmp_path / "nothing")
+
+
+@pytest.mark.openfoam
+def test_a_change_of_restitution_solves_no_airflow(tmp_path: Path) -> None:
+    """Two scenes fly at once in one airflow, which neither of them solves."""
+    few = {"feed.count": 64, "feed.rate": "0.5 kg/hour"}  # that neither meet nor load the air
+    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, **few})
+    found = wf.variants(scene, {"fraction.chaff.restitution": [0.21, 0.34]})
+    sweep = wf.sweep(found, tmp_path, rung="draft", workers=2)
+    assert sweep.failed == {}
+    assert len(list((tmp_path / "airflows").iterdir())) == 1
+    stages = [json.loads((tmp_path / one.name / "result.json").read_text())["seconds"] for one in found]
+    assert all(seconds["airflow"]["cached"] and seconds["mesh"]["cached"] for seconds in stages)
+    assert len({seconds["airflow"]["seconds"] for seconds in stages}) == 1
+    drag = [entry.by_name["airflow.cd"] for entry in sweep.table.entries]
+    assert drag[0] == drag[1]
+    assert drag[0].value > 1.0
+
+
+def test_runs_in_one_airflow_share_the_fields_files(tmp_path: Path) -> None:
+    scene = shipped("aspirator", {"feed.count": 16, "numerics.mesh_scale": 2.0})
+    first, second = (
+        wf.run(scene.replace({"fraction.straw.target": target}), tmp_path / target, force=ALONE).folder / "field.vtu"
+        for target in ("light", "heavy")
+    )
+    assert first.samefile(second)
+    before = first.read_bytes()
+    wf.run(scene.replace({"air.speed": 5.0}), tmp_path / "heavy", force=ALONE)  # another airflow in the second folder
+    assert not first.samefile(second)
+    assert first.read_bytes() == before

@@ -1,0 +1,130 @@
+"""Sweeps on a Dask cluster: the table of a local sweep, whichever worker dies meanwhile."""
+
+import csv
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Thread
+
+import psutil
+import pytest
+
+import wakeflow as wf
+from support import CASES, LoopbackCluster, shipped
+from wakeflow.answer.result import Request
+from wakeflow.batch.agenda import make_agenda
+from wakeflow.cli import main
+from wakeflow.core.errors import SceneError
+from wakeflow.core.store import cache_root
+
+COMMAND = ["sweep", str(CASES / "rhombus.toml"), "--rung", "none", "--quiet", "--set", "feed.count=64"]
+COMMAND += ["--set", "fraction.wheat.restitution=0.3,0.5,1.5"]  # without air: seconds, and no compiled tracker
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopbackCluster]:
+    with LoopbackCluster(tmp_path_factory.mktemp("dask"), workers=2) as cluster:
+        yield cluster
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    """sweep.csv as it is, but for the time that each scene and its airflow took."""
+    with (folder / "sweep.csv").open() as stream:
+        return [row for row in csv.DictReader(stream) if row["quantity"] not in ("seconds", "airflow.seconds")]
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a local sweep, which the others must equal."""
+    folder = tmp_path_factory.mktemp("here")
+    assert main([*COMMAND, "--workers", "1", "--out", str(folder)]) == 1
+    return folder
+
+
+@pytest.fixture
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty one: what others have flown is flown again."""
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.mark.usefixtures("_own_cache")
+def test_a_cluster_gives_the_table_of_a_local_sweep(running: LoopbackCluster, local: Path, tmp_path: Path) -> None:
+    """By the command with an address, and from Python with a client, which is left open."""
+    import distributed
+
+    assert main([*COMMAND, "--out", str(tmp_path / "address"), "--scheduler", running.address]) == 1
+    assert rows(tmp_path / "address") == rows(local)
+    assert {row["state"] for row in rows(local)} == {"done", "failed"}
+    assert list((tmp_path / "address" / "workers").glob("*/log.worker-1"))
+    with distributed.Client(running.address, set_as_default=False) as client:
+        scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 64})
+        sweep = wf.sweep([scene], tmp_path / "client", scheduler=client)
+        assert client.status == "running"
+    assert sweep.failed == {}
+    with pytest.raises(SceneError, match="of this machine"):
+        wf.sweep([shipped("vacuum")], tmp_path, scheduler=running.address, workers=2)
+
+
+@pytest.mark.usefixtures("_own_cache")
+def test_a_worker_that_dies_with_its_scene_changes_nothing(
+    running: LoopbackCluster, local: Path, tmp_path: Path
+) -> None:
+    killed: list[int] = []
+
+    def kill() -> None:
+        worker = running.worker_at_work()
+        killed.append(worker.pid)
+        worker.kill()
+
+    thread = Thread(target=kill)
+    thread.start()
+    assert main([*COMMAND, "--out", str(tmp_path), "--scheduler", running.address]) == 1
+    thread.join()
+    assert killed
+    assert rows(tmp_path) == rows(local)
+
+
+def test_an_airflow_in_three_dimensions_asks_for_its_cores(tmp_path: Path) -> None:
+    found = wf.variants(shipped("rhombus"), {"numerics.ranks": [6, "auto"], "numerics.rung": ["standard", "3d"]})
+    agenda = make_agenda(found, tmp_path, Request(None, None, {}, None))
+    asked = {step.name: step.ranks for step in agenda.steps if step.airflow}
+    assert sorted(asked.values()) == [1, 2, 6, 6]
+    assert {step.ranks for step in agenda.steps if not step.airflow} == {1}
+
+
+@pytest.mark.slow
+@pytest.mark.openfoam
+def test_a_worker_killed_while_its_solver_runs_leaves_no_orphan_and_the_same_table(
+    running: LoopbackCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The local sweep in the tests' cache, the other in an empty one that has the compiled tracker only."""
+    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "feed.count": 64})
+    found = wf.variants(scene, {"fraction.chaff.restitution": [0.21, 0.34]})
+    wf.sweep(found, tmp_path / "here", rung="draft", workers=1)
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "numba").symlink_to(cache_root() / "numba")
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
+    solvers: list[dict[psutil.Process, str]] = []  # with their folders, at every look
+
+    def watch() -> None:
+        """Kill the worker of the first solver that is found; note every look at the solvers."""
+        while not (tmp_path / "there" / "sweep.csv").exists():
+            now = [one for one in psutil.process_iter(["name", "cwd"]) if one.info["name"] == "simpleFoam"]
+            folders = {one: one.info["cwd"] or "/" for one in now}
+            mine = {one: folder for one, folder in folders.items() if Path(folder).is_relative_to(tmp_path)}
+            if mine and not solvers:
+                time.sleep(0.5)  # some iterations into it, of a few seconds of them
+                running.worker_at_work().kill()
+            if mine:
+                solvers.append(mine)
+            time.sleep(0.02)
+
+    thread = Thread(target=watch)
+    thread.start()
+    wf.sweep(found, tmp_path / "there", rung="draft", scheduler=running.address)
+    thread.join()
+    assert all(len(set(seen.values())) == len(seen) for seen in solvers)  # never two in one folder
+    killed = next(iter(solvers[0].values()))
+    assert len({one.pid for seen in solvers for one, folder in seen.items() if folder == killed}) >= 2
+    assert not any(one.is_running() for seen in solvers for one in seen)
+    assert rows(tmp_path / "here") == rows(tmp_path / "there")

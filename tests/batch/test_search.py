@@ -1,0 +1,247 @@
+"""A search from its file to its answer, and its loop on problems whose answer is known."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from support import CASES, Here, shipped
+from wakeflow.answer.table import TableQuantity
+from wakeflow.batch.axis import Axis, axis_of_text
+from wakeflow.batch.designs import explore
+from wakeflow.batch.history import DesignPoint, Evaluation, History, at_random
+from wakeflow.batch.task import Goal, QuantityLimit, SearchTask, read_search_file
+from wakeflow.cli.show_many import show_search
+from wakeflow.core.errors import SceneError
+
+FILE = f"""
+[search]
+scene = "{CASES / "rhombus.toml"}"
+maximise = "recovery.wheat"
+minimise = ["airflow.fan_power"]
+budget = "2 hour"
+
+[search.within]
+air.speed = {{ from = "3 m/s", to = "7 m/s" }}
+body.rhombus.slope_angle = {{ from = "35 deg", to = "50 deg" }}
+
+[search.where]
+"purity.outer-left.wheat" = {{ least = 0.95 }}
+
+[[search.level]]
+numerics.rung = "none"
+feed.count = 256
+
+[[search.level]]
+numerics.rung = "draft"
+"""
+
+
+def test_a_file_says_goals_bounds_limits_levels_and_budget(tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE)
+    task = read_search_file(path)
+    assert task.goals == (Goal("recovery.wheat"), Goal("airflow.fan_power", -1))
+    assert task.limits == (QuantityLimit("purity.outer-left.wheat", least=0.95),)
+    assert task.limits[0].excess(0.97) == pytest.approx(-0.02)
+    assert [axis.key for axis in task.within] == ["air.speed", "body.rhombus.slope_angle"]
+    assert task.levels == ({"numerics.rung": "none", "feed.count": 256}, {"numerics.rung": "draft"})
+    assert task.budget == 7200.0
+
+
+def test_what_is_held_is_not_searched_at_any_level(tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE)
+    task = read_search_file(path, {"air.speed": "5 m/s", "numerics.rung": "none"}, "20 s")
+    assert [axis.key for axis in task.within] == ["body.rhombus.slope_angle"]
+    assert task.scene.air.speed == 5.0
+    assert task.scene.numerics.rung == "none"
+    assert task.levels == ({"feed.count": 256}, {})
+    assert task.budget == 20.0
+    with pytest.raises(SceneError, match="may change"):
+        read_search_file(path, {"air.speed": "5 m/s", "body.rhombus.slope_angle": "45 deg"})
+
+
+def test_the_shipped_search_is_read() -> None:
+    """Half of a tied pair of dividers cannot be held."""
+    file = CASES / "search-splitters.toml"
+    task = read_search_file(file)
+    assert [goal.quantity for goal in task.goals] == ["recovery.wheat", "recovery.dust"]
+    assert set(task.scene.fraction) == {"dust", "straw", "wheat"}
+    assert len(task.within) == 4
+    stands = [axis.at(place) for axis, place in zip(task.within, task.as_it_stands or (), strict=True)]
+    assert stands == ["5.0 m/s", "45.0 deg", "80.0 mm", "135.0 mm"]
+    assert read_search_file(file, {"air.speed": "2 m/s"}).as_it_stands is not None  # no axis any more
+    with pytest.raises(SceneError, match="tied"):
+        read_search_file(file, {"bin.middle.to": "80 mm"})
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('budget = "2 hour"', ""), "budget is missing"),
+        (('"2 hour"', '"2 m"'), "budget = '2 m'"),
+        (('maximise = "recovery.wheat"\nminimise = ["airflow.fan_power"]', ""), "name at least one quantity"),
+        (("maximise", "maximize"), "maximize: unknown key"),
+        (("least", "last"), "write { least"),
+        (('{ from = "3 m/s", to = "7 m/s" }', "5"), "air.speed: needs from and to"),
+        (("[search]", "[sweep]"), r"holds \[search\] only"),
+        (('"recovery.wheat"', '["recovery.hweat"]'), "no quantity 'recovery.hweat'; did you mean 'recovery.wheat'?"),
+        (("purity.outer-left", "purity.outer-lift"), "did you mean 'purity.outer-left.wheat'?"),
+        (("air.speed", "air.sped"), "within.air.sped: unknown key 'sped'; did you mean 'speed'?"),
+        (("body.rhombus", "body.hedge"), r"unknown key 'hedge' \(known: rhombus\)"),
+        (("feed.count", "feed.cuont"), "level.feed.cuont: unknown key 'cuont'; did you mean 'count'?"),
+        (('from = "3 m/s"', 'from = "9 m/s"'), "within.air.speed: from must be below to"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str, tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE.replace(*change, 1))
+    with pytest.raises(SceneError, match=said) as caught:
+        read_search_file(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
+    monkeypatch.setattr("wakeflow.report.many.draw_table_figures", lambda folder, table: None)
+    scene, here = shipped("rhombus", {"numerics.rung": "none"}), Here()
+    tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
+    axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))
+    levels = ({"feed.count": 16}, {"feed.count": 32})
+    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=1.0, levels=levels, at_a_time=2)
+    found = wf.search(task, tmp_path, scheduler=here)
+    assert found.tried == (2, 1)
+    best = found.recommended
+    assert best.quantities["recovery.wheat"].value == found.result.landings.separation.recovery["wheat"].value
+    assert best.changes["bin.middle.from"] == f"-{best.changes['bin.inner-right.from']}"
+    assert best.name in {one.name for one in found.front}
+    own = found.as_it_stands
+    assert list(own.changes.values())[:2] == ["100.0 mm", "80.0 mm"]
+    assert own.quantities["recovery.wheat"].value <= best.quantities["recovery.wheat"].value
+    table = (tmp_path / "level-2" / "sweep.csv").read_bytes()
+    calls = len(here.calls)
+    assert wf.search(task, tmp_path, scheduler=here) == found
+    assert len(here.calls) == calls
+    assert (tmp_path / "level-2" / "sweep.csv").read_bytes() == table
+    show_search(found)
+    told = capsys.readouterr().out
+    assert "recommended, the first" in told
+    assert all(word in told for word in ("stands", "beyond the limits" if not own.allowed else "recommended"))
+
+
+BEST = np.array([0.3, 0.7])
+COST = (1.0, 20.0)  # s of a design, coarse and fine
+
+
+def task(budget: float, **how: object) -> SearchTask:
+    axes = tuple(Axis(key, (0.0, 1.0), (0.0, 1.0)) for key in ("a", "b"))
+    given = {"goals": (Goal("good"),), "levels": ({}, {"fine": 1}), **how}
+    return SearchTask(shipped("vacuum"), axes, budget=budget, **given)  # type: ignore[arg-type]
+
+
+def hill(level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
+    """Best at BEST; the coarse level is lower by a half, waves a little, and knows less well."""
+    found = []
+    for place in places:
+        off = np.array(place) - BEST
+        wave = 0.02 * np.sin(9.0 * np.sum(place)) - 0.5 if level == 0 else 0.0
+        half, value = (0.05, 0.01)[level], 1.0 - float(off @ off) + wave
+        numbers = {"good": value, "cheap": 1.0 - place[0]}
+        quantities = {
+            name: TableQuantity(one, one - half, one + half, name=name, unit="1") for name, one in numbers.items()
+        }
+        found.append(Evaluation(COST[level], quantities))
+    return found
+
+
+def lost(history: History, level: int = -1) -> float:
+    """How far the recommended design is below the best one there is."""
+    place = history.recommended(level)
+    assert place is not None
+    return 1.0 - hill(1, [place])[0].quantities["good"].value
+
+
+def test_it_finds_the_best_within_its_budget_and_says_what_may_be_as_good() -> None:
+    history = explore(task(400.0), hill)
+    spent = [history.seconds(level) for level in (0, 1)]
+    assert sum(spent) <= 400.0
+    assert min(spent) >= 0.3 * sum(spent)
+    assert lost(history) < 0.01
+    known = history.known()
+    coarse = [place for place in history.found[0] if place not in history.found[1]]
+    truth = {place: -hill(1, [place])[0].quantities["good"].value for place in coarse}
+    inside = [known[place].low[0] <= truth[place] <= known[place].high[0] for place in coarse]
+    assert np.mean(inside) > 0.9
+    for place in history.rivals():
+        assert -known[place].low[0] >= -known[history.recommended()].high[0]  # type: ignore[index]
+
+
+def test_at_equal_cost_two_levels_beat_one_and_random_points() -> None:
+    """Mean over seeds of what is lost against the best."""
+    found: dict[str, list[float]] = {"both": [], "fine": [], "random": []}
+    for seed in range(6):
+        alone = {"levels": ({"fine": 1},), "seed": seed}
+        found["both"].append(lost(explore(task(240.0, seed=seed), hill)))
+        found["fine"].append(lost(explore(task(240.0, **alone), lambda _, places: hill(1, places))))
+        found["random"].append(lost(explore(task(240.0, **alone), lambda _, places: hill(1, places), at_random)))
+    mean = {name: float(np.mean(values)) for name, values in found.items()}
+    assert mean["both"] < 0.5 * min(mean["fine"], mean["random"]), mean
+
+
+def test_the_scene_as_it_stands_is_the_first_design_at_every_level() -> None:
+    scene = shipped("vacuum")
+    axes = tuple(
+        Axis(key, (0.0, 2.0 * own), (0.0, 2.0 * own))
+        for key, own in (("feed.height", scene.feed.height), ("feed.width", scene.feed.width))
+    )
+    history = explore(SearchTask(scene, axes, (Goal("good"),), 300.0, levels=({}, {"fine": 1})), hill)
+    assert [next(iter(made)) for made in history.found] == [pytest.approx((0.5, 0.5))] * 2
+    few = SearchTask(scene, axes, (Goal("good"),), 300.0, levels=({}, {"fine": 1}), at_a_time=4)
+    own, *others = explore(few, hill, lambda history, count: at_random(history, count)).found[1]
+    assert own == pytest.approx((0.5, 0.5))
+    assert others  # it does not take the place of the likeliest one
+    low = tuple(Axis(axis.key, axis.values, (0.0, 0.5 * axis.values[1] - 1e-3)) for axis in axes)
+    outside = SearchTask(scene, low, (Goal("good"),), 300.0)
+    assert outside.as_it_stands is None
+
+
+def test_the_same_search_takes_the_same_steps() -> None:
+    once, again = (explore(task(200.0), hill) for _ in range(2))
+    assert [list(made) for made in once.found] == [list(made) for made in again.found]
+
+
+def test_limits_are_kept_and_designs_that_fail_are_left_alone() -> None:
+    def evaluate(level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
+        made = hill(level, places)
+        return [Evaluation(1.0, problem="no") if p[1] > 0.9 else one for p, one in zip(places, made, strict=True)]
+
+    history = explore(task(400.0, limits=(QuantityLimit("cheap", least=0.8),)), evaluate)
+    best = history.recommended()
+    assert 0.12 < best[0] <= 0.2  # as near to 0.3 as the limit allows
+    assert best not in history.failed()
+    assert history.failed()
+    impossible = explore(task(200.0, limits=(QuantityLimit("cheap", least=2.0),)), evaluate)
+    (nearest,) = impossible.front()
+    assert nearest[0] < 0.15
+
+
+def test_several_goals_have_a_front_and_a_middle() -> None:
+    history = explore(task(600.0, goals=(Goal("good"), Goal("cheap"))), hill)
+    front, best = history.front(), history.recommended()
+    assert len(front) >= 3
+    known = history.known()
+    losses = np.array([known[place].losses for place in front])
+    assert np.all(np.diff(losses[:, 0]) >= 0.0)
+    assert np.all(np.diff(losses[:, 1]) <= 0.0)
+    assert best in front
+
+
+def test_a_quantity_that_is_not_there_is_named() -> None:
+    with pytest.raises(SceneError, match=r"level 1 has no quantity 'god'; did you mean 'good'"):
+        explore(task(100.0, goals=(Goal("god"),)), hill)

@@ -1,0 +1,374 @@
+"""Sources of the budget are registered objects: what each of them owes, and one that is added from outside."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.answer.provenance import KnobSettings
+from wakeflow.answer.shares import (
+    CALIBRATED,
+    COMPANION,
+    LEFT_OUT,
+    MEASURED,
+    NOT_COMPUTED,
+    UNKNOWN,
+    BudgetPart,
+    BudgetRow,
+    BudgetTotal,
+)
+from wakeflow.budget.comparison import MOST, AmongOthers, Comparison, compared, differences
+from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
+from wakeflow.budget.model import MODEL
+from wakeflow.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources
+from wakeflow.budget.total import numerical, remedies, whole
+from wakeflow.core.number import student
+from wakeflow.core.store import Store
+from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
+from wakeflow.pipeline.cache import StageTime
+from wakeflow.pipeline.landings import Landings, Tracked
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.track_stage import Companion
+from wakeflow.planning.cost import flown_again
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import COMPARED, REPLICATES
+from wakeflow.planning.stages import StageCost, Workload
+from wakeflow.planning.unknowns import SIGMAS
+from wakeflow.planning.wake import Wake
+from wakeflow.runs.refine import told_unmet
+from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
+from wakeflow.scene import Scene
+
+
+class CoarserSteps(Source[Tracked]):
+    """Granules flown again at ten times the tolerance: an example of a source, as docs/extending.md shows it."""
+
+    name, how, place = "coarser-steps", COMPANION, 70
+    if_unknown = "numerics.tolerance = 1e-3"
+    if_large = "fly by hand"
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        return [flown_again(work, self.name, 0.5)]  # half as long as the granules of a comparison
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
+        return pipeline.tracks(Companion(self.name, tolerance=10 * pipeline.scene.numerics.tolerance))
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        coarse, bins = fraction.flights.of(self), len(fraction.pipeline.scene.bin)
+        moved = coarse.landings[fraction.name].counts(bins) - fraction.compared.counts(bins)
+        errors, seconds = np.abs(moved.mean(axis=0)), fraction.pipeline.spent(self.name)
+        return {place: [self.part(float(error), seconds)] for place, error in zip(fraction.shares, errors, strict=True)}
+
+    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+        return (part.error or 0.0) * then.tolerance / now.tolerance
+
+
+@pytest.fixture
+def coarser() -> Iterator[Source[Tracked]]:
+    """The example, registered as any source is, and taken out again."""
+    source = add(CoarserSteps())
+    yield source
+    budget_sources.remove(source.name)
+
+
+def test_a_new_source_stands_in_the_budget_of_a_run(coarser: CoarserSteps, cases: Path, tmp_path: Path) -> None:
+    result = wf.run(Scene.load(cases / "vacuum.toml", {"feed.count": 256}), tmp_path)
+    shares = [row for row in result.budget if row.quantity.startswith("share.")]
+    assert shares
+    for row in shares:
+        names = [part.source for part in row.parts]
+        assert names.index("inputs") < names.index("integration") < names.index("coarser-steps")
+        (part,) = [part for part in row.parts if part.source == coarser.name]
+        assert part.error is not None
+        assert part.seconds > 0.0
+    assert "coarser-steps" in result.table["seconds"]
+    assert "coarser-steps" in (tmp_path / "budget.csv").read_text()
+    assert "coarser-steps" in (tmp_path / "report.html").read_text()
+
+
+def test_a_new_source_that_flies_again_is_in_the_plans_cost(cases: Path, request: pytest.FixtureRequest) -> None:
+    scene = Scene.load(cases / "vacuum.toml")
+    before = make_plan(scene)
+    request.getfixturevalue("coarser")
+    after = make_plan(scene)
+    (added,) = set(after.stages) - set(before.stages)
+    assert (added.name, added.when, added.key.stage.work, added.key.heading) == (
+        "coarser-steps", "after", "flights", "companions"
+    )  # fmt: skip
+    assert after.estimate["seconds"] == pytest.approx(before.estimate["seconds"] + added.seconds)
+
+
+@pytest.mark.usefixtures("coarser")
+def test_a_new_source_is_refined_and_has_a_remedy(cases: Path) -> None:
+    now = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
+    finer = replace(now, tolerance=1e-4)
+    part = BudgetPart("coarser-steps", 0.2, 1.0, COMPANION)
+    assert expected_part(part, now, finer) == pytest.approx(0.02)
+    row = BudgetRow("share.wheat.left", None, (part,), BudgetTotal(0.2, 1.0, 0.0, 1.0, 0.2))
+    assert expected_half(row, now, finer) == pytest.approx(0.02)
+    spent = {"coarser-steps": StageTime(5.0, False)}
+    assert expected_seconds(spent, now, replace(now, granules=4096)) == pytest.approx(0.4 + 4.0 * 4.6)
+    assert remedies(["coarser-steps"]) == ["numerics.tolerance = 1e-3"]
+    scene = Scene.load(cases / "vacuum.toml")
+    (line,) = told_unmet([row], now, 1e-9, scene, make_plan(scene))
+    assert line.startswith("wheat in left: coarser-steps stays at")
+    assert line.endswith(": fly by hand")
+
+
+@pytest.mark.parametrize("name", list(budget_sources))
+def test_a_source_says_what_it_is(name: str) -> None:
+    source: Source[Any] = budget_sources[name]
+    assert source.name == name
+    assert source.how in (MEASURED, COMPANION, CALIBRATED, UNKNOWN)
+    assert type(source).__doc__
+
+
+def test_every_source_that_flies_granules_again_is_in_the_plans_cost() -> None:
+    flying = {name for name in budget_sources if type(budget_sources[name]).fly is not Source.fly}
+    assert flying == {name for name in budget_sources if type(budget_sources[name]).costs is not Source.costs}
+    assert {name for name in flying if budget_sources[name].how != COMPANION} == set()
+
+
+def test_no_two_sources_share_a_place_in_a_row() -> None:
+    assert budget_sources[MODEL.name] is MODEL
+    places = [budget_sources[name].place for name in budget_sources]
+    assert len(set(places)) == len(places)
+
+
+def test_the_models_error_is_of_no_best_estimate_and_the_farthest_wake_of_another() -> None:
+    """Shares of one bin by wake. The two numbers of a best estimate are drawn; its ends stand in the bracket alone."""
+    share = {Wake.STEADY: 0.9, Wake.TIME_RESOLVED: 0.1, Wake.ANSWER: 0.5}
+    wakes = Comparison({wake: {"dust": np.full((4, 1), value)} for wake, value in share.items()}, 7.0)
+    estimate = best_estimate("rhombus", 0.125, 1.65e4)
+
+    def parts(wake: WakeEstimate | None, found: Comparison[Wake]) -> Mapping[str, Sequence[BudgetPart]]:
+        pipeline = SimpleNamespace(plan=SimpleNamespace(airflow=SimpleNamespace(wake=wake)))
+        flights = SimpleNamespace(of=lambda source: found)
+        asked = SimpleNamespace(name="dust", shares={"middle": None}, flights=flights, pipeline=pipeline)
+        return MODEL.shares(asked)  # type: ignore[arg-type]
+
+    assert parts(estimate, wakes) == {}
+    laminar = Comparison({wake: wakes.shares[wake] for wake in (Wake.STEADY, Wake.ANSWER)}, 1.0)
+    (part,) = parts(None, laminar)["middle"]
+    assert (part.error, part.note) == (pytest.approx(0.4), "farthest: steady (+40 points)")
+
+
+Array = NDArray[np.int64]
+
+
+@pytest.fixture
+def pipeline(cases: Path, tmp_path: Path) -> Pipeline:
+    scene = Scene.load(cases / "vacuum.toml", {"feed.count": 256})
+    return Pipeline(scene, make_plan(scene), store=Store(tmp_path))
+
+
+def test_a_companion_flies_the_first_replicates_granules_again(pipeline: Pipeline) -> None:
+    whole, part = pipeline.tracks(), pipeline.tracks(Companion("again"))
+    for name in pipeline.scene.fraction:
+        first, again = compared(whole.landings[name]), part.landings[name]
+        assert len(again.bin) == len(whole.landings[name].bin) * COMPARED // REPLICATES
+        for column in ("position", "bin", "replicate", "diameter", "time"):
+            np.testing.assert_array_equal(getattr(first, column), getattr(again, column))
+    assert {"tracks", "again"} <= set(pipeline.seconds)
+    assert pipeline.spent("again") > 0.0
+
+
+def test_differences_are_from_the_answers_own_share() -> None:
+    shares = {
+        Wake.STEADY: {"chaff": np.array([[0.5, 0.5], [0.7, 0.3]])},
+        Wake.ANSWER: {"chaff": np.array([[0.2, 0.8], [0.4, 0.6]])},
+    }
+    found = Comparison(shares, 1.0)
+    assert dict(differences(found, "chaff", 0)) == {Wake.STEADY: pytest.approx(0.3)}
+    assert dict(differences(found, "chaff", 1)) == {Wake.STEADY: pytest.approx(-0.3)}
+    table = found.means(["middle"])
+    assert table["chaff"]["middle"] == {"steady": pytest.approx(0.6), "answer": pytest.approx(0.3)}
+    assert list(table["chaff"]) == ["middle", "elsewhere"]
+
+
+def test_a_share_that_converges_at_second_order_has_its_mesh_error() -> None:
+    """Shares 0.3 + C h^2 on three grids: the interval holds 0.3, whatever the replicates scatter by, since the same
+    granules fly on all of them.
+
+    The answer's own grid is the finest, and last.
+    """
+    scatter = np.array([-0.1, 0.1, -0.1, 0.1])
+    shares = {
+        Grid(place, n): {"chaff": (0.3 + 50.0 / n + scatter)[:, None]} for place, n in ((1, 2000), (2, 900), (0, 4500))
+    }
+    found, (granules, sheddings) = mesh_error(Comparison(shares, 1.0), "chaff", 0)
+    assert granules == sheddings == 0.0
+    assert found.kind == "richardson"
+    assert found.order == pytest.approx(2.0, abs=0.05)
+    assert found.low <= 0.3 <= found.high
+    others = [grid for grid in shares if grid.place]
+    quiet, loud = ({grid: {"chaff": np.array([[3.0], [4.0]]) * half} for grid in others} for half in (2e-5, 2e-3))
+    assert mesh_error(Comparison(shares, 1.0, quiet), "chaff", 0)[0] == found
+    hidden, noise = mesh_error(Comparison(shares, 1.0, loud), "chaff", 0)
+    assert hidden.kind == "range-statistics"
+    np.testing.assert_allclose(noise, [6e-3, 8e-3])  # most of it the sheddings'
+
+
+def landings(places: Array, cycle: NDArray[np.uint16] | None = None) -> Landings:
+    """Granules that ended in bins of the numbers ``places`` (COMPARED, n)."""
+    zero = np.zeros(places.size)
+    return Landings(
+        position=np.zeros((places.size, 2)), bin=places.ravel(), replicate=np.indices(places.shape)[0].ravel(),
+        diameter=zero, fate=zero.astype(np.int8), time=zero, impacts=zero.astype(int),
+        realisation=zero.astype(np.uint8), cycle=zero.astype(np.uint16) if cycle is None else cycle,
+    )  # fmt: skip
+
+
+def test_the_noise_of_a_difference_is_of_granules_that_change_their_bin() -> None:
+    """Half of the granules in either bin: where none moves, one in 2000 is what is unknown, not the sampling's 2 %."""
+    count = 500
+    before = np.tile(np.arange(count) % 2, (COMPARED, 1))
+    same, shed = difference_noise(landings(before), landings(before), 2)
+    assert not shed.any()
+    assert not difference_noise(landings(before), landings(before), 3)[:, 2].any()  # a bin that nobody reaches
+    np.testing.assert_allclose(same[:2], SIGMAS * np.sqrt(2.0) / (COMPARED * count + 2), rtol=1e-12)
+    chance = np.random.default_rng(1)
+    share, halves, moved = 0.05, [], []
+    for _ in range(200):  # 5 % of bin 0 move to bin 1: the interval holds that in 95 % of the samples
+        after = np.where((before == 0) & (chance.random(before.shape) < 2 * share), 1, before)
+        halves.append(difference_noise(landings(before), landings(after), 2)[0, 1])
+        moved.append(np.mean(after == 1) - np.mean(before == 1))
+    held = np.abs(np.array(moved) - share) <= halves
+    assert 0.91 <= held.mean() <= 0.99
+
+
+def test_grids_are_compared_beside_what_their_finite_sheddings_leave() -> None:
+    """Half of the granules of a strong shedding and none of a weak one land in the bin: that is no error of a mesh."""
+
+    def landed(shares: tuple[float, ...]) -> Landings:
+        count, cycles = 400, len(shares)
+        cycle = np.indices((COMPARED, cycles * count))[1].ravel()
+        cycle, within = cycle // count, cycle % count
+        inside = within < np.array(shares)[cycle] * count
+        return landings(np.where(inside, 0, -1).reshape(COMPARED, -1), cycle.astype(np.uint16))
+
+    np.testing.assert_allclose(shedding_noise(landed((0.3, 0.3, 0.3, 0.3)), 1), 0.0, atol=1e-12)
+    wide = shedding_noise(landed((0.5, 0.0, 0.5, 0.0)), 1)
+    expected = student(3) * np.std([0.5, 0.0, 0.5, 0.0], ddof=1) / 2
+    np.testing.assert_allclose(wide, expected)
+    quiet, loud = landed((0.3, 0.3, 0.3, 0.3)), landed((0.5, 0.0, 0.5, 0.0))
+    np.testing.assert_allclose(difference_noise(quiet, loud, 1)[1], wide)  # each wake in time is a sample of its own
+
+
+def part(source: str, error: float | None, kind: str | None = None, **more: float) -> BudgetPart:
+    return BudgetPart(source, error, 1.0, "measured", kind, **more)
+
+
+def inputs(low: float, high: float) -> BudgetPart:
+    return part(INPUTS, max(-low, high), low=low, high=high)
+
+
+def test_independent_parts_add_up_in_squares() -> None:
+    total = whole(0.5, [part("sampling", 0.03), part("mesh", 0.04)], 7.0)
+    assert (total.error, total.numerical, total.seconds) == (pytest.approx(0.05), pytest.approx(0.05), 7.0)
+    assert (total.low, total.high) == (pytest.approx(0.45), pytest.approx(0.55))
+    assert total.note is None
+
+
+def test_a_range_over_inputs_keeps_its_two_arms() -> None:
+    total = whole(0.5, [inputs(-0.08, 0.03), part("sampling", 0.04)], 0.0)
+    assert total.low == pytest.approx(0.5 - math.hypot(0.08, 0.04))
+    assert total.high == pytest.approx(0.5 + math.hypot(0.03, 0.04))
+    assert total.error == pytest.approx(0.5 - total.low)
+    assert total.numerical == pytest.approx(0.04)  # inputs are not computed away
+
+
+def test_a_bound_is_a_rectangular_distribution_and_no_part_of_computing() -> None:
+    total = whole(0.5, [part("lift", 0.01, LEFT_OUT), part("sampling", 0.05)], 0.0)
+    assert total.high == pytest.approx(0.5 + math.hypot(1.959964 / math.sqrt(3.0) * 0.01, 0.05))
+    assert total.numerical == pytest.approx(0.05)
+    assert total.note is None  # small beside the total
+
+
+@pytest.mark.parametrize("kind", [LEFT_OUT, NOT_COMPUTED])
+def test_a_row_says_when_it_is_mostly_a_bound(kind: str) -> None:
+    total = whole(0.5, [part("magnus", 0.2, kind), part("sampling", 0.01)], 0.0)
+    assert total.error == pytest.approx(0.226, abs=1e-3)
+    assert "magnus" in total.note
+
+
+def test_an_unknown_part_leaves_no_total_but_says_what_to_do() -> None:
+    total = whole(0.5, [part("sampling", 0.01), part("mesh", None)], 0.0)
+    assert total.error is None
+    assert (total.low, total.high) == (pytest.approx(0.49), pytest.approx(0.51))  # of what is known
+    assert "mesh" in total.note
+    assert "numerics.rung" in total.note
+
+
+def test_shares_keep_within_nothing_and_everything() -> None:
+    total = whole(0.99, [inputs(-0.5, 0.5)], 0.0)
+    assert (total.low, total.high) == (pytest.approx(0.49), 1.0)
+    assert whole(0.0, [part("sampling", 0.02)], 0.0).low == 0.0
+
+
+def test_a_range_that_leaves_the_answer_out_does_not_turn_its_interval_round() -> None:
+    """All draws lie above the answer: nothing below it but the numerical part."""
+    total = whole(0.5, [inputs(0.02, 0.1), part("sampling", 0.01)], 0.0)
+    assert total.low == pytest.approx(0.49)
+    assert total.high == pytest.approx(0.5 + math.hypot(0.1, 0.01))
+
+
+def test_the_numerical_part_is_neither_inputs_nor_bounds() -> None:
+    parts = [inputs(-0.3, 0.3), part("magnus", 0.2, NOT_COMPUTED), part("steps", 0.03), part("mesh", 0.04)]
+    assert numerical(parts) == pytest.approx(0.05)
+
+
+COUNT = 2**14
+SHIFT = 0.004  # m
+
+
+@pytest.fixture
+def scene() -> Scene:
+    return shipped("rhombus", {"numerics.rung": "none"})
+
+
+def landed(x: np.ndarray, scene: Scene) -> Landings:
+    """Granules on the floor at ``x`` (n,) m."""
+    zero, bins = np.zeros(len(x)), np.full(len(x), -1)
+    for number, place in enumerate(scene.bin.values()):
+        (left, _), (right, _) = place.line(scene.channel)[[0, -1]]
+        bins[(x >= min(left, right)) & (x < max(left, right))] = number
+    position = np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1)
+    return Landings(position, bins, zero.astype(int), zero, zero, zero, zero, zero, zero)
+
+
+def spread(scene: Scene, width: float) -> np.ndarray:
+    """Places of granules spread normally about the middle."""
+    chance = np.random.default_rng(1)
+    return np.clip(width * chance.normal(size=COUNT), -0.45 * scene.channel.width, 0.45 * scene.channel.width)
+
+
+@pytest.mark.parametrize(("alone", "met"), [(0.05, 0.09), (0.09, 0.05), (0.06, 0.06)])
+def test_a_shift_moves_so_much_more_of_a_share(scene: Scene, alone: float, met: float) -> None:
+    """Granules farther or less far apart, all shifted by the same: the factor says what that does to bins."""
+    far, near = spread(scene, met), spread(scene, alone)
+    among = AmongOthers(scene, {"wheat": landed(near, scene)}, {"wheat": landed(far, scene)})
+    moved = []
+    for x in (near, far):  # outward, as faster air or a livelier rebound would
+        before, after = (landed(x + by * np.sign(x), scene).bin for by in (0.0, SHIFT))
+        moved.append(np.mean(before != after))
+    assert among.factor("wheat") == pytest.approx(moved[1] / moved[0], rel=0.25)
+
+
+def test_few_granules_near_an_end_make_no_large_factor(scene: Scene) -> None:
+    nowhere = np.full(COUNT, 0.0)
+    few, many = nowhere.copy(), nowhere.copy()
+    end = scene.bin["middle"].line(scene.channel)[-1][0]
+    few[:4], many[: COUNT // 2] = end, end
+    alone = landed(nowhere, scene)
+    assert 1.0 < AmongOthers(scene, {"a": alone}, {"a": landed(few, scene)}).factor("a") <= 1.5
+    assert AmongOthers(scene, {"a": alone}, {"a": landed(many, scene)}).factor("a") == MOST
+    assert AmongOthers(scene, {"a": landed(many, scene)}, {"a": alone}).factor("a") == 1.0 / MOST

@@ -1,0 +1,237 @@
+"""What the store keeps: cleaning by age and size, keys of the code that a stage is computed by."""
+
+import errno
+import os
+import re
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
+
+import wakeflow
+from wakeflow import Scene
+from wakeflow.cli import main
+from wakeflow.cli.show_stored import MOST_ROWS, show_stages
+from wakeflow.core import sources
+from wakeflow.core.errors import SceneError
+from wakeflow.core.files import link_or_copy, write_json
+from wakeflow.core.store import KeptStage, Store, bytes_of, kept_stages, oldest_beyond, remove_stages
+from wakeflow.pipeline.analytic import duct_field
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.stages import stages
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """Four stages of 1 MB, the first used longest ago; the second is also shown in a run's folder."""
+    store = Store(tmp_path / "cache")
+    for number in range(4):
+
+        def work(part: Path, number: int = number) -> None:
+            (part / "data").write_bytes(bytes(1_000_000))
+            write_json(part / "seconds.json", 10.0 * number)
+
+        folder, _ = store.make("airflow", f"key{number}", work)
+        os.utime(folder / "manifest.json", (1e9 + number, 1e9 + number))
+    link_or_copy(tmp_path / "cache" / "airflow" / "key1" / "data", tmp_path / "run" / "data")
+    return store
+
+
+def test_stages_are_listed_by_age_with_what_they_cost(store: Store) -> None:
+    stages = kept_stages(store.root)
+    assert [one.folder.name for one in stages] == ["key0", "key1", "key2", "key3"]
+    assert [one.seconds for one in stages] == [0.0, 10.0, 20.0, 30.0]
+    assert stages[0].size > 1_000_000 > stages[1].size  # a shared file stays on the disk
+
+
+def test_the_oldest_go_until_little_enough_is_left(store: Store, tmp_path: Path) -> None:
+    gone = remove_stages(oldest_beyond(kept_stages(store.root), 2.1e6))
+    assert [one.folder.name for one in gone] == ["key0"]
+    gone = remove_stages(oldest_beyond(kept_stages(store.root), 1.1e6))
+    assert [one.folder.name for one in gone] == ["key1", "key2"]
+    assert (tmp_path / "run" / "data").stat().st_size == 1_000_000
+    assert [one.folder.name for one in kept_stages(store.root)] == ["key3"]
+
+
+def test_what_was_used_last_stays_longest(store: Store) -> None:
+    """On file systems too that note no reading."""
+    store.make("airflow", "key0", lambda part: None)
+    assert [one.folder.name for one in kept_stages(store.root)] == ["key1", "key2", "key3", "key0"]
+
+
+def test_a_long_list_ends_in_what_it_leaves_out(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    stages = [KeptStage("mesh", tmp_path / f"key{number}", 10**6, 2.0, 1e9 + number) for number in range(MOST_ROWS + 5)]
+    show_stages(stages)
+    told = capsys.readouterr().out
+    assert "5 more" in told
+    assert f"{len(stages)} stages" in told
+
+
+def test_a_stage_that_is_worked_on_stays(store: Store) -> None:
+    from filelock import FileLock
+
+    with FileLock(store.root / "airflow" / "key0.lock"):
+        gone = remove_stages(kept_stages(store.root))
+    assert [one.folder.name for one in gone] == ["key1", "key2", "key3"]
+
+
+def test_clean_prints_and_keeps(
+    store: Store, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(store.root))
+    assert main(["clean"]) == 0
+    out = capsys.readouterr().out
+    assert "4 stages" in out
+    assert "60 s" in out
+    assert main(["clean", "--keep", "1.1MB", "--dry-run"]) == 0
+    assert "3 stages would be removed, 2.0 MB would be freed, 30 s to make again" in capsys.readouterr().out
+    assert len(kept_stages(store.root)) == 4
+    assert main(["clean", "--keep", "1.1MB"]) == 0
+    out = capsys.readouterr().out
+    assert "3 stages removed, 2.0 MB freed, 30 s to make again" in out
+    assert "1 stages" in out
+    assert main(["clean", "--keep", "much"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "size"), [("10GB", 1e10), ("500 MB", 5e8), ("12 B", 12.0), ("1.5k", 1500.0), ("0", 0.0)]
+)
+def test_sizes(text: str, size: float) -> None:
+    assert bytes_of(text) == size
+    with pytest.raises(SceneError, match="no size"):
+        bytes_of(f"-{text}")
+
+
+def test_a_damaged_note_of_the_cost_stops_nothing(store: Store) -> None:
+    (store.root / "airflow" / "key1" / "seconds.json").write_text("")
+    assert [one.seconds for one in kept_stages(store.root)] == [0.0, None, 20.0, 30.0]
+
+
+def test_a_size_without_a_unit_is_refused() -> None:
+    """Whoever writes 10 means gigabytes, and would lose the whole cache."""
+    with pytest.raises(SceneError, match="with its unit"):
+        bytes_of("10")
+
+
+def test_a_link_is_one_file_and_a_copy_where_there_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source, target = tmp_path / "a", tmp_path / "b" / "c"
+    source.write_text("first")
+    link_or_copy(source, target)
+    assert target.samefile(source)
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EXDEV, "another disk")
+
+    monkeypatch.setattr(os, "link", refuse)
+    link_or_copy(source, target)
+    assert target.read_text() == "first"
+    assert not target.samefile(source)
+    assert not list(target.parent.glob(".*"))
+
+
+CODE = {name: stages[name].code for name in stages if stages[name].code}
+STAGES = {**CODE, "kernel": ("wakeflow.tracking.kernel.loop",)}
+
+
+SOME = 6  # modules of a stage that are touched: its key reads all of them each time
+
+
+@pytest.fixture
+def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A copy of the sources that may be edited; keys are made of it."""
+    root = tmp_path / "wakeflow"
+    shutil.copytree(sources.PACKAGE, root, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(sources, "PACKAGE", root)
+    sources.code_key.cache_clear()
+    yield root
+    sources.code_key.cache_clear()
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: Path) -> None:
+    before = sources.code_key(*STAGES[stage])
+    closure = sources.closure(*STAGES[stage])
+    assert set(STAGES[stage]) <= closure
+    for module in sorted(closure)[:: max(1, len(closure) // SOME)]:  # other ones for every stage
+        base = copied.joinpath(*module.split(".")[1:])
+        path = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
+        text = path.read_text()
+        path.write_text(f"{text}# touched\n")
+        sources.code_key.cache_clear()
+        assert sources.code_key(*STAGES[stage]) != before, module
+        path.write_text(text)
+    sources.code_key.cache_clear()
+    assert sources.code_key(*STAGES[stage]) == before
+
+
+def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
+    before = sources.code_key(*CODE["airflow"])
+    for name in ("cli/run.py", "pipeline/tracks.py"):
+        (copied / name).write_text("")
+    sources.code_key.cache_clear()
+    assert sources.code_key(*CODE["airflow"]) == before
+
+
+def test_data_files_of_the_funnel_enter_its_key(copied: Path) -> None:
+    before = sources.code_key(*CODE["funnel"])
+    (copied / "funnel" / "settle.liggghts").write_text("")
+    sources.code_key.cache_clear()
+    assert sources.code_key(*CODE["funnel"]) != before
+
+
+def _ran(work: Callable[[], object]) -> set[str]:
+    """Modules of the package whose code runs in ``work``."""
+    ran: set[str] = set()
+
+    def note(frame: FrameType, event: str, argument: Any) -> None:
+        ran.add(frame.f_globals.get("__name__", ""))
+
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return {module for module in ran if module.startswith("wakeflow.")}
+
+
+def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, tmp_path: Path) -> None:
+    scene = Scene.load(cases / "vacuum.toml").replace({"feed.count": 16})
+    flight = Flight(scene, make_plan(scene), Realisations(None), 1e-4)
+    own = _ran(lambda: flight.fly_all(tmp_path, drawn=True))
+    assert {"wakeflow.pipeline.tracks", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
+    assert own <= sources.closure(*CODE["tracks"])
+
+
+def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path) -> None:
+    scene = Scene.load(cases / "aspirator.toml")
+    own = _ran(lambda: duct_field(scene, turbulent=True))
+    assert {"wakeflow.pipeline.analytic", "wakeflow.field.flow"} <= own
+    assert own <= sources.closure(*CODE["duct"])
+
+
+def test_every_stage_that_a_key_names_is_listed() -> None:
+    folder = sources.PACKAGE / "pipeline"
+    named = {name for path in folder.glob("*.py") for name in re.findall(r'code_of\("([^"]+)"\)', path.read_text())}
+    assert named == set(CODE) - {"funnel"}
+
+
+def test_a_name_that_is_no_module_is_refused() -> None:
+    with pytest.raises(ModuleNotFoundError, match="nowhere is no module of wakeflow"):
+        sources.closure("wakeflow.nowhere")
+
+
+def test_what_a_package_registers_as_it_is_imported_counts() -> None:
+    tracks = sources.closure(*CODE["tracks"])
+    assert {"wakeflow.laws.forces.basic", "wakeflow.laws.forces.lift"} <= tracks
+
+
+def test_names_of_a_package_lead_to_their_modules_only() -> None:
+    assert "wakeflow.field.flow" in sources.closure("wakeflow.field")
+    assert "wakeflow.foam.solver" not in sources.closure("wakeflow.foam.read")
+    assert Path(wakeflow.__file__).parent == sources.PACKAGE

@@ -1,0 +1,331 @@
+"""Granules that meet each other in the slab, and granules that the air feels."""
+
+import json
+import shutil
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from support import loaded_scene, shipped
+from wakeflow.core.errors import SceneError
+from wakeflow.core.store import content_key
+from wakeflow.foam import ladder
+from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.cache import code_of
+from wakeflow.pipeline.landings import Landings
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, load_crowd, step_of
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.coupling import COUPLING
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.terms import COLLISIONS, LOADING
+from wakeflow.scene import Scene
+from wakeflow.statistics.separation import Tally, separate
+
+CALM = {"basset-history": False, "collisions": False}  # history of chaff would refuse the accuracy
+
+
+@pytest.mark.parametrize("name", ["rhombus", "prism", "labyrinth"])
+def test_the_shipped_machines_at_their_feed_load_their_air(name: str) -> None:
+    plan = make_plan(shipped(name))
+    assert plan.airflow.loaded
+    assert any("the air feels the granules" in line for line in plan.used)
+    assert not [row for row in plan.left_out if row.name == LOADING]
+    assert not [line for line in plan.warnings if COUPLING in line]
+    assert all(how.mode == "resolved" for how in plan.fractions.values())  # air before the body is not uniform
+
+
+def test_a_thousandth_of_the_feed_is_left_out_with_its_bound() -> None:
+    plan = make_plan(shipped("rhombus", {"feed.rate": "0.5 kg/hour"}))
+    assert not plan.airflow.loaded
+    rows = {row.fraction: row for row in plan.left_out if row.name == LOADING}
+    assert set(rows) == set(plan.fractions)
+    for name, row in rows.items():
+        assert 0.0 < row.bound <= (plan.fractions[name].limit or 0.0)
+    whole = make_plan(shipped("rhombus"))
+    for name, row in rows.items():  # nearly proportional where it is small
+        assert whole.fractions[name].bounds[LOADING] > 1e3 * (row.bound or 0.0)
+
+
+def test_switches() -> None:
+    tame, full = shipped("rhombus", {"feed.rate": "0.5 kg/hour"}), shipped("rhombus")
+    assert make_plan(tame, force={LOADING: True}).airflow.loaded
+    off = make_plan(full, force={LOADING: False})
+    assert not off.airflow.loaded
+    left = [row for row in off.left_out if row.name == LOADING]
+    assert len(left) == len(full.fraction)
+    assert all(row.why.endswith("switched off by --force") for row in left)
+    assert any(f"too dense for {COUPLING}" in line for line in off.warnings)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "rung", "message"),
+    [
+        ("aspirator", {}, None, "rung analytic has no steady airflow"),
+        ("rhombus", {}, "3d", "rung 3d has no steady airflow"),
+        ("vacuum", {}, None, r"a term of the air; add an \[air\] table"),
+    ],
+)
+def test_where_it_cannot_be_had_it_says_so(name: str, changes: dict[str, Any], rung: str | None, message: str) -> None:
+    asked = shipped(name, changes)
+    with pytest.raises(SceneError, match=f"--force {LOADING}=on: {message}"):
+        make_plan(asked, rung=rung, force={**CALM, LOADING: True})
+
+
+def test_without_a_feed_rate_nobody_knows_how_dense_the_curtain_is() -> None:
+    tables = shipped("rhombus").tables()
+    del tables["feed"]["rate"]
+    plan = make_plan(Scene.parse(tables))
+    assert not plan.airflow.loaded
+    assert all(how.bounds[LOADING] == 0.0 for how in plan.fractions.values())
+    with pytest.raises(SceneError, match=r"has no feed.rate"):
+        make_plan(Scene.parse(tables), force={LOADING: True})
+
+
+def test_air_that_cannot_be_solved_on_keeps_its_bound_and_a_warning() -> None:
+    plan = make_plan(shipped("aspirator"))
+    assert any(line.startswith(f"{LOADING}, left out, could move wheat") for line in plan.warnings)
+
+
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
+    return wf.run(loaded_scene(), tmp_path_factory.mktemp("loaded"), force=CALM)
+
+
+@pytest.mark.openfoam
+def test_the_result_says_what_it_does(loaded: wf.Result) -> None:
+    found, effects = loaded.airflow.loading, loaded.landings.air_loading
+    assert found.passes in (1, 2, 3)
+    assert found.imbalance < 1e-9  # what all boxes feel is what the granules lost
+    assert found.force[1] > 0.0  # against the air, which flows down
+    assert found.force[0] == pytest.approx(0.0, abs=1e-12 * found.force[1])
+    assert 0.7 * found.force[1] < found.given < 1.3 * found.force[1]
+    assert (found.cd.value or 0.0) < 0.97 * (found.cd_without.value or 0.0)
+    for name, places in effects.items():
+        for which in ("without", "loaded"):
+            assert sum(getattr(row, which) for row in places.values()) == pytest.approx(1.0)
+            assert set(places) == {*loaded.landings.separation.bins}, name
+    parts = {part.source: part for row in loaded.budget for part in row.parts if row.quantity.startswith("share.")}
+    assert parts[LOADING].how == "companion"
+    assert "the force moves the share by" in (parts[LOADING].note or "")
+    assert 'id="air-loading"' in (loaded.folder / "report.html").read_text()
+
+
+@pytest.mark.openfoam
+def test_left_out_the_shares_are_those_without(loaded: wf.Result, tmp_path: Path) -> None:
+    """The companion's air is the one of a run in which the term is off; the granules of a comparison are among all."""
+    off = wf.run(loaded_scene(), tmp_path, force={**CALM, LOADING: False, "pressure-gradient": True}, until="airflow")
+    assert loaded.airflow.loading.cd_without.value == off.airflow.cd.value
+    assert off.airflow.loading is None
+
+
+@pytest.mark.openfoam
+def test_the_loaded_air_is_slower_above_the_body_and_its_own_mirror_image(loaded: wf.Result) -> None:
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    bare, field = pipeline.kind.field, pipeline.field[1]
+    axis = np.array([[1e-4, 0.06], [1e-4, 0.1]])
+    assert np.all(field.sample(axis)[0][:, 1] > bare[1].sample(axis)[0][:, 1] + 0.1)  # downward: less negative
+    places = np.array([[0.013, 0.05], [0.04, 0.02], [0.07, -0.06]])
+    right, left = field.sample(places)[0], field.sample(places * (-1.0, 1.0))[0]
+    np.testing.assert_allclose(left, right * (-1.0, 1.0), atol=1e-9)
+    density = pipeline.loading.passes[-1].force.density
+    np.testing.assert_array_equal(density, density[:, ::-1] * (-1.0, 1.0))
+    assert field.divergence().rms < 1.5 * bare[1].divergence().rms + 1e-3
+
+
+@pytest.mark.openfoam
+def test_it_comes_from_the_cache_and_its_keys_follow_the_feed(loaded: wf.Result) -> None:
+    again = wf.run(loaded_scene(), loaded.folder, force=CALM)
+    assert all(stage.cached for stage in again.seconds.values())
+    assert again.table["separation"] == loaded.table["separation"]
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    keys = {path.name for path in (pipeline.store.root / "loaded-airflow").iterdir() if path.is_dir()}
+    assert {one.key for one in pipeline.loading.passes} <= keys
+    case = pipeline.loading.passes[-1].folder / "case"
+    assert json.loads((case / "airflow.json").read_text())["verdict"] == "steady"
+
+
+@pytest.mark.openfoam
+def test_an_airflow_in_time_gets_the_change_of_the_steady_one(loaded: wf.Result) -> None:
+    """Added to any field of the channel: the same change of the mean, nothing of the fluctuation."""
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    bare = pipeline.kind.field
+    steady, phase = bare[1], np.arange(8) / 8 * 2 * np.pi
+    swing = 1.0 + 0.1 * np.cos(phase)
+    moving = wf.FlowField.from_arrays(
+        steady.points, steady.triangles, swing[:, None, None] * steady.velocity,
+        times=0.01 * phase, period=0.02 * np.pi, density=steady.density, viscosity=steady.viscosity,
+    )  # fmt: skip
+    changed = pipeline.loading.apply(moving)
+    change = pipeline.field[1].velocity - steady.velocity
+    np.testing.assert_allclose(changed.velocity - moving.velocity, np.broadcast_to(change, moving.velocity.shape))
+
+
+@pytest.mark.openfoam
+def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
+    """As tests/planning/test_plan_gate.py has it of the other terms, without random forces."""
+    asked = loaded_scene()
+    plan = make_plan(asked, force=CALM)
+    pipeline = Pipeline(asked, plan)
+    bare = pipeline.kind.field
+    calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
+    grains = feedstock(asked, calm, "chaff", None).granules
+    ends = [
+        Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position
+        for air in (bare[1], pipeline.field[1])
+    ]
+    shift = np.percentile(np.linalg.norm(ends[1] - ends[0], axis=1) / asked.width, 95)
+    bound = plan.fractions["chaff"].bounds[LOADING]
+    assert shift <= bound <= 30.0 * shift
+
+
+@pytest.mark.openfoam
+def test_where_safer_settings_served_the_change_counts_from_such_air(
+    loaded: wf.Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Told that others served under the force, it solves the air once more without: which is the air there was."""
+    asked = loaded_scene()
+    pipeline = Pipeline(asked, make_plan(asked, force=CALM))
+    bare, loading = pipeline.kind.field, pipeline.loading
+    last, usual = loading.passes[-1], Pipeline(asked, make_plan(asked, force=CALM)).loading
+    assert usual.key == content_key("loaded", bare[0], last.key, code_of("field"), code_of("change"))
+    monkeypatch.setattr(ladder, "schemes_in", lambda case: "careful" if last.folder in case.parents else "normal")
+    back = loading.apply(loading.field_in(last.folder)).velocity - bare[1].velocity
+    change = loading.field_in(last.folder).velocity - bare[1].velocity
+    assert np.sqrt(np.mean((back - 2.0 * change) ** 2)) < 0.02 * np.sqrt(np.mean(change**2))
+    assert loading.key != usual.key
+
+
+DENSE, TRICKLE = 0.2, 1e-3  # kg/s and metre of depth
+
+
+def fed(rate: float, **more: Any) -> Scene:
+    """Two granules of equal size that collide in a vacuum."""
+    return shipped("vacuum", {"feed.rate": rate, "feed.count": 512, **more})
+
+
+@cache
+def pipeline(rate: float) -> Pipeline:
+    scene = fed(rate)
+    return Pipeline(scene, make_plan(scene, force={COLLISIONS: True}))
+
+
+def crowd(rate: float) -> SlabFound:
+    found = pipeline(rate).crowd()
+    assert found is not None
+    return found
+
+
+def test_every_granule_of_steady_operation_lands_once_and_weighs_by_its_mass() -> None:
+    scene, found = pipeline(DENSE).scene, crowd(DENSE)
+    for name, landing in found.landings.items():
+        assert landing.weight is not None
+        assert landing.meetings is not None
+        shares = landing.counts(len(scene.bin))
+        np.testing.assert_allclose(shares.sum(axis=1), 1.0)
+        assert landing.size == pytest.approx(len(landing.bin))  # all of one size
+        assert set(landing.replicate) == set(range(found.replicates))
+        assert landing.mass_shares.sum() == pytest.approx(1.0), name
+
+
+def test_a_trickle_lands_as_granules_alone_do_and_a_dense_feed_does_not() -> None:
+    scene = pipeline(DENSE).scene
+    alone = separate(scene, pipeline(DENSE).tracks().landings).share("hard", "far")
+    few = separate(scene, crowd(TRICKLE).landings).share("hard", "far")
+    many = separate(scene, crowd(DENSE).landings).share("hard", "far")
+    assert few[1] <= alone[2]
+    assert alone[1] <= few[2]
+    assert many[2] < alone[1]  # crowding costs
+    meetings = {rate: crowd(rate).landings["hard"].meetings.mean() for rate in (TRICKLE, DENSE)}  # type: ignore[union-attr]
+    assert meetings[TRICKLE] < 0.1 * meetings[DENSE]
+
+
+def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_has_found(tmp_path: Path) -> None:
+    scene = fed(TRICKLE)
+    flight = SlabFlight(scene, make_plan(scene, force={COLLISIONS: True}), Realisations(None), 0.03, 0.2, 0.3, 1e-3)
+    flight.fly_all(tmp_path, 2)
+    stopped, given = tmp_path / "stopped", tmp_path / "given"
+    stopped.mkdir()
+    given.mkdir()
+    shutil.copy(tmp_path / "replicate-0.npz", stopped)
+    told: list[str] = []
+    replace(flight, tell=told.append).fly_all(stopped, 2)
+    assert told == ["replicate 2", "2 of 2 replicates"]
+    replace(flight, step=step_of(tmp_path)).fly_all(given, 2)
+    one = load_crowd(tmp_path, scene, 2)
+    assert one.step_error < 1e-3
+    for other in (load_crowd(folder, scene, 2) for folder in (stopped, given)):
+        assert one.step == other.step
+        for name in scene.fraction:
+            np.testing.assert_array_equal(one.landings[name].position, other.landings[name].position)
+
+
+def test_a_first_replicate_that_fails_before_its_step_is_known_says_why(tmp_path: Path) -> None:
+    scene = fed(DENSE)
+    flight = SlabFlight(scene, make_plan(scene, force={COLLISIONS: True}), Realisations(None), 1.5e-3, 0.2, 0.3, 1e-3)
+    with pytest.raises(wf.SceneError, match="less than the largest granule"):
+        flight.fly_all(tmp_path, 2)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_weight_counts_as_so_many_granules() -> None:
+    none = np.zeros(4, dtype=int)
+    replicate = np.array([0, 0, 1, 1])
+    plain = (np.zeros((4, 2)), np.array([0, 0, 1, 0]), replicate, none, none, none, none, none, none)
+    landing = Landings(*plain, weight=np.array([3.0, 1.0, 1.0, 1.0]))
+    np.testing.assert_allclose(landing.counts(2), [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0]])
+    tally = Tally.every(landing, 2, 1)[0]
+    np.testing.assert_allclose(tally.samples, [1.0, 0.5])
+    assert landing.size == 6.0
+    np.testing.assert_allclose(landing.mass_shares, [0.5, 1 / 6, 1 / 6, 1 / 6])
+
+
+def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from wakeflow.cli.show_result import show_result
+
+    scene = pipeline(DENSE).scene
+    result = wf.run(scene, tmp_path)
+    assert result.landings.slab is not None
+    assert result.landings.without_collisions is not None
+    met = separate(scene, crowd(DENSE).landings)
+    alone = separate(scene, pipeline(DENSE).tracks().landings)
+    for found, counted in ((result.landings.separation, met), (result.landings.without_collisions, alone)):
+        (value, low, high), (share, least, most) = found.share("hard", "far"), counted.share("hard", "far")
+        assert value == share
+        assert low < least < most < high  # the total holds what the samples leave
+    assert wf.Result.load(tmp_path).to_json() == result.table
+    assert json.loads((tmp_path / "result.json").read_text())["slab"]["replicates"] == crowd(DENSE).replicates
+    sources = {part.source for row in result.budget for part in row.parts}
+    assert {"sampling", "slab-time-step", "slab-depth"} <= sources
+    assert COLLISIONS not in sources
+    assert "share without collisions (%)" in (tmp_path / "separation.csv").read_text().splitlines()[0]
+    assert "What crowding costs" in (tmp_path / "report.html").read_text()
+    show_result(result)
+    out = capsys.readouterr().out
+    assert "granules colliding" in out
+    assert "without collisions" in out
+    off = wf.run(scene, tmp_path / "off", force={COLLISIONS: False})
+    assert off.landings.slab is None
+    assert "slab" not in off.table
+    (value, low, high), (share, least, most) = off.share("hard", "far"), alone.share("hard", "far")
+    assert value == share
+    assert low <= least < most <= high  # not known for meetings left out of so dense a feed: it may be all
+    assert COLLISIONS in {part.source for row in off.budget for part in row.parts}
+
+
+def test_replicates_without_a_fraction_are_taken_together() -> None:
+    fraction, replicate = np.array([0, 0, 0, 0, 1, 1]), np.array([0, 1, 2, 3, 0, 3])
+    one = np.zeros(6, dtype=int)
+    assert _grouped(fraction, replicate, one, 2).tolist() == [0, 1, 0, 1, 0, 1]
+    assert _grouped(fraction, replicate, np.array([0, 1, 2, 3, 0, 3]), 2).tolist() == replicate.tolist()
+    every = np.array([0, 0, 0, 0, 1, 1, 1, 1]), np.array([0, 1, 2, 3, 0, 1, 2, 3])
+    assert _grouped(*every, np.zeros(8, dtype=int), 2).tolist() == every[1].tolist()

@@ -1,0 +1,340 @@
+"""Shares, purities and recoveries of landings; regression on the inputs; convergence over grids."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import norm, qmc
+
+from wakeflow.core.errors import SceneError
+from wakeflow.pipeline.landings import Landings
+from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
+from wakeflow.scene import Scene
+from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
+from wakeflow.statistics.inputs import regressed
+from wakeflow.statistics.separation import separate, share_interval
+
+
+def landings(bins: np.ndarray, replicates: int = 16) -> Landings:
+    n = len(bins)
+    zero = np.zeros(n)
+    return Landings(
+        position=np.zeros((n, 2)),
+        bin=bins,
+        replicate=np.arange(n) % replicates,
+        diameter=zero,
+        fate=np.zeros(n, dtype=int),
+        time=zero,
+        impacts=np.zeros(n, dtype=int),
+        realisation=np.zeros(n, dtype=int),
+        cycle=np.zeros(n, dtype=int),
+    )
+
+
+@pytest.fixture
+def scene(cases: Path) -> Scene:
+    return Scene.load(cases / "vacuum.toml").replace(
+        {"fraction.soft.mass_share": 0.25, "fraction.hard.mass_share": 0.75, "feed.rate": "3600 kg/hour"}
+    )
+
+
+def test_shares_purity_recovery_throughput(scene: Scene) -> None:
+    soft = np.repeat([0, 1, -1, 0], 160)  # half near, a quarter far, a quarter elsewhere
+    hard = np.repeat([1, 1, 1, 0], 160)
+    found = separate(scene, {"soft": landings(soft), "hard": landings(hard)})
+    assert found.bins == ("near", "far", "elsewhere")
+    assert [found.fractions["soft"][place].value for place in found.bins] == [0.5, 0.25, 0.25]
+    for shares in found.fractions.values():
+        assert sum(share.value for share in shares.values()) == pytest.approx(1.0)
+        assert all(share.low <= share.value <= share.high for share in shares.values())
+    recovery, purity = found.recovery["soft"], found.purity["near"]
+    assert recovery.value == 0.5
+    near_soft, near_hard = 0.25 * 0.5, 0.75 * 0.25
+    assert purity["soft"].value == pytest.approx(near_soft / (near_soft + near_hard))
+    assert found.throughput["near"] == pytest.approx(3600 * (near_soft + near_hard))
+    assert sum(found.throughput.values()) == pytest.approx(3600)
+
+
+def test_an_empty_bin_has_no_purity_and_still_an_upper_limit(scene: Scene) -> None:
+    found = separate(scene, {"soft": landings(np.zeros(640, int)), "hard": landings(np.zeros(640, int))})
+    assert found.purity["far"] is None
+    assert found.fractions["soft"]["far"].value == 0.0
+    assert 0.003 < found.fractions["soft"]["far"].high < 0.01  # Wilson: z^2 / (n + z^2) = 0.006
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(1)
+    covered = 0
+    for _ in range(400):
+        samples = rng.binomial(64, 0.3, size=16) / 64
+        _, low, high = share_interval(samples, 1024)
+        covered += low <= 0.3 <= high
+    assert 0.92 <= covered / 400 <= 0.98
+
+
+def test_balanced_samples_do_not_pretend_to_be_exact() -> None:
+    """With the real sampler: the interval of a share covers it at least as often as it says, for cuts anywhere."""
+    from wakeflow.injection.birth import samples
+
+    covered = total = 0
+    for seed in range(40):
+        points, replicate = samples("a", 1024, seed)
+        for cut in (0.2503, 0.5, 0.61, 0.013):
+            shares = np.array([np.mean(points[replicate == r, 0] < cut) for r in range(16)])
+            _, low, high = share_interval(shares, len(points))
+            covered += low <= cut <= high
+            total += 1
+    assert covered / total >= 0.95
+
+
+def test_purity_of_a_nearly_pure_bin_admits_what_was_not_seen(scene: Scene) -> None:
+    """Truth 0.957: few granules of the rarer fraction reach the bin, often none; the interval must still hold it."""
+    rng = np.random.default_rng(3)
+    n, p_soft, p_hard = 4096, 0.01, 5e-5
+    truth = 0.25 * p_soft / (0.25 * p_soft + 0.75 * p_hard)
+    covered = 0
+    for _ in range(60):
+        soft, hard = (np.where(rng.random(n) < p, 1, 0) for p in (p_soft, p_hard))
+        purity = separate(scene, {"soft": landings(soft), "hard": landings(hard)}).purity["far"]
+        low, high = purity["soft"].low, purity["soft"].high
+        assert high is not None
+        covered += low <= truth <= high
+    assert covered >= 54
+
+
+DRAWS = 64
+
+
+def points(dimensions: int, seed: int) -> np.ndarray:
+    """Where draws lie, as in ``pipeline.draws``."""
+    sobol = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
+    return np.clip(norm.ppf(sobol.random(DRAWS)), -FARTHEST, FARTHEST)
+
+
+def known(count: int) -> list[Unknown]:
+    return [Unknown(f"number-{i}", "size", 1.0, 0.1, 0.1, "1", "the test") for i in range(count)]
+
+
+def test_a_straight_response_has_the_range_of_a_sum_of_normal_numbers() -> None:
+    slopes = np.array([0.02, -0.05, 0.0, 0.01])
+    z = points(4, 1)
+    found = regressed(z, z @ slopes, np.zeros(DRAWS), known(4))
+    half = SIGMAS * float(np.linalg.norm(slopes))
+    assert found.high == pytest.approx(half, rel=0.05)
+    assert found.low == pytest.approx(-half, rel=0.05)
+    first = found.effects[0]
+    assert first.unknown.key == "number-1"
+    assert first.half == pytest.approx(SIGMAS * 0.05)
+    assert first.share == pytest.approx(25.0 / 30.0, abs=0.06)  # of 64 draws' own variances
+    assert sum(effect.share for effect in found.effects) == pytest.approx(1.0)
+
+
+def test_what_never_changes_has_no_range() -> None:
+    found = regressed(points(3, 1), np.zeros(DRAWS), np.zeros(DRAWS), known(3))
+    assert (found.low, found.high, found.effects) == (0.0, 0.0, ())
+
+
+@pytest.mark.parametrize("granules", [32, 128])
+def test_few_granules_a_draw_are_no_part_of_the_range(granules: int) -> None:
+    """The change of a share from few granules, each moved or not by chance: over many tries the ranges hold what they
+    say of the response itself, though the changes scatter by more.
+    """
+    slopes, held = np.array([0.04, 0.03, 0.02, 0.01, 0.01]), []
+    spread = float(np.linalg.norm(slopes))
+    for seed in range(30):
+        z, chance = points(5, seed), np.random.default_rng(seed)
+        moved = chance.random((DRAWS, granules)) < (0.3 + z @ slopes)[:, None]
+        found = regressed(z, moved.mean(axis=1) - 0.3, moved.var(axis=1) / granules, known(5))
+        held.append(norm.cdf(found.high / spread) - norm.cdf(found.low / spread))
+    assert 0.93 <= np.mean(held) <= 0.975
+
+
+def test_the_range_holds_what_it_says_of_responses_that_are_not_straight() -> None:
+    """Shares in a bin of granules that land about a place which the inputs move, some of them by bends: over many such
+    bins 93 to 97.5 % of fresh draws lie within.
+    """
+    held = []
+    for seed in range(40):
+        chance = np.random.default_rng(seed)
+        many = int(chance.integers(5, 12))
+        slopes = chance.normal(size=many) * np.exp(chance.normal(size=many))
+        slopes *= math.exp(chance.uniform(-2.0, 0.4)) / np.linalg.norm(slopes)
+        bends = np.outer(slopes, slopes) * chance.normal(size=(many, many)) * 0.2
+        spread, edge = math.exp(chance.uniform(-1.5, 0.7)), chance.normal()
+
+        def share(z: np.ndarray, slopes=slopes, bends=bends, spread=spread, edge=edge) -> np.ndarray:
+            return norm.cdf((z @ slopes + ((z @ bends) * z).sum(axis=1) - edge) / spread)
+
+        z = points(many, seed)
+        own = float(share(np.zeros((1, many)))[0])
+        found = regressed(z, share(z) - own, np.zeros(DRAWS), known(many))
+        fresh = np.clip(chance.standard_normal((500, many)), -FARTHEST, FARTHEST)
+        change = share(fresh) - own
+        held.append(np.mean((change >= found.low) & (change <= found.high)))
+    assert 0.93 <= np.mean(held) <= 0.975
+
+
+# NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids
+NASA = ([1.0, 2.0, 4.0], [0.97050, 0.96854, 0.96178])
+# Celik et al. 2008, table 1: backward-facing step; cell counts 18000, 8000, 4500 and 18000, 4500, 980
+CELIK = ([1.0, 1.5, 1.5 * 4 / 3], [6.063, 5.972, 5.863])
+CELIK_SLOW = ([1.0, 2.0, 2.0 * 2.143], [10.7880, 10.7250, 10.6050])
+CELIK_OSCILLATING = ([1.0, 2.0, 2.0 * 2.143], [6.0042, 5.9624, 6.0909])
+
+
+def test_nasa_example() -> None:
+    found = estimate(*NASA)
+    assert found.kind == "richardson"
+    assert found.order == pytest.approx(1.786170, abs=1e-6)
+    assert found.extrapolated == pytest.approx(0.971300, abs=1e-6)
+    assert 100 * found.gci_fine / 0.97050 == pytest.approx(0.103083, abs=1e-6)
+    assert 100 * found.gci_coarse / 0.96854 == pytest.approx(0.356249, abs=1e-6)
+    assert found.asymptotic == pytest.approx(0.356249 * 0.96854 / (2**1.786170 * 0.103083 * 0.97050), rel=1e-5)
+    assert (found.low, found.value, found.high) == pytest.approx((0.9695, 0.9705, 0.9715), abs=1e-5)
+
+
+def test_celik_example_with_unequal_ratios() -> None:
+    found = estimate(*CELIK)
+    assert found.order == pytest.approx(1.53, abs=0.01)
+    assert found.extrapolated == pytest.approx(6.1685, abs=2e-3)
+    assert 100 * found.gci_fine / 6.063 == pytest.approx(2.17, abs=0.03)
+
+
+def test_celik_example_below_first_order() -> None:
+    found = estimate(*CELIK_SLOW)
+    assert found.order == pytest.approx(0.75, abs=0.01)
+    assert found.extrapolated == pytest.approx(10.8801, abs=1e-3)
+    assert 100 * found.gci_fine / 10.788 == pytest.approx(1.1, abs=0.05)
+
+
+def test_oscillating_values_give_three_times_their_range() -> None:
+    found = estimate(*CELIK_OSCILLATING)
+    assert found.kind == "range-oscillating"
+    assert found.order is None
+    half = 3 * (6.0909 - 5.9624)
+    assert (found.low, found.value, found.high) == pytest.approx((6.0042 - half, 6.0042, 6.0042 + half), rel=1e-12)
+    assert "3 times the range" in found.why
+
+
+def test_an_order_above_the_formal_one_enters_the_index_as_the_formal_one() -> None:
+    """Cells 1.5 apart, order 2.45: 1.25 |f1 - f2| / (1.5^p - 1) is 0.037 with that order, 0.050 with 2."""
+    near, sizes = 0.05, [1.0, 1.5, 2.25]
+    values = [1.0, 1.0 - near, 1.0 - near - near * 1.5**2.45]
+    found = estimate(sizes, values)
+    assert found.order == pytest.approx(2.45, rel=1e-9)
+    assert 1.25 * near / (1.5**found.order - 1) == pytest.approx(0.037, abs=5e-4)
+    assert found.gci_fine == pytest.approx(0.050, rel=1e-9)
+    assert found.high - found.value == pytest.approx(0.050, rel=1e-9)
+    assert found.extrapolated == pytest.approx(1.0 + near / (1.5**2 - 1), rel=1e-12)
+    assert found.asymptotic == pytest.approx(1.5**0.45, rel=1e-9)
+    assert "counted as 2" in found.why
+    third = estimate(sizes, values, formal=3.0)
+    assert third.gci_fine == pytest.approx(1.25 * near / (1.5**2.45 - 1), rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 1.7, 2.0])
+@pytest.mark.parametrize("ratios", [(1.2, 1.2), (1.5, 2.0), (2.0, 1.3)])
+def test_a_power_law_gives_its_order_and_limit(order: float, ratios: tuple[float, float]) -> None:
+    sizes = [0.1, 0.1 * ratios[0], 0.1 * ratios[0] * ratios[1]]
+    values = [3.0 - 0.5 * h**order for h in sizes]
+    assert observed_order(sizes, values) == pytest.approx(order, rel=1e-9)
+    found = estimate(sizes[::-1], values[::-1])  # any sequence
+    assert found.kind == "richardson"
+    assert found.extrapolated == pytest.approx(3.0, rel=1e-12)
+    assert found.value == values[0]
+    assert found.low < values[0] < 3.0 < found.high
+    assert found.high - found.value == pytest.approx(1.25 * (3.0 - values[0]), rel=1e-9)
+    assert found.asymptotic == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(("order", "times"), [(0.2, 3.0), (3.5, 1.25)])
+def test_implausible_orders_give_a_multiple_of_the_range(order: float, times: float) -> None:
+    values = [1.0 + 0.5 * h**order for h in (1.0, 1.5, 2.25)]
+    found = estimate([1.0, 1.5, 2.25], values)
+    assert found.kind == "range-oscillating"
+    assert "order" in found.why
+    half = times * (max(values) - min(values))
+    assert (found.low, found.high) == pytest.approx((values[0] - half, values[0] + half), rel=1e-12)
+    assert estimate([1.0, 1.5, 2.25], values, formal=4.0).kind == ("richardson" if order > 3 else "range-oscillating")
+
+
+def test_diverging_values_give_three_times_their_range() -> None:
+    assert observed_order([1, 2, 4], [1.0, 1.5, 1.6]) is None
+    found = estimate([1, 2, 4], [1.0, 1.5, 1.6])
+    assert found.kind == "range-oscillating"
+    assert "do not shrink" in found.why
+    assert (found.low, found.high) == pytest.approx((1.0 - 1.8, 1.0 + 1.8))
+
+
+def test_two_grids_assume_the_order_and_take_factor_three() -> None:
+    found = estimate([1.0, 1.5], [2.0, 2.1])
+    assert found.kind == "two-grid"
+    assert found.order is None
+    assert found.high - found.value == pytest.approx(3 * 0.1 / (1.5**2 - 1))
+    assert found.extrapolated == pytest.approx(extrapolate([1.0, 1.5], [2.0, 2.1], 2.0))
+
+
+def test_noise_above_a_third_of_the_difference_forbids_extrapolation() -> None:
+    sizes, values = [1.0, 2.0, 4.0], [1.01, 1.04, 1.16]
+    quiet = estimate(sizes, values, [0.009, 0.002, 0.002])
+    assert quiet.kind == "richardson"
+    exact = estimate(sizes, values)
+    assert exact.gci_fine is not None
+    assert quiet.high - quiet.value == pytest.approx(np.hypot(exact.gci_fine, 0.009))
+    loud = estimate(sizes, values, [0.011, 0.002, 0.002])
+    assert loud.kind == "range-statistics"
+    assert (loud.low, loud.high) == pytest.approx((0.999, 1.162))
+    assert "0.011" in loud.why
+
+
+def test_of_two_grids_noise_is_added_to_what_they_differ_by() -> None:
+    """No step where the difference drops below its noise: the error never grows as the noise falls."""
+    halves = [estimate([1.0, 1.5], [2.0, 2.1], [0.0, noise]) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
+    bands = [found.high - found.value for found in halves]
+    gci = 3 * 0.1 / (1.5**2 - 1)
+    assert bands == pytest.approx([np.hypot(gci, noise) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)])
+    assert [found.extrapolated is None for found in halves] == [True, True, False, False, False]
+    assert all(found.why.startswith("statistical half width") for found in halves[:2])
+    assert [found.noise for found in halves] == pytest.approx(
+        [noise * np.hypot(3 / (1.5**2 - 1) / SIGMAS, 1.0) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
+    )
+    same = estimate([1.0, 1.5], [1.0, 1.0], [1e-3, 1e-3])
+    assert same.high - same.value == pytest.approx(np.hypot(1e-3, 1e-3))
+
+
+def test_statistical_intervals_are_inside_the_band() -> None:
+    found = estimate([1, 2, 4], [1.0, 1.2, 1.1], [0.01, 0.02, 0.01])
+    assert found.kind == "range-oscillating"
+    assert found.high - found.value == pytest.approx(np.hypot(3 * 0.2, 0.01))
+    assert found.value - found.low == pytest.approx(np.hypot(3 * 0.2, 0.01))
+
+
+def test_grids_that_agree_have_no_error() -> None:
+    found = estimate([1, 2, 4], [1.0, 1.0, 1.0])
+    assert (found.low, found.value, found.high) == (1.0, 1.0, 1.0)
+    zero = estimate([1, 2, 4], [0.0, 0.0, 0.0])
+    assert (zero.low, zero.high) == (0.0, 0.0)
+
+
+def test_only_the_three_finest_count() -> None:
+    assert estimate([8, 4, 2, 1], [9.9, *NASA[1][::-1]]).order == pytest.approx(1.786170, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "values", "words"),
+    [
+        ([1.0], [1.0], "at least two"),
+        ([1.0, 1.05], [1.0, 1.1], "at least 1.1 times"),
+        ([1.0, 2.0], [1.0, 1.1, 1.2], "as many"),
+        ([1.0, 2.0], [1.0, float("nan")], "finest first"),
+        ([0.0, 2.0], [1.0, 1.1], "finest first"),
+    ],
+)
+def test_what_is_no_grid_study_is_refused(sizes: list[float], values: list[float], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        estimate(sizes, values)
+
+
+def test_cell_size_is_the_edge_of_the_mean_cell() -> None:
+    assert cell_size(2.0, 800) == pytest.approx(0.05)
