@@ -21,8 +21,7 @@ from ..core.registry import Registry
 from ..core.tables import Columns, frame_of
 from ..funnel.rate import FunnelSummary
 from ..injection.impact_loads import ImpactSummary
-from ..meshing.spec import MeshReport
-from ..pipeline.airflow import Airflow
+from ..pipeline.airflow import Airflow, MeshReport
 from ..pipeline.cache import StageTime
 from ..planning.plan import Plan
 from ..planning.terms import AIR

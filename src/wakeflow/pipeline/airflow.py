@@ -12,6 +12,7 @@ from ..field.modes import Truncation
 from ..foam.airflow_result import AirflowResult, SuctionZone
 from ..laws.best_estimate import WakeEstimate
 from ..laws.momentum import momentum_pressure
+from ..meshing.spec import MeshReport as MeshReport  # handed on
 
 if TYPE_CHECKING:
     from ..scene import Scene

@@ -24,8 +24,7 @@ from ..core.graded import gravest_first
 from ..core.process import beside, cores
 from ..core.tables import save_arrays
 from ..funnel.rate import FunnelSummary
-from ..meshing.spec import MeshReport
-from ..pipeline.airflow import Airflow
+from ..pipeline.airflow import Airflow, MeshReport
 from ..pipeline.pipeline import Pipeline
 from ..scene import Scene
 from ..statistics.inputs import Inputs, inputs_of

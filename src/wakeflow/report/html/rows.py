@@ -22,8 +22,7 @@ from ..words import NO_VALUE
 
 if TYPE_CHECKING:
     from ...funnel.rate import FunnelSummary
-    from ...meshing.spec import MeshReport
-    from ...pipeline.airflow import Airflow
+    from ...pipeline.airflow import Airflow, MeshReport
 
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
 QUANTITIES = {  # of a material: name, unit
