@@ -254,7 +254,7 @@ def test_the_table_holds_what_the_result_holds(folder: Path) -> None:
     assert result.landings.inputs["fraction.hard.restitution"].high == pytest.approx(0.55)
     with (folder / "sensitivity.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    assert tuple(rows[0]) == COLUMNS
+    assert tuple(rows[0]) == tuple(COLUMNS)
     own = [row for row in rows if row["quantity"] == "share.hard.near"]
     assert {row["input"] for row in own} == {
         "fraction.hard.restitution", "fraction.hard.friction", "fraction.hard.size", "feed.width", "feed.position",

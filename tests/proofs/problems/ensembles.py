@@ -115,21 +115,21 @@ def cell_flow(points: Array) -> Array:
     return np.stack([np.sin(x) * np.cos(y), -np.cos(x) * np.sin(y)], axis=1)
 
 
-OMEGA, LAGS = 20.0, np.array([1e-4, 0.01, 0.05, 0.25, 5.0])
-RESPONSE = np.concatenate([1 / np.hypot(1, OMEGA * LAGS), np.arctan(OMEGA * LAGS)])
+SWING, LAGS = 20.0, np.array([1e-4, 0.01, 0.05, 0.25, 5.0])
+RESPONSE = np.concatenate([1 / np.hypot(1, SWING * LAGS), np.arctan(SWING * LAGS)])
 
 
 @number(
     "response-to-swinging-air", "amplitude 1 / sqrt(1 + (omega tau)^2) and lag atan(omega tau) in air that swings",
     "Hjelmfelt, A.T. & Mockros, L.F. 1966, Appl. Sci. Res. 16, 149, Stokes drag only", "affine time-dependent drag",
-    tuple(f"{what}, omega tau = {OMEGA * lag:g}" for what in ("amplitude", "lag") for lag in LAGS),
+    tuple(f"{what}, omega tau = {SWING * lag:g}" for what in ("amplitude", "lag") for lag in LAGS),
     RESPONSE - 1e-4, RESPONSE + 1e-4, RESPONSE,
 )  # fmt: skip
 def response_to_swinging_air(tolerance: float) -> Array:
-    knots, period, speed = 400, 2 * np.pi / OMEGA, 0.3
+    knots, period, speed = 400, 2 * np.pi / SWING, 0.3
     mesh, times = box(2), np.arange(knots) * period / knots
     values = np.zeros((knots, len(mesh[0]), 2))
-    values[..., 0] = speed * np.sin(OMEGA * times)[:, None]
+    values[..., 0] = speed * np.sin(SWING * times)[:, None]
     field = field_on(mesh, values, times=times, period=period)
     amplitude, lag = RESPONSE[: len(LAGS)] * speed, RESPONSE[len(LAGS) :]
     # born on the steady oscillation and seen a quarter of a period apart: two numbers for two unknowns
