@@ -147,7 +147,7 @@ import json, sys
 from pathlib import Path
 from wakeflow.core.store import Store
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning import span
+from wakeflow.laws import span
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 span.START_UP = 4.0
