@@ -54,7 +54,7 @@ def run(
     on from that of the run in the folder ``near``, whatever its mesh, speed or size, else from rest; the answer depends
     on it within what it may move once it counts as steady, and is kept apart. With a ``target_error`` the
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
-    (:mod:`wakeflow.runs.refine`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
+    (:mod:`.refine`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
     time: ``print`` serves, and a notebook shows a bar by itself; ``planned(plan)`` hears before of what will be done.
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
