@@ -100,7 +100,7 @@ def test_rhombus_gives_a_whole_answer(rhombus_run: wf.Result) -> None:
 @pytest.mark.openfoam
 def test_what_is_recovered_in_one_bin_is_the_share_there(rhombus_run: wf.Result) -> None:
     found, share = rhombus_run.landings.separation.recovery["dust"], rhombus_run.share("dust", "middle")
-    assert (found.value, found.low, found.high) == share
+    assert [found.value, found.low, found.high] == [*share]
 
 
 @pytest.mark.openfoam
