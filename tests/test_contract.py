@@ -28,6 +28,7 @@ def commands() -> Iterator[str]:
 
 def scene_keys() -> Iterator[str]:
     """``key TABLE.key``; ``*`` is a name of the user's."""
+    from wakeflow.scene.overrides import FORMER
     from wakeflow.scene.schema import scene_schema
 
     schema = scene_schema()
@@ -44,6 +45,7 @@ def scene_keys() -> Iterator[str]:
                 yield from walk(value, (*path, "*"), seen)
 
     yield from walk(schema, (), ())
+    yield from (f"key {key}" for key in FORMER if "*" not in key)
 
 
 def names() -> Iterator[str]:

@@ -120,7 +120,7 @@ def test_the_cost_is_cells_by_steps() -> None:
 
 
 def test_the_plan_states_the_cost_before_and_takes_the_scenes_span(rhombus: Scene) -> None:
-    plan = make_plan(rhombus.replace({"numerics.span": {"depth": 3.0, "sheddings": 10.0}}), rung="3d")
+    plan = make_plan(rhombus.replace({"numerics.span": {"depth": 3.0, "shedding_cycles": 10.0}}), rung="3d")
     assert plan.airflow.span == Span(3.0, 24, 10.0)
     assert any("core-hours" in line for line in plan.used)
     assert not any("truth lies" in line for line in plan.warnings)
@@ -139,7 +139,7 @@ def test_a_laminar_wake_has_no_such_rung_and_one_below_shedding_is_steady(rhombu
 
 COARSE = {
     "numerics.mesh_scale": 3.5,
-    "numerics.span": {"depth": 1.0, "layers": 4, "sheddings": 1.0},
+    "numerics.span": {"depth": 1.0, "layers": 4, "shedding_cycles": 1.0},
     "feed.count": 64,
 }
 RUN = """

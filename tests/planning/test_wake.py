@@ -374,7 +374,7 @@ def test_every_input_of_the_shipped_rhombus_that_can_be_off_is_drawn() -> None:
     shared = {"feed.width", "feed.position", "air.speed", "air.turbulence", "dispersion", "wake.theta", "wake.strength"}
     assert shared <= set(found)
     wheat = {key.rpartition(".")[2] for key in found if key.startswith("fraction.wheat.")}
-    assert wheat == {"restitution", "friction", "rebound_scatter", "terminal_velocity", "size", "turning"}
+    assert wheat == {"restitution", "friction", "rebound_scatter", "terminal_velocity", "size", "inverse_inertia"}
     assert {found[key].kind for key in found} == set(unknown_kinds)  # a kind that is registered is tested
     assert "fraction.dust.rebound_scatter" not in found  # dust has none: nothing to be off
 

@@ -75,5 +75,5 @@ def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
         friction=grains.friction * variation.friction,
         scatter=np.minimum(grains.scatter * variation.scatter, MOST_SCATTER),
         drag_scale=grains.drag_scale * variation.drag,
-        inertia=grains.inertia / variation.turning,
+        inertia=grains.inertia / variation.inverse_inertia,
     )

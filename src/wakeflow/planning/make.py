@@ -44,7 +44,7 @@ from .terms import (
     too_small,
 )
 
-TURNING = "turning-before-the-impact"  # what injection leaves out: how the air before the body moves granules
+TURNING = "deflection-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
 LOOK = "rung none is a first look at each granule alone; --force collisions=on"
 NONE_MET = Encounters({}, 0.0, 0.0)  # for scales of which no one asks what a granule meets

@@ -138,7 +138,7 @@ def _of_fractions(
     return found
 
 
-def _turning(fraction: Fraction) -> float | None:
+def _inverse_inertia(fraction: Fraction) -> float | None:
     """m r^2 / I of granules that turn."""
     return None if fraction.inertia is None else 1.0 / fraction.inertia
 
@@ -218,7 +218,10 @@ unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
 unknown_kinds.add(
     "size", UnknownKind(_of_fractions("size", "m", lambda f: f.properties.diameter), _of_granules("size"))
 )
-unknown_kinds.add("turning", UnknownKind(_of_fractions("turning", "1", _turning, _how_known), _of_granules("turning")))
+unknown_kinds.add(
+    "inverse_inertia",
+    UnknownKind(_of_fractions("inverse_inertia", "1", _inverse_inertia, _how_known), _of_granules("inverse_inertia")),
+)
 
 
 # -- of the curtain and the air ----------------------------------------------------------------------------------------

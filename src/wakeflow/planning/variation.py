@@ -14,7 +14,7 @@ ONE = 1.0
 @dataclass(frozen=True)
 class GranuleVariation:
     """What a draw changes of a fraction's granules: added to the restitution, factors on the rest. ``drag``: on the
-    drag coefficient; ``size``: on the diameter; ``turning``: on m r^2 / I, how easily a blow turns it.
+    drag coefficient; ``size``: on the diameter; ``inverse_inertia``: on m r^2 / I, how easily a blow turns it.
     """
 
     restitution: float = 0.0
@@ -22,7 +22,7 @@ class GranuleVariation:
     scatter: float = ONE
     drag: float = ONE
     size: float = ONE
-    turning: float = ONE
+    inverse_inertia: float = ONE
 
 
 @dataclass(frozen=True)

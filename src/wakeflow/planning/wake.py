@@ -116,7 +116,7 @@ def span_of(scene: Scene) -> Span:
     if scene.air is not None and scene.air.profile == "parabolic":
         raise SceneError("rung = '3d': a parabolic inlet is laminar and its wake is not; air.profile = 'uniform'")
     layers = asked.layers if asked.layers is not None else max(LEAST_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
-    return Span(asked.depth, layers, asked.sheddings)
+    return Span(asked.depth, layers, asked.shedding_cycles)
 
 
 def cost_of(span: Span, plane_cells: float, scale: float) -> SpanCost:

@@ -25,7 +25,7 @@ from ..laws.constants import STANDARD_AIR
 from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
 from .machine import Bin
 from .messages import explain, units_in
-from .overrides import changed
+from .overrides import changed, present_keys
 from .own_files import air_of, find_case, read_samples, with_own_materials
 from .uncertainty import with_uncertainty_table
 from .whole import SceneTables
@@ -66,7 +66,7 @@ class Scene(SceneTables):
         """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
-        folder = base or Path()
+        folder, data = base or Path(), present_keys(data)
         data = with_uncertainty_table(with_own_materials(data, folder, name))
         data = _with_samples(_with_case(data, folder, name), folder, name)
         with speaking(units_in(data)):

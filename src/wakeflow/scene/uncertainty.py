@@ -22,7 +22,7 @@ OF_FRACTION = {
     "rebound_scatter": "rad",
     "terminal_velocity": "m/s",
     "size": "m",
-    "turning": "1",
+    "inverse_inertia": "1",
 }
 OF_SCENE = {
     "feed.width": "m", "feed.position": "m", "air.speed": "m/s", "air.turbulence": "1", "wake.theta": "1",

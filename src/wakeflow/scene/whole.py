@@ -80,7 +80,7 @@ class SpanTable(Table):
     layers: Annotated[int, Field(ge=4, le=512)] | None = Field(
         None, description="of cells over the span; 8 a body width by default"
     )
-    sheddings: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
+    shedding_cycles: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
         30.0, description="recorded: of six body widths of travel each, a usual shedding's length"
     )
 
