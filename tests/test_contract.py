@@ -28,8 +28,8 @@ def commands() -> Iterator[str]:
 
 def scene_keys() -> Iterator[str]:
     """``key TABLE.key``; ``*`` is a name of the user's."""
-    from wakeflow.scene.overrides import FORMER
     from wakeflow.scene.schema import scene_schema
+    from wakeflow.scene.table import FORMER
 
     schema = scene_schema()
 

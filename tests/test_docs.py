@@ -31,7 +31,8 @@ COMMAND = re.compile(r"(?:^|\.venv/bin/)wakeflow (?=[a-z-])")
 # What a reader whose first language is not English stumbles over, and what to write instead
 BANNED_IN_SOURCES = {
     r"\bhang(?:s|ing)? (?:most )?on\b": "depends on",
-    r"\bstands? beside\b": "is next to",
+    r"\bstands? (?:beside|for|in|at|with|behind)\b": "is next to, represents, is",
+    r"\b(?:is|are|was|were|be) told\b(?! apart)": "is reported",
     r"\bwhat it is at\b": "what it does",
     r"\bof its own accord\b": "by itself",
     r"\bthe house\b": "the package",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from itertools import takewhile
 from numbers import Real
 
@@ -13,28 +12,8 @@ from ..core.errors import SceneError
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
+from .table import present_key, present_keys
 from .whole import ON_OFF
-
-FORMER = {  # keys of the release before, which are read until the next, and what their last part is called now
-    "numerics.span.sheddings": "shedding_cycles",
-    "uncertainty.fraction.*.turning": "inverse_inertia",
-}
-
-
-def present_key(key: str) -> str:
-    """A dotted key as it is called now: itself, or the present name of a former one."""
-    now = next((name for former, name in FORMER.items() if fnmatchcase(key, former)), None)
-    return key if now is None else f"{key.rpartition('.')[0]}.{now}"
-
-
-def present_keys(tables: JsonMapping, place: str = "") -> JsonTable:
-    """A scene's tables, or those below the dotted ``place``, with every key as it is called now."""
-    return {
-        present_key(f"{place}{key}").removeprefix(place): present_keys(value, f"{place}{key}.")
-        if isinstance(value, Mapping)
-        else value
-        for key, value in tables.items()
-    }
 
 
 def changes_of(settings: Sequence[str]) -> dict[str, object]:

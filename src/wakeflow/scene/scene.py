@@ -25,8 +25,9 @@ from ..laws.constants import STANDARD_AIR
 from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
 from .machine import Bin
 from .messages import explain, units_in
-from .overrides import changed, present_keys
+from .overrides import changed
 from .own_files import air_of, find_case, read_samples, with_own_materials
+from .table import present_keys
 from .uncertainty import with_uncertainty_table
 from .whole import SceneTables
 

@@ -13,7 +13,7 @@ from ..core.errors import SceneError
 from ..core.quantities import say
 from ..core.record import JsonTable
 from ..core.registry import did_you_mean
-from .overrides import present_key
+from .table import present_key
 from .whole import SceneTables
 
 Place = tuple[str | int, ...]  # keys, and places in lists, from the top of a scene
