@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wakeflow.core import quantities
 from wakeflow.core.geometry import Boxes, ForceDensity, halved, halved_all
 from wakeflow.core.graded import gravest_first, information, less_sure, void
 from wakeflow.core.quantities import converted, quantity, say, speaking
@@ -165,3 +166,11 @@ def test_a_condition_that_never_changes_ends_at_the_end_it_points_to() -> None:
 def test_nothing_to_search_is_no_error() -> None:
     low, high = halved_all(lambda x: x < 0.0, np.zeros(0), np.zeros(0), 60)
     assert low.shape == high.shape == (0,)
+
+
+@pytest.mark.parametrize("pair", quantities.FACTORS, ids=" in ".join)
+def test_factors_are_pints_to_the_last_bit(pair: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    values = [1.0, 60.0, 1e-9, *np.random.default_rng(3).uniform(-1e3, 1e3, 200)]
+    known = [converted(value, *pair) for value in values]
+    monkeypatch.setattr(quantities, "FACTORS", {})
+    assert [converted(value, *pair) for value in values] == known

@@ -6,6 +6,7 @@ so that 1800 rpm would be 188 Hz.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,6 +23,15 @@ QUANTITY = rf"^\s*{NUMBER}\s*{UNIT}$"  # as a JSON schema says it
 _PARTS = re.compile(rf"\s*({NUMBER})\s*({UNIT}?)?\s*")
 _GRAD = re.compile(r"\bgrad\b", re.IGNORECASE)  # to pint a gradian, in German a degree
 _MARKED = re.compile(r"(?<=[0-9])[ ,'\u2019_](?=[0-9])")
+# What pint multiplies by, of the units that most scenes are written in: it takes longer to load than a plan to make
+FACTORS = {
+    ("mm", "m"): 1e-3, ("m", "mm"): 1e3,
+    ("um", "m"): 1e-6, ("m", "um"): 1e6,
+    ("deg", "rad"): math.pi / 180, ("rad", "deg"): 180 / math.pi,
+    ("kg/hour", "kg/s"): 1 / 3600, ("kg/s", "kg/hour"): 3600.0,
+    ("g", "kg"): 1e-3, ("kg", "g"): 1e3,
+    ("%", "1"): 1e-2, ("1", "%"): 1e2,
+}  # fmt: skip
 _SPOKEN: ContextVar[Mapping[str, str]] = ContextVar("spoken units")
 
 
@@ -62,6 +72,10 @@ def _pointed(text: str) -> str:
 
 def converted(value: float, given: str, wanted: str) -> float:
     """``value`` of the unit ``given`` in the unit ``wanted``. Raises ValueError for units of different kinds."""
+    if given == wanted:
+        return value
+    if (factor := FACTORS.get((given, wanted))) is not None:
+        return value * factor
     import pint
 
     registry = pint.application_registry
