@@ -19,7 +19,7 @@ from ..core.record import column, save
 Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 Direction = Literal["down", "up"]
-Strategy = Literal["quads", "triangles", "layers"]
+Strategy = Literal["quads", "triangles"]
 
 
 @dataclass(frozen=True)
