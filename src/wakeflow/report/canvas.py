@@ -25,6 +25,7 @@ from ..core.tables import AnyArray, CellTable
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
+    from matplotlib.patches import Polygon
     from matplotlib.tri import Triangulation
 
     from ..field import FlowField
@@ -143,14 +144,10 @@ def frame(axes: Axes, window: Window, margin: Mapping[str, float] | None = None)
             set_ticks([t for t in ticks if MM * low - 1e-6 <= t <= MM * high + 1e-6])
 
 
-def solids(axes: Axes, scene: Scene) -> None:
-    """The bodies, at the middle of their motion."""
-    from matplotlib.patches import Polygon
-
-    for body in scene.body.values():
-        axes.add_patch(
-            Polygon(MM * body.outline(), closed=True, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=4)
-        )
+def solids(axes: Axes, scene: Scene, level: float = 4.0) -> list[Polygon]:
+    """The bodies, at the middle of their motion, on a ``level`` of the picture."""
+    look: dict[str, Any] = {"facecolor": BODY, "edgecolor": INK, "linewidth": 0.9, "zorder": level}
+    return [axes.fill(*(MM * body.outline()).T, **look)[0] for body in scene.body.values()]
 
 
 def air_arrow(axes: Axes, scene: Scene, window: Window, number: str = "") -> None:

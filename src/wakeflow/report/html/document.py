@@ -8,7 +8,7 @@ import struct
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
 from ...core.files import atomic_write
@@ -25,6 +25,7 @@ from ..sketch import UNITS
 from ..words import impact_cells
 from . import rows
 from .live import live_data
+from .template import page_template
 
 if TYPE_CHECKING:
     from ...answer.result import Result
@@ -112,36 +113,6 @@ def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[
     """The shape of each picture, the picture, and what it shows; the sketch has a place of its own."""
     names = [name for name in texts if name in pictures and name != SKETCH]
     return [(shape_of(pictures[name]), pictures[name], texts[name]) for name in names]
-
-
-def page_template(name: str) -> Any:
-    """A template of this package, with the package's words as its filters."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(
-        percent=words.percent,
-        points=rows.percentage_points,
-        number=rows.number,
-        seconds=rows.seconds,
-        between=_between,
-        cells="{} cells".format,
-    )
-    environment.globals.update(change_of=words.change_of)
-    return environment.get_template(name)
-
-
-def _between(row: Number) -> str:
-    """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
-    if not row.known:
-        return words.NO_VALUE
-    return f"{100 * row.low:.3g} to {100 * row.high:.3g}"
 
 
 def _canvas(scene: Scene) -> tuple[int, int]:
