@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import MeshError
+from ..core.record import from_json
 from .flat_mesh import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
 from .outline import Piece, loops
 from .sizing import Sizes, boxes, levels, sources
@@ -20,7 +21,7 @@ NUDGES = (1.0, 0.97, 1.03, 0.94, 1.06)
 
 def mesh_in_this_process(argument: dict[str, Any]) -> None:
     """Mesh ``argument['spec']`` into the file ``argument['path']``; MeshError says what Gmsh stumbled over."""
-    spec = MeshSpec.from_json(argument["spec"])
+    spec = from_json(MeshSpec, argument["spec"], "mesh")
     meshes = (_mesh(spec.scaled(nudge)) for nudge in NUDGES)
     mesh = next((mesh for mesh in meshes if mesh.is_unfolded()), None)
     if mesh is None:

@@ -10,10 +10,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...answer.provenance import Provenance
 from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
 from ...core.files import atomic_write
 from ...core.number import Number
 from ...core.quantities import say, speaking
+from ...core.record import columns
 from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
 from .. import words
@@ -142,13 +144,7 @@ def _asked(result: Result, scene: Scene) -> dict[str, object]:
 
 def _origin(result: Result) -> list[tuple[str, str]]:
     made = result.provenance
-    if made is None:
-        return list(result.versions.items())
-    told = [
-        ("date", made.date), ("command", made.command), ("in the folder", made.folder), ("host", made.host),
-        ("system", made.system), ("cores", str(made.cores)), ("seed of the granules", str(made.seed)),
-        ("OpenFOAM", made.openfoam or "not used"), ("git commit of wakeflow", made.commit or "not in a repository"),
-    ]  # fmt: skip
+    told = [] if made is None else [(one.key, str(getattr(made, one.name) or "none")) for one in columns(Provenance)]
     return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
 
 
