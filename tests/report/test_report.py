@@ -20,7 +20,7 @@ from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
 from wakeflow.cli.show_result import budget_table, separation_table
 from wakeflow.core.errors import SceneError
-from wakeflow.core.geometry import contains
+from wakeflow.core.geometry import along, contains
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json, to_json
 from wakeflow.field import FlowField
@@ -463,7 +463,7 @@ def test_histograms_hold_the_mass_of_their_bins(scene: Scene, drawn: list[Any]) 
     from matplotlib.patches import StepPatch
 
     landings = _landings(scene)
-    draw_landing("unused", scene, landings)
+    draw_landing("unused", scene, landings, _separation(_read(_result(scene, None))))
     panels = np.array(drawn[0].axes).reshape(len(landings), -1)
     for row, found in zip(panels, landings.values(), strict=True):
         steps = [patch for axes in row for patch in axes.patches if isinstance(patch, StepPatch)]
@@ -490,11 +490,9 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     shelf = [[-0.1, -0.1], [0.0, -0.15], [0.1, -0.15]]
     scene = rhombus.replace({"bin.shelf.points": shelf})
     corner = np.array([[0.0, -0.15]])
-    assert share_figures._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
-    assert share_figures._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
-        np.hypot(0.1, 0.05) + 0.04
-    )
-    draw_landing("unused", scene, _landings(scene))
+    assert along(np.array(shelf), corner)[0][0] == pytest.approx(np.hypot(0.1, 0.05))
+    assert along(np.array(shelf), corner + np.array([0.04, 0.0]))[0][0] == pytest.approx(np.hypot(0.1, 0.05) + 0.04)
+    draw_landing("unused", scene, _landings(scene), _separation(_read(_result(scene, None))))
     assert {a.get_xlabel() for a in drawn[0].axes} == {"", "x on the floor (mm)", "along shelf (mm)"}
     draw_tracks("unused", None, scene, {})
     assert "shelf" in _annotations(drawn[1])
