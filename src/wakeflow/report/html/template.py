@@ -11,7 +11,7 @@ from . import rows
 
 
 def page_template(name: str) -> Any:
-    """A template of this package, with the package's words as its filters."""
+    """A template of this package, with the package's words in it."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -29,7 +29,7 @@ def page_template(name: str) -> Any:
         between=_between,
         cells="{} cells".format,
     )
-    environment.globals.update(change_of=words.change_of)
+    environment.globals.update(rows=rows, words=words, dash=words.NO_VALUE)
     return environment.get_template(name)
 
 
