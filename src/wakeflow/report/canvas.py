@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,14 +61,6 @@ def text_width(text: str, size: float) -> float:
     return LETTER * size * len(text) / 72
 
 
-@overload
-def new_figure(width: float, height: float) -> Figure: ...
-
-
-@overload
-def new_figure(width: float, height: float, paper: Paper | None) -> AnyFigure: ...
-
-
 def new_figure(width: float, height: float, paper: Paper | None = None) -> AnyFigure:
     """An empty figure (inches) with its own Agg canvas for a file; where the ``paper`` is a figure, that one in this
     size; where it is axes, a part of their figure in their place.
@@ -101,14 +93,6 @@ def new_axes(width: float, height: float, paper: Paper | None = None) -> Axes:
     from matplotlib.axes import Axes
 
     return paper if isinstance(paper, Axes) else new_figure(width, height, paper).add_subplot()
-
-
-@overload
-def canvas(window: Window) -> tuple[Figure, Axes, float]: ...
-
-
-@overload
-def canvas(window: Window, paper: Paper | None) -> tuple[AnyFigure, Axes, float]: ...
 
 
 def canvas(window: Window, paper: Paper | None = None) -> tuple[AnyFigure, Axes, float]:

@@ -160,7 +160,7 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
     ]
     text = axes.text(1.06, 0.02, "\n".join(told), transform=axes.transAxes, fontsize=8, va="bottom")
     clock = axes.annotate("0 ms", (0, 1), xycoords=text, xytext=(0, 6), textcoords="offset points", fontsize=11)
-    return figure, axes, clock
+    return figure.figure, axes, clock
 
 
 def _named(name: str, one_in: float) -> str:

@@ -172,7 +172,7 @@ def _strip(view: View, actors: list[_Actor], window: Window, times: Array, start
     columns = min(len(times), max(1, int(WIDEST / wide)))
     columns = -(-len(times) // -(-len(times) // columns))  # the same number in every row, as far as it goes
     rows = -(-len(times) // columns)
-    figure = new_figure((wide + 0.15) * columns + 0.4, (wide / shape + 0.3) * rows + 0.7)
+    figure = new_figure((wide + 0.15) * columns + 0.4, (wide / shape + 0.3) * rows + 0.7).figure
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes, time in zip(panels.ravel(), times, strict=False):
         _Panel(axes, view, actors, window, start).show(float(time))
@@ -202,7 +202,7 @@ def _name_actors(figure: Figure, scene: Scene, actors: list[_Actor]) -> None:
 
 def _gif(path: Path, view: View, actors: list[_Actor], window: Window, frames: Array, start: float) -> None:
     wide = max(1.6, TALL * (window[1] - window[0]) / (window[3] - window[2])) + 0.7
-    figure = new_figure(wide, TALL + 1.1)
+    figure = new_figure(wide, TALL + 1.1).figure
     figure.set_dpi(SCREEN)
     panel = _Panel(figure.add_subplot(), view, actors, window, start)
     named = dict(zip((actor.fraction for actor in actors), panel.trails, strict=True))
