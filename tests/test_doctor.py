@@ -7,6 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 from support import ROOT
 from wakeflow.cli import doctor
@@ -29,7 +30,7 @@ def test_every_dependency_is_looked_at() -> None:
     listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     wanted = {line.split(">")[0]: set(line[line.index(">") :].split(",")) for line in listed}
     assert sorted(wanted) == sorted(doctor.PACKAGES)
-    assert {name: set(bounds.split(",")) for name, bounds in doctor._bounds().items()} == wanted
+    assert {name: set(str(bounds).split(",")) for name, bounds in doctor._bounds().items()} == wanted
 
 
 def test_what_is_needed_decides_the_exit_code() -> None:
@@ -51,27 +52,11 @@ def test_the_table_shows_the_command() -> None:
     assert "apt-get install b" in text
 
 
-@pytest.mark.parametrize(
-    ("found", "bounds", "within"),
-    [
-        ("0.49.1", ">=0.49,<0.50", True),
-        ("0.50", ">=0.49,<0.50", False),
-        ("0.48.9", "<0.50,>=0.49", False),
-        ("2.0.0", ">=2,<3", True),
-        ("3.0.0rc1", ">=2,<3", False),
-        ("1.10", ">=1.9", True),
-        ("1.0", "", True),
-    ],
-)
-def test_versions_are_held_against_their_bounds(found: str, bounds: str, within: bool) -> None:
-    assert doctor._within(found, bounds) is within
-
-
 def test_a_missing_package_and_one_too_old(monkeypatch: pytest.MonkeyPatch) -> None:
     assert doctor._package("no-such-package", "nothing") == Finding(
         "no-such-package", None, False, "nothing", "sh cases/setup.sh"
     )
-    monkeypatch.setattr(doctor, "_bounds", lambda: {"numpy": ">=999"})
+    monkeypatch.setattr(doctor, "_bounds", lambda: {"numpy": SpecifierSet(">=999")})
     found = doctor._package("numpy", "arrays")
     assert not found.ok
     assert "needs >=999" in (found.version or "")

@@ -250,38 +250,6 @@ def boundary_edges(cells: dict[str, np.ndarray]) -> np.ndarray:
     return pairs[first[count == 1]]
 
 
-@pytest.mark.parametrize("rung", ["draft", "standard"])
-@pytest.mark.parametrize("name", ["rhombus", "flat rhombus", "prism apex up", "polygon", "two bodies", "fine circle"])
-def test_layers_lie_along_every_wall(name: str, rung: str) -> None:
-    spec = coarse(BODIES[name], rung=rung, strategy="layers")
-    folder, report = meshed(spec)
-    assert set(report.boundary) == set(spec.patches) - {"front", "back"}
-    assert report.min_angle > 15
-    assert report.max_angle < 165
-    assert report.triangles < 0.05 * report.cells
-    points, cells, _ = read_mesh(folder / "mesh.msh")
-    air = spec.width * (spec.top - spec.bottom) - sum(area(body) for body in BODIES[name])
-    assert cell_areas(points, cells).sum() == pytest.approx(air / 2 if spec.half else air, rel=2e-4)
-    walls = boundary_edges(cells)
-    on_body = np.array([distance_to(points[walls].mean(axis=1), body) for body in BODIES[name]]).min(axis=0) < 1e-4
-    ends = {tuple(sorted(edge)) for edge in walls[on_body].tolist()}
-    lowest = [
-        cell_areas(points, {"quad": cell[None]})[0] / np.linalg.norm(points[a] - points[b])
-        for cell in cells["quad"]
-        for a, b in zip(cell, np.roll(cell, -1), strict=True)
-        if tuple(sorted((a, b))) in ends
-    ]
-    assert len(lowest) == on_body.sum()  # a quad on every wall edge, as high as a corner's cell is long
-    assert np.median(lowest) == pytest.approx(spec.h_corner, rel=0.05)
-
-
-def test_layers_give_way_where_there_is_no_room_for_them(tmp_path: Path) -> None:
-    spec = coarse([RHOMBUS], rung="standard", width=0.052, strategy="layers")
-    build_mesh(spec, tmp_path / "layers")
-    build_mesh(replace(spec, strategy="quads"), tmp_path / "quads")
-    assert (tmp_path / "layers" / "mesh.msh").read_bytes() == (tmp_path / "quads" / "mesh.msh").read_bytes()
-
-
 def test_triangles_are_a_way_to_mesh(tmp_path: Path) -> None:
     report = build_mesh(coarse([RHOMBUS], strategy="triangles"), tmp_path)
     assert (report.quads, report.triangles) == (0, report.cells)

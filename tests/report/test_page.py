@@ -27,7 +27,7 @@ from wakeflow.report.canvas import BODY, bins_across, fraction_colours
 from wakeflow.report.film import BEGIN, END, show_film, write_film
 from wakeflow.report.html.live import FRAMES, POINTS, _frames
 from wakeflow.report.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
-from wakeflow.report.pictures.view import body_displacement
+from wakeflow.report.moving import body_displacement
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import flat
 from wakeflow.scene.rungs import rungs

@@ -17,9 +17,9 @@ from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
 from wakeflow.report.figures import flights as figures
+from wakeflow.report.moving import Path2D, body_displacement
 from wakeflow.report.pictures import pictures
 from wakeflow.report.pictures.maps import mass_flux
-from wakeflow.report.pictures.view import Path2D, body_displacement
 from wakeflow.scene import Scene, picture_tables
 
 GRAVITY = 9.81

@@ -20,7 +20,7 @@ from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
 from wakeflow.cli.show_result import budget_table, separation_table
 from wakeflow.core.errors import SceneError
-from wakeflow.core.geometry import contains
+from wakeflow.core.geometry import along, contains
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json, to_json
 from wakeflow.field import FlowField
@@ -54,6 +54,8 @@ AIRFLOW = {
 
 
 FOUND = from_json(Airflow, AIRFLOW)
+CD = "cd: drag coefficient of all bodies on the first one's width"
+LENGTH = "suction zone, length: along the air, from the body's rear-most point"
 PLAN: dict[str, Any] = {
     "airflow": {"rung": "draft", "why": "", "stepping": "steady", "turbulence": None, "symmetric": True, "half": True},
     "target_error": 0.01, "force": {}, "fractions": {}, "estimate": {"seconds": 1.0, "memory": 1.0, "disk": 1.0},
@@ -461,7 +463,7 @@ def test_histograms_hold_the_mass_of_their_bins(scene: Scene, drawn: list[Any]) 
     from matplotlib.patches import StepPatch
 
     landings = _landings(scene)
-    draw_landing("unused", scene, landings)
+    draw_landing("unused", scene, landings, _separation(_read(_result(scene, None))))
     panels = np.array(drawn[0].axes).reshape(len(landings), -1)
     for row, found in zip(panels, landings.values(), strict=True):
         steps = [patch for axes in row for patch in axes.patches if isinstance(patch, StepPatch)]
@@ -488,11 +490,9 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
     shelf = [[-0.1, -0.1], [0.0, -0.15], [0.1, -0.15]]
     scene = rhombus.replace({"bin.shelf.points": shelf})
     corner = np.array([[0.0, -0.15]])
-    assert share_figures._arc_length(np.array(shelf), corner)[0] == pytest.approx(np.hypot(0.1, 0.05))
-    assert share_figures._arc_length(np.array(shelf), corner + np.array([0.04, 0.0]))[0] == pytest.approx(
-        np.hypot(0.1, 0.05) + 0.04
-    )
-    draw_landing("unused", scene, _landings(scene))
+    assert along(np.array(shelf), corner)[0][0] == pytest.approx(np.hypot(0.1, 0.05))
+    assert along(np.array(shelf), corner + np.array([0.04, 0.0]))[0][0] == pytest.approx(np.hypot(0.1, 0.05) + 0.04)
+    draw_landing("unused", scene, _landings(scene), _separation(_read(_result(scene, None))))
     assert {a.get_xlabel() for a in drawn[0].axes} == {"", "x on the floor (mm)", "along shelf (mm)"}
     draw_tracks("unused", None, scene, {})
     assert "shelf" in _annotations(drawn[1])
@@ -631,10 +631,10 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
         assert told[name] == [" or ".join(fraction.targets), f"{100 * found.value:.1f}", ends]
     if scene.air is not None:
         air = {row[0]: row[1:] for row in page.tables["airflow"]}
-        assert air["drag coefficient of the body"][0] == "1.234 [1.21, 1.26]"
-        assert air["suction zone: length downstream of the body"] == ["83", "mm"]
-        assert air["suction zone: area"] == ["41", "cm²"]
-        assert "Strouhal number of the shedding" not in air
+        assert air[CD][0] == "1.234 [1.21, 1.26]"
+        assert air[LENGTH] == ["83", "mm"]
+        assert air["suction zone, area: of both sides together"] == ["41", "cm²"]
+        assert not any(name.startswith("strouhal") for name in air)
     assert page.tables["budget"][1][:4] == [
         f"share.{next(iter(scene.fraction))}.{separation.bins[0]}", "unknown", "–",
         "sampling 0.43, airflow-model unknown",
@@ -662,7 +662,7 @@ def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
     assert found["grids"][1] == ["cd", "1.23", "1.3", "1.2 to 1.26", "–", "two grids"]
     assert found["bracket"] == [["fraction", "bin", "steady", "answer"], ["wheat", "middle", "25.0", "12.5"]]
     rows = {row[0]: row[1] for row in found["airflow"]}
-    assert rows["the paper's momentum model: drag coefficient, with the computed base pressure"] == "1.62"
+    assert rows["the paper's momentum model, cd: drag coefficient, with the computed base pressure"] == "1.62"
 
 
 def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
@@ -679,8 +679,8 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     assert "two measurements" in page.text
     rows = page.tables["ends"]
     assert rows[0] == ["quantity", "steady", "best estimate", "time-resolved", "unit"]
-    assert rows[1] == ["drag coefficient of the body", "1 [0.99, 1.01]", "1.5 [1.49, 1.51]", "2 [1.99, 2.01]", ""]
-    assert ["suction zone: length downstream of the body", "100", "200", "300", "mm"] in rows
+    assert rows[1] == [CD, "1 [0.99, 1.01]", "1.5 [1.49, 1.51]", "2 [1.99, 2.01]", ""]
+    assert [LENGTH, "100", "200", "300", "mm"] in rows
     assert not any("lift" in row[0] for row in rows)  # the ends here do not tell it
     plain = _Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
     assert "ends" not in plain.tables

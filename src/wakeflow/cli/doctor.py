@@ -26,6 +26,7 @@ from ..funnel import engine
 from ..planning.machine_rates import is_compiled
 
 if TYPE_CHECKING:
+    from packaging.specifiers import SpecifierSet
     from rich.table import Table
 
 
@@ -53,6 +54,7 @@ PACKAGES = {  # distribution: what it is for
     "matplotlib": "pictures",
     "pillow": "moving pictures of the report",
     "pint": "units in scenes",
+    "packaging": "comparing versions",
     "threadpoolctl": "one thread of BLAS for each of the run's own",
 }
 PROGRAMS = {
@@ -152,42 +154,23 @@ def _package(name: str, use: str) -> Finding:
         found = version(name)
     except PackageNotFoundError:
         return Finding(name, None, False, use, SETUP)
-    wanted = _bounds().get(name, "")
-    if _within(found, wanted):
+    wanted = _bounds().get(name)
+    if wanted is None or wanted.contains(found, prereleases=True):
         return Finding(name, found, True, use)
     return Finding(name, f"{found} (needs {wanted})", False, use, f"{sys.executable} -m pip install '{name}{wanted}'")
 
 
-def _bounds() -> dict[str, str]:
+def _bounds() -> dict[str, SpecifierSet]:
     """Version bounds of the direct dependencies, from this package's own metadata."""
     from importlib.metadata import PackageNotFoundError, requires
 
+    from packaging.requirements import Requirement
+
     try:
-        lines = requires("wakeflow") or []
+        found = [Requirement(line) for line in requires("wakeflow") or []]
     except PackageNotFoundError:  # run from a source tree that was never installed
         return {}
-    found = (re.match(r"([A-Za-z0-9_.-]+)\s*([^;]*)$", line) for line in lines if "extra ==" not in line)
-    return {match[1].lower(): match[2].strip() for match in found if match}
-
-
-def _within(found: str, bounds: str) -> bool:
-    """Whether a version lies within bounds like ``>=0.49,<0.50``; numeric parts only, so pre-releases pass."""
-    for bound in filter(None, bounds.split(",")):
-        match = re.match(r"\s*(>=|<)\s*([\d.]+)\s*$", bound)
-        if match is None:
-            continue  # a kind of bound this package does not use
-        low_enough = _numbers(found) < _numbers(match[2])
-        if low_enough != (match[1] == "<"):
-            return False
-    return True
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    """(0, 49, 1) of "0.49.1rc2"; trailing zeros dropped, so that 2.0 equals 2."""
-    parts = [int(part) for part in re.match(r"[\d.]*", version)[0].split(".") if part]  # type: ignore[index]
-    while parts and parts[-1] == 0:
-        parts.pop()
-    return tuple(parts)
+    return {one.name.lower(): one.specifier for one in found if one.marker is None}
 
 
 # -- outside programs and libraries ------------------------------------------------------------------------------------

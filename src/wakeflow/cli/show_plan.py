@@ -27,15 +27,6 @@ if TYPE_CHECKING:
     from ..scene import Body, Scene
 
 
-AIRS = {  # what is flown in, by kind of airflow
-    "none": "left out, granules fly in parabolas from impact to impact",
-    "analytic": "known everywhere, since nothing stands in it",
-    "given": "a solved case of yours",
-    "steady": "one steady wake",
-    "time-resolved": "the wake in time",
-    "best-estimate": "a best estimate between the steady wake and the one in time",
-    "three-dimensional": "the wake in three dimensions",
-}
 UNITS = {"m": "mm", "kg/s": "kg/h", "rad": "deg"}  # what is said where a scene does not write its own
 WORTH_TELLING = 0.04  # of the whole run time: a part that takes less is not named
 SIDE_BY_SIDE = 1.15  # parts that add up to so many times the whole run overlap

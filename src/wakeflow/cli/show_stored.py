@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import NamedTuple
 
 from ..core.quantities import duration
 from ..core.store import KeptStage
@@ -20,21 +19,8 @@ NOTE = (
 )
 
 
-class _Quantity(NamedTuple):
-    """A quantity of a material: its name in scenes, and its unit."""
-
-    name: str
-    unit: str
-
-
-QUANTITIES = (
-    _Quantity("terminal_velocity", "m/s"),
-    _Quantity("restitution", ""),
-    _Quantity("friction", ""),
-    _Quantity("rebound_scatter", "rad"),
-    _Quantity("tangential_restitution", ""),
-    _Quantity("impact", ""),
-)
+QUANTITIES = ("terminal_velocity", "restitution", "friction", "rebound_scatter", "tangential_restitution", "impact")
+UNITS = {"terminal_velocity": "m/s", "rebound_scatter": "rad"}  # of those that are no plain numbers
 
 
 def show_materials(known: Mapping[str, Material]) -> None:
@@ -68,10 +54,10 @@ def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
     """What is known of each quantity, and its source."""
     yield f"{name}: {1e3 * one.diameter:.3g} mm, {one.density:.4g} kg/m3; {one.confidence}", one.source
     for quantity in QUANTITIES:
-        if quantity.name in one.evidence:
-            known = one.evidence[quantity.name]
-            value = f"{_within(one, quantity.name)} {quantity.unit}".strip()
-            yield f"{quantity.name}: {value}{_mean(one, quantity)}; {known.confidence}", known.source
+        if quantity in one.evidence:
+            known = one.evidence[quantity]
+            value = f"{_within(one, quantity)} {UNITS.get(quantity, '')}".strip()
+            yield f"{quantity}: {value}{_mean(one, quantity)}; {known.confidence}", known.source
     if one.moisture is not None:
         ends = zip(one.moisture.share, one.moisture.terminal_velocity, strict=True)
         told = ", ".join(f"{speed:.3g} m/s at {share:.0%}" for share, speed in ends)
@@ -86,12 +72,12 @@ def _within(one: Material, name: str) -> str:
     return f"{value:.3g} +- {RANGE * std:.2g}" if std else f"{value:.3g}"
 
 
-def _mean(one: Material, quantity: _Quantity) -> str:
+def _mean(one: Material, quantity: str) -> str:
     """Half of the 95 % interval of a lot's mean, where a scene says nothing better; empty where it has none."""
-    value, margin = getattr(one, quantity.name), default_margins().get(quantity.name)
+    value, margin = getattr(one, quantity), default_margins().get(quantity)
     if margin is None or not isinstance(value, int | float):
         return ""
-    half = margin.half(float(value), one.evidence[quantity.name].confidence, 0.0)
+    half = margin.half(float(value), one.evidence[quantity].confidence, 0.0)
     return f" (a lot's mean: +- {half:.2g})"
 
 

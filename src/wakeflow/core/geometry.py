@@ -83,6 +83,17 @@ def distance_to(points: Array, outline: Array) -> Array:
     return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2).min(axis=1))
 
 
+def along(line: Array, points: Array) -> tuple[Array, Array]:
+    """Arc length (n,) along a polyline (k, 2) of its place nearest to each of the points (n, 2), and its distance."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    size = np.hypot(*step.T)
+    part = np.clip(np.einsum("nkc,kc->nk", points[:, None] - start, step) / size**2, 0.0, 1.0)
+    gap = np.linalg.norm(points[:, None] - start - part[..., None] * step, axis=2)
+    best, each = np.argmin(gap, axis=1), np.arange(len(points))
+    before = np.concatenate([[0.0], np.cumsum(size)[:-1]])
+    return before[best] + part[each, best] * size[best], gap[each, best]
+
+
 def rounded(outline: Array, radius: float) -> Array:
     """The outline with every corner, in or out, replaced by an arc of ``radius`` (m) that touches both its edges.
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import MeshError
+from ..core.record import from_json
+from .flat_mesh import LINE, QUAD, TRIANGLE, FlatMesh, write_msh
 from .outline import Piece, loops
 from .sizing import Sizes, boxes, levels, sources
 from .spec import MeshSpec
-from .wall_layers import LINE, QUAD, TRIANGLE, FlatMesh, WallLayers, joined, sizes_around, with_layers, write_msh
 
 # Factors on all cell edges, tried in turn: now and then Gmsh 4.15 folds a cell over. Chosen: no grid study sees them.
 NUDGES = (1.0, 0.97, 1.03, 0.94, 1.06)
@@ -20,7 +21,7 @@ NUDGES = (1.0, 0.97, 1.03, 0.94, 1.06)
 
 def mesh_in_this_process(argument: dict[str, Any]) -> None:
     """Mesh ``argument['spec']`` into the file ``argument['path']``; MeshError says what Gmsh stumbled over."""
-    spec = MeshSpec.from_json(argument["spec"])
+    spec = from_json(MeshSpec, argument["spec"], "mesh")
     meshes = (_mesh(spec.scaled(nudge)) for nudge in NUDGES)
     mesh = next((mesh for mesh in meshes if mesh.is_unfolded()), None)
     if mesh is None:
@@ -30,19 +31,10 @@ def mesh_in_this_process(argument: dict[str, Any]) -> None:
 
 def _mesh(spec: MeshSpec) -> FlatMesh:
     """The whole mesh, no quad flat."""
-    sizes = sources(spec)
-    rings = loops(spec, sizes.at)
-    parts: list[WallLayers] = []
-    if spec.strategy == "layers":
-        rings, parts = with_layers(spec, rings)
-        sizes = sizes_around(sizes, parts)
-    return joined(_fill(spec, rings, sizes), parts).without_flat_quads()
-
-
-def _fill(spec: MeshSpec, rings: list[list[Piece]], sizes: Sizes) -> FlatMesh:
-    """The mesh between the rings."""
     import gmsh
 
+    sizes = sources(spec)
+    rings = loops(spec, sizes.at)
     gmsh.initialize(argv=["gmsh"], readConfigFiles=False, interruptible=False)
     try:
         for option, value in _options(spec).items():
@@ -50,11 +42,12 @@ def _fill(spec: MeshSpec, rings: list[list[Piece]], sizes: Sizes) -> FlatMesh:
         surface, lines = _model(gmsh, rings)
         _set_sizes(gmsh, spec, sizes)
         gmsh.model.mesh.generate(2)
-        return _read(gmsh, surface, lines)
+        mesh = _read(gmsh, surface, lines)
     except Exception as problem:  # Gmsh raises bare Exception; its own words say what it stumbled over
         raise MeshError(f"Gmsh could not mesh the channel: {problem}") from None
     finally:
         gmsh.finalize()
+    return mesh.without_flat_quads()
 
 
 def _options(spec: MeshSpec) -> dict[str, float]:

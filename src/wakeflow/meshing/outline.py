@@ -92,18 +92,6 @@ def _to_segments(places: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2))
 
 
-def crosses_itself(outline: Array) -> bool:
-    """Whether two edges of an outline cross; touching does not count."""
-
-    def side(p: Array, q: Array, r: Array) -> Array:
-        return np.asarray((q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0])
-
-    a, b = outline[:, None], np.roll(outline, -1, axis=0)[:, None]
-    c, d = edges(outline)
-    apart = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
-    return bool(apart.any())
-
-
 def loops(spec: MeshSpec, size: Callable[[Array], Array]) -> list[list[Piece]]:
     """Closed loops of pieces around the air: the channel's first, counter-clockwise, then the bodies inside it.
 

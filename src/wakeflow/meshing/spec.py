@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +18,7 @@ from ..core.record import column, save
 Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 Direction = Literal["down", "up"]
-Strategy = Literal["quads", "triangles", "layers"]
+Strategy = Literal["quads", "triangles"]
 
 
 @dataclass(frozen=True)
@@ -70,14 +69,6 @@ class MeshSpec:
     strategy: Strategy = "quads"
     h_end: float = 0.0  # no more than h_far: the same everywhere
     fine: tuple[float, float] = (-float("inf"), float("inf"))
-
-    @classmethod
-    def from_json(cls, table: Mapping[str, Any]) -> MeshSpec:
-        """The spec from ``dataclasses.asdict`` of it, as JSON hands it back."""
-        bodies = tuple(tuple((float(x), float(y)) for x, y in body) for body in table["bodies"])
-        inlets = tuple(SideInlet(**inlet) for inlet in table["inlets"])
-        named = {"bodies": bodies, "names": tuple(table["names"]), "inlets": inlets, "fine": tuple(table["fine"])}
-        return cls(**{**table, **named})
 
     @property
     def h_most(self) -> float:

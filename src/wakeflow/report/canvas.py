@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from ..core.tables import AnyArray, CellTable
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
+    from matplotlib.patches import Polygon
     from matplotlib.tri import Triangulation
 
     from ..field import FlowField
@@ -58,14 +59,6 @@ def bins_across(scene: Scene) -> list[str]:
 def text_width(text: str, size: float) -> float:
     """About how wide a text is (inches) at a font size (points)."""
     return LETTER * size * len(text) / 72
-
-
-@overload
-def new_figure(width: float, height: float) -> Figure: ...
-
-
-@overload
-def new_figure(width: float, height: float, paper: Paper | None) -> AnyFigure: ...
 
 
 def new_figure(width: float, height: float, paper: Paper | None = None) -> AnyFigure:
@@ -102,14 +95,6 @@ def new_axes(width: float, height: float, paper: Paper | None = None) -> Axes:
     return paper if isinstance(paper, Axes) else new_figure(width, height, paper).add_subplot()
 
 
-@overload
-def canvas(window: Window) -> tuple[Figure, Axes, float]: ...
-
-
-@overload
-def canvas(window: Window, paper: Paper | None) -> tuple[AnyFigure, Axes, float]: ...
-
-
 def canvas(window: Window, paper: Paper | None = None) -> tuple[AnyFigure, Axes, float]:
     """Figure and axes for a map of a window, and its scale (inches per m)."""
     across, up = window[1] - window[0], window[3] - window[2]
@@ -143,14 +128,10 @@ def frame(axes: Axes, window: Window, margin: Mapping[str, float] | None = None)
             set_ticks([t for t in ticks if MM * low - 1e-6 <= t <= MM * high + 1e-6])
 
 
-def solids(axes: Axes, scene: Scene) -> None:
-    """The bodies, at the middle of their motion."""
-    from matplotlib.patches import Polygon
-
-    for body in scene.body.values():
-        axes.add_patch(
-            Polygon(MM * body.outline(), closed=True, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=4)
-        )
+def solids(axes: Axes, scene: Scene, level: float = 4.0) -> list[Polygon]:
+    """The bodies, at the middle of their motion, on a ``level`` of the picture."""
+    look: dict[str, Any] = {"facecolor": BODY, "edgecolor": INK, "linewidth": 0.9, "zorder": level}
+    return [axes.fill(*(MM * body.outline()).T, **look)[0] for body in scene.body.values()]
 
 
 def air_arrow(axes: Axes, scene: Scene, window: Window, number: str = "") -> None:

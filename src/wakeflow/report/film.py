@@ -1,41 +1,25 @@
 """A film of the machine: granules of all fractions on their way through the moving wake, past the vibrating bodies.
 
-What stands still is drawn once; of each frame the air's vorticity, the bodies and the granules by Pillow, at twice the
-size and brought down, so that edges are smooth. A GIF that would be larger than allowed is drawn smaller.
+A GIF that would be larger than allowed is drawn smaller.
 """
 
 from __future__ import annotations
 
 import base64
-import io
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from .air import Turning, tone
-from .canvas import (
-    BODY,
-    COLOURS,
-    INK,
-    MM,
-    STREAM,
-    Window,
-    air_arrow,
-    canvas,
-    draw_bins,
-    fraction_colours,
-    frame,
-    streams,
-)
-from .pictures.view import Path2D, body_displacement
+from .air import Turning
+from .canvas import INK, MM, Window, air_arrow, canvas, draw_bins, fraction_colours, frame, streams
+from .moving import EVEN, LEVELS, Path2D, Stage, gif_of, picture_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,22 +33,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FORMATS = {"gif": 12.5, "mp4": 30.0}  # frames a second; a GIF counts hundredths of a second
-TWICE = 2  # as large, before it is brought down
-LEVELS = 6  # shades of either turning: even ones take few bytes
-TINTS, GREYS = 4, 16  # of each colour towards white, and of grey, in a GIF
-VISIBLE = 0.004  # of the picture's longer side: radius of the smallest granule drawn
+VISIBLE = 0.008  # of the picture's longer side: diameter of the smallest granule drawn
+RIM = 0.4  # points of white around a granule
 ROOM = 0.92  # of the bytes allowed, that a smaller GIF aims at
 LEAST = 200  # dots of the longer side, below which nothing is seen
-EVEN = 2  # dots, of a frame of an MP4
-SPARE = 1.0  # inches; what nothing is drawn on is cut off
-CLOCK, EDGE = 11.0, 0.05  # points; inches
+EDGE = 0.12  # inches around all that is drawn: letters are a little wider in some sizes
 ON_PAGE = 5e6  # bytes of a film that the page holds, so that it stays below twice that
 BEGIN, END = "<!-- film -->", "<!-- /film -->"
-ALT = "Granules of the fractions on their way past the bodies, through the turning air"
-CAPTION = (
-    "Granules as they come, on their way past the bodies. Colour behind them: the air's vorticity, blue clockwise, red "
-    "counter-clockwise."
-)
 
 
 def write_film(
@@ -76,10 +51,10 @@ def write_film(
     """
     rate = FORMATS[path.suffix[1:]]
     times = film.begin + np.arange(max(2, round(rate * seconds))) / rate * film.span / seconds
-    encode = _gif if path.suffix == ".gif" else _mp4
     dots = size
     while True:
-        made = encode(_Set(film, scene, field, dots, seconds).frames(times), rate, path)
+        frames = _Set(film, scene, field, dots, seconds).frames(times)
+        made = gif_of(frames, rate) if path.suffix == ".gif" else _mp4(frames, rate, path)
         if len(made) <= most:
             break
         dots = int(dots * min(0.9, (ROOM * most / len(made)) ** 0.5))
@@ -89,27 +64,6 @@ def write_film(
     with atomic_write(path, "wb") as stream:
         stream.write(made)
     return path
-
-
-def _gif(frames: Iterator[Image.Image], rate: float, _: Path) -> bytes:
-    """All frames in the same few colours, for ever."""
-    from PIL import Image
-
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(_colours())
-    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
-    stream = io.BytesIO()
-    first.save(stream, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
-    return stream.getvalue()
-
-
-def _colours() -> list[int]:
-    """Red, green, blue of all that a film shows: greys, the air's shades, and each colour with its way to white."""
-    solid = np.array([[int(one[i : i + 2], 16) for i in (1, 3, 5)] for one in (*COLOURS, STREAM, BODY)])
-    tints = [255 - part * (255 - solid) for part in np.linspace(1.0, 0.0, TINTS, endpoint=False)]
-    greys = np.repeat(np.linspace(0, 255, GREYS)[:, None], 3, axis=1)
-    air = tone(np.linspace(-1.0, 1.0, 2 * LEVELS + 1))
-    return [int(part) for part in np.rint(np.concatenate([greys, air, *tints])).ravel()]
 
 
 def _mp4(frames: Iterator[Image.Image], rate: float, path: Path) -> bytes:
@@ -132,131 +86,62 @@ def _mp4(frames: Iterator[Image.Image], rate: float, path: Path) -> bytes:
         draft.unlink(missing_ok=True)
 
 
-@dataclass(frozen=True)
-class _Actor:
-    """A granule: its path, colour and radius (dots)."""
-
-    path: Path2D
-    colour: str
-    radius: float
-
-
 class _Set:
     """The machine as one frame after the other; ``size``: dots of the longer side."""
 
     def __init__(self, film: Film, scene: Scene, field: FlowField | None, size: int, seconds: float) -> None:
-        self.film, self.scene = film, scene
         channel = scene.channel
-        self.window: Window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
-        self.still = _furniture(film, scene, self.window, size, seconds)
-        across = (self.window[1] - self.window[0], self.window[3] - self.window[2])
-        self.inner = (round(self.still.scale * across[0]), round(self.still.scale * across[1]))
-        shown = tuple(length // TWICE for length in self.inner)  # shades need no smooth edges
-        self.turning = None if field is None else Turning(field, self.window, shown)
-        self.strongest = 1.0 if self.turning is None else self.turning.strongest()
-        colours, least = fraction_colours(list(scene.fraction)), VISIBLE * TWICE * size
-        self.actors = [
-            _Actor(Path2D.of(one), colours[name], max(least, 0.5 * self.still.scale * float(one["diameter"])))
-            for name, part in film.paths.items()
-            for one in part
-        ]
+        self.begin = film.begin
+        window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
+        self.figure, axes, self.clock = _still(film, scene, window, seconds)
+        self.figure.draw_without_rendering()
+        self.figure.set_layout_engine("none")  # the same place for everything in all frames
+        self.box = self.figure.get_tightbbox().padded(EDGE)
+        self.figure.set_dpi(size / max(self.box.width, self.box.height))
+        scale = axes.get_window_extent().width / channel.width  # dots per m
+        colours, least = fraction_colours(list(scene.fraction)), VISIBLE * size / scale
+        drawn = [(colours[name], Path2D.of(one)) for name, part in film.paths.items() for one in part]
+        self.paths = [path for _, path in drawn]
+        sizes = [max(least, path.diameter) for path in self.paths]
+        self.stage = Stage(axes, scene, sizes, [colour for colour, _ in drawn], RIM)
+        self.air = None if field is None else _Air(axes, field, window, scale)
 
     def frames(self, times: Array) -> Iterator[Image.Image]:
         """The machine at ``times`` (k,) s on the airflow's clock."""
         return map(self._frame, times.tolist())
 
     def _frame(self, time: float) -> Image.Image:
-        from PIL import Image, ImageDraw
-
-        picture = Image.new("RGB", self.still.front.size, "white")
-        if self.turning is not None:
-            shades = Image.fromarray(self.turning.shaded(time, self.strongest, LEVELS))
-            place = self._dots(self.window[0], self.window[3])
-            picture.paste(shades.resize(self.inner, Image.Resampling.NEAREST), place)
-        pen = ImageDraw.Draw(picture)
-        shift = body_displacement(self.scene, np.array([time]))[0]
-        for body in self.scene.body.values():
-            corners = [self._dots(x, y) for x, y in body.outline() + shift]
-            pen.polygon(corners, fill=BODY, outline=INK, width=TWICE)
-        for actor in self.actors:
-            if actor.path.time[0] <= time <= actor.path.time[-1]:
-                x, y = self._dots(*actor.path.at(np.array([time]))[0][0])
-                r = actor.radius
-                pen.ellipse((x - r, y - r, x + r, y + r), fill=actor.colour, outline="white")
-        picture.paste(self.still.front, (0, 0), self.still.front)
-        pen.text(self.still.clock, f"{1e3 * (time - self.film.begin):.0f} ms", fill=INK, font=self.still.font)
-        return picture.reduce(TWICE)
-
-    def _dots(self, x: float, y: float) -> tuple[int, int]:
-        """A place (m) in dots from the upper left."""
-        left, top = self.still.origin
-        return round(left + self.still.scale * x), round(top - self.still.scale * y)
+        there = [path.time[0] <= time <= path.time[-1] for path in self.paths]
+        places = np.array([path.at(np.array([time]))[0][0] for path in self.paths]).reshape(-1, 2)
+        self.stage.move(time, np.where(np.reshape(there, (-1, 1)), places, np.nan))
+        if self.air is not None:
+            self.air.move(time)
+        self.clock.set_text(f"{1e3 * (time - self.begin):.0f} ms")
+        return picture_of(self.figure, self.box)
 
 
-class _Furniture(NamedTuple):
-    """What stands still: a picture that is clear where the air and the granules go; dots per m; the dots of the origin
-    and of the clock's upper left; the clock's font.
-    """
+class _Air:
+    """The turning of the air behind the granules; ``scale``: dots per m."""
 
-    front: Image.Image
-    scale: float
-    origin: tuple[float, float]
-    clock: tuple[float, float]
-    font: Any
+    def __init__(self, axes: Axes, field: FlowField, window: Window, scale: float) -> None:
+        size = tuple(round(scale * length) for length in (window[1] - window[0], window[3] - window[2]))
+        self.turning = Turning(field, window, size)
+        self.strongest = self.turning.strongest()
+        left, right, low, high = (MM * end for end in window)
+        self.image = axes.imshow(
+            np.zeros((1, 1, 3)), extent=(left, right, low, high), interpolation="nearest", zorder=0
+        )
 
-
-def _furniture(film: Film, scene: Scene, window: Window, size: int, seconds: float) -> _Furniture:
-    """``size``: dots of the longer side."""
-    from PIL import Image, ImageFont
-
-    figure, axes, told = _still(film, scene, window, seconds)
-    _widen(figure, axes)
-    box = figure.get_tightbbox().padded(EDGE)
-    figure.set_dpi(TWICE * size / max(box.width, box.height))
-    figure.canvas.draw()
-    high = figure.canvas.get_width_height()[1]
-    drawn = Image.frombytes(
-        "RGBA",
-        figure.canvas.get_width_height(),
-        bytes(figure.canvas.buffer_rgba()),  # type: ignore[attr-defined]
-    )
-    left, top = round(box.x0 * figure.dpi), high - round(box.y1 * figure.dpi)
-    across, up = (EVEN * TWICE * int(length * figure.dpi / (EVEN * TWICE)) for length in (box.width, box.height))
-    (x, y), (right, _) = axes.transData.transform([(0.0, 0.0), (MM, 0.0)])
-    letters = round(CLOCK * figure.dpi / 72)
-    font = ImageFont.truetype(_font_file(), letters)
-    lines = told.get_window_extent()
-    return _Furniture(
-        drawn.crop((left, top, left + across, top + up)), float(right - x), (float(x) - left, high - float(y) - top),
-        (float(lines.x0) - left, high - float(lines.y1) - top - 1.6 * letters), font,
-    )  # fmt: skip
-
-
-def _widen(figure: Figure, axes: Axes) -> None:
-    """Lay the figure out, then put SPARE round it: names beside a channel may need more than they were given."""
-    figure.canvas.draw()
-    figure.set_layout_engine("none")
-    inches, place = np.array(figure.get_size_inches()), axes.get_position()
-    wider = inches + 2.0 * SPARE
-    low, high = ((np.array(corner) * inches + SPARE) / wider for corner in (place.min, place.max))
-    figure.set_size_inches(*wider)
-    axes.set_position((*low, *(high - low)))
-
-
-def _font_file() -> str:
-    """Matplotlib's own letters, as those of the furniture."""
-    from matplotlib import get_data_path
-
-    return str(Path(get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"))
+    def move(self, time: float) -> None:
+        """Show it as it is at ``time`` (s)."""
+        self.image.set_data(self.turning.shaded(time, self.strongest, LEVELS))
 
 
 def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Figure, Axes, Text]:
-    """Walls, bins, the air's direction, who is who, and how the film was made, the last as a text of its own."""
+    """Walls, bins, the air's direction, who is who, how the film was made; and the text that is its clock."""
     from matplotlib.lines import Line2D
 
     figure, axes, scale = canvas(window)
-    for patch in (figure.patch, axes.patch):
-        patch.set_alpha(0.0)
     for wall in window[:2]:
         axes.plot([MM * wall] * 2, [MM * end for end in window[2:]], color=INK, linewidth=1.3)
     frame(axes, window, draw_bins(axes, scene, scale))
@@ -274,7 +159,8 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
         "granules meet" if film.met else "each flies alone",
     ]
     text = axes.text(1.06, 0.02, "\n".join(told), transform=axes.transAxes, fontsize=8, va="bottom")
-    return figure, axes, text
+    clock = axes.annotate("0 ms", (0, 1), xycoords=text, xytext=(0, 6), textcoords="offset points", fontsize=11)
+    return figure.figure, axes, clock
 
 
 def _named(name: str, one_in: float) -> str:
@@ -292,22 +178,14 @@ def film_in(folder: Path) -> Path | None:
 
 def film_section(film: Path | None) -> str:
     """The section of the page between its marks, empty without a film; one that is too large is named, not shown."""
+    from .html.template import page_template
+
     if film is None:
         return f"{BEGIN}{END}"
     size = film.stat().st_size
-    if size > ON_PAGE:
-        shown = f"<p>figures/{film.name}, {size / 1e6:.3g} MB: too large for the page.</p>"
-    else:
-        data = base64.b64encode(film.read_bytes()).decode("ascii")
-        shown = f"<figure>{_player(film.suffix, data)}<figcaption>{CAPTION}</figcaption></figure>"
-    head = '<section id="film">\n<h2>Film</h2>\n<details open><summary>Close this to stop it</summary>\n'
-    return f"{BEGIN}{head}{shown}\n</details>\n</section>{END}"
-
-
-def _player(suffix: str, data: str) -> str:
-    if suffix == ".mp4":
-        return f'<video controls loop muted playsinline aria-label="{ALT}" src="data:video/mp4;base64,{data}"></video>'
-    return f'<img alt="{ALT}" src="data:image/gif;base64,{data}">'
+    data = None if size > ON_PAGE else base64.b64encode(film.read_bytes()).decode("ascii")
+    section = page_template("film.html.j2").render(film=film, size=size, data=data)
+    return f"{BEGIN}{section}{END}"
 
 
 def show_film(folder: Path, film: Path) -> None:

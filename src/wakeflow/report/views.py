@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..answer.result import accessors
+from .html.cards import result_card
 from .plot import Plot
-from .words import result_card
 
 accessors.add("plot", Plot)
 accessors.add("html", result_card)

@@ -8,22 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
-from ..answer.table import DONE
 from ..budget.total import remedies
 from ..core.graded import Grade
 from ..core.number import Number
 from ..core.tables import Cell, CellTable
-from .many import main_quantities
 
 if TYPE_CHECKING:
     from ..answer.result import Result
     from ..answer.shares import Separation
-    from ..answer.table import Difference, ResultTable
+    from ..answer.table import Difference
     from ..injection.impact_loads import ImpactForces, ImpactSummary
 
 
@@ -152,7 +149,7 @@ def source_seconds(budget: Sequence[BudgetRow]) -> dict[str, float]:
     return spent
 
 
-# -- A result as tables: its CSV files, whose columns carry units, its shares in words, and the cards of ---------------
+# -- A result as tables: its CSV files, whose columns carry units, and its shares in words -----------------------------
 SEPARATION_COLUMNS = (  # low and high: the 95 % interval, of which computing alone makes a part
     "fraction", "bin", "share (%)", "share low (%)", "share high (%)", "share by computing alone (+- %)", "purity (%)",
     "purity low (%)", "purity high (%)", "target", "not in the interval", "bin throughput (kg/h)",
@@ -166,8 +163,6 @@ IMPACT_COLUMNS = (  # normal: into the slope; tangential: down it; power: from t
 ALL = "all"  # in a table of impacts: all fractions, or all slopes
 SLOPES = 6  # of a body with more of them only all together are shown
 HOUR = 3600.0  # s
-TOLD = 3  # warnings on a card, the gravest
-ROWS = 50  # of a card's table; all are in its frame
 
 
 def separation_cells(result: Result, separation: Separation) -> CellTable:
@@ -258,38 +253,3 @@ def bins_in_words(result: Result, separation: Separation) -> Iterator[BinWords]:
         yield BinWords(place, shares, f"{separation.throughput[place]:.3g}", pure or [("", NO_VALUE)])
     recoveries = [(percent(separation.recovery.get(name)), False) for name in separation.fractions]
     yield BinWords("recovery", recoveries, "", [])
-
-
-def result_card(result: Result) -> str:
-    """The shares of a finished run as HTML, with their intervals, bold in a fraction's targets; the gravest warnings;
-    links to the report.
-    """
-    warnings = "".join(f"<li>{escape(text)}</li>" for text in result.warnings[:TOLD])
-    told = f"<ul>{warnings}</ul>" if warnings else ""
-    page = result.folder / "report.html"
-    more = f'<a href="{escape(str(page))}">{escape(str(page))}</a>' if page.exists() else escape(str(result.folder))
-    if result.landings is None:
-        return f"<p>no shares: the run ended after {escape(str(result.options.until))}</p>{told}{more}"
-    separation = result.landings.separation
-    rows = [_row("th", ["% of its mass", *map(escape, separation.fractions), "kg/h", "purity"])]
-    for one in bins_in_words(result, separation):
-        shares = [f"<b>{share}</b>" if wanted else share for share, wanted in one.shares]
-        pure = "<br>".join(f"{escape(name)} {share}".strip() for name, share in one.purities)
-        rows.append(_row("td", [escape(one.place), *shares, one.flow, pure]))
-    return f"<table>{''.join(rows)}</table><small>{escape(holds(result))}</small>{told}{more}"
-
-
-def table_card(table: ResultTable) -> str:
-    """A row a scene as HTML: its inputs, and what the table is made for, in percent with 95 % intervals."""
-    names = main_quantities(table)
-    rows = [_row("th", [escape(head) for head in ("scene", *table.headings, *(f"{name}, %" for name in names))])]
-    for entry in table.entries[:ROWS]:
-        numbers = [percent(entry.by_name.get(name)) for name in names] if entry.state == DONE else [entry.state]
-        asked = [escape(f"{entry.inputs.get(key, NO_VALUE)}") for key in table.inputs]
-        rows.append(_row("td", [escape(entry.name), *asked, *numbers]))
-    more = len(table.entries) - ROWS
-    return f"<table>{''.join(rows)}</table>" + (f"<small>{more} more in .frame()</small>" if more > 0 else "")
-
-
-def _row(kind: str, cells: Sequence[str]) -> str:
-    return f"<tr>{''.join(f'<{kind}>{cell}</{kind}>' for cell in cells)}</tr>"

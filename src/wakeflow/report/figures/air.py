@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
+from ...core.geometry import along
 from ...field.derived import vorticity
 from ...laws.momentum import momentum_pressure
 from ..air import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
@@ -167,18 +168,10 @@ def _callout(axes: Axes, text: str, place: tuple[float, float], lift: float, win
 
 def pressure_along(field: FlowField, outline: Array, cp: Array) -> tuple[Array, Array]:
     """Arc length (m) from the first corner of an ``outline`` (k, 2), counter-clockwise, and Cp, at the nodes on it."""
-    width = float(np.ptp(outline[:, 0]))
-    points = field.points[field.boundary]
-    start, step = outline, np.roll(outline, -1, axis=0) - outline
-    size = np.hypot(*step.T)
-    part = np.clip(np.einsum("nkc,kc->nk", points[:, None] - start, step) / size**2, 0.0, 1.0)
-    gap = np.linalg.norm(points[:, None] - start - part[..., None] * step, axis=2)
-    edge = np.argmin(gap, axis=1)
-    on = gap[np.arange(len(points)), edge] < TOUCHING * width
-    before = np.concatenate([[0.0], np.cumsum(size)[:-1]])
-    arc = (before[edge] + part[np.arange(len(points)), edge] * size[edge])[on]
-    order = np.argsort(arc)
-    return arc[order], cp[field.boundary][on][order]
+    arc, gap = along(np.concatenate([outline, outline[:1]]), field.points[field.boundary])
+    on = np.flatnonzero(gap < TOUCHING * float(np.ptp(outline[:, 0])))
+    on = on[np.argsort(arc[on])]
+    return arc[on], cp[field.boundary][on]
 
 
 def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow) -> Axes:

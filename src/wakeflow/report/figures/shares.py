@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
+from ...core.geometry import along
 from ..canvas import COLOURS, INK, MM, bins_across, fraction_colours, new_figure, save, text_width
 from ..outcome import add_figure
 from ..words import percent
@@ -49,12 +50,11 @@ class _Wall:
 
 
 def draw_landing(
-    paper: Paper, scene: Scene, landings: Mapping[str, Landed], separation: Separation | None = None
+    paper: Paper, scene: Scene, landings: Mapping[str, Landed], separation: Separation
 ) -> NDArray[np.object_]:
     """Histograms of where each fraction lands, one row a fraction, one column a wall that has bins.
 
-    ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are
-    written; without it shares are those of ``landings``, without interval.
+    ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are written.
     """
     names, walls = list(landings), list(_walls_with_bins(scene))
     wide = 6.2 if len(walls) == 1 else 4.2
@@ -63,7 +63,8 @@ def draw_landing(
     colours = fraction_colours(names)
     cells: list[tuple[object, ...]] = []  # of all panels, one below the other
     for row, name in enumerate(names):
-        shares = _shares(scene, name, landings[name], separation)
+        found = separation.fractions[name]
+        shares = {place: percent(row).replace(" ", "\n", 1) + " %" for place, row in found.items()}
         peak = 0.0
         for axes, wall in zip(panels[row], walls, strict=True):
             edges, share = _histogram(wall, scene, landings[name])
@@ -118,19 +119,8 @@ def _along(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
     if bin_.points is None:
         where = points[:, 0 if bin_.on in ("floor", "top") else 1]
     else:
-        where = _arc_length(bin_.line(scene.channel), points)
+        where = along(bin_.line(scene.channel), points)[0]
     return np.clip(where, *wall.span), np.asarray(landing.weight, dtype=float)[here]
-
-
-def _arc_length(line: Array, points: Array) -> Array:
-    """Arc length (m) of the place on a polyline (k, 2) that is nearest to each of the points (n, 2)."""
-    start, step = line[:-1], np.diff(line, axis=0)
-    size = np.hypot(*step.T)
-    part = np.clip(np.einsum("nkc,kc->nk", points[:, None] - start, step) / size**2, 0.0, 1.0)
-    gap = np.linalg.norm(points[:, None] - start - part[..., None] * step, axis=2)
-    best = np.argmin(gap, axis=1)
-    before = np.concatenate([[0.0], np.cumsum(size)[:-1]])
-    return np.asarray(before[best] + part[np.arange(len(points)), best] * size[best])
 
 
 def _histogram(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
@@ -153,17 +143,6 @@ def _draw_histogram(axes: Axes, wall: _Wall, edges: Array, share: Array, colour:
     axes.set_xlim(MM * wall.span[0], MM * wall.span[1])
     axes.tick_params(labelsize=8)
     return float(height.max(initial=0.0))
-
-
-def _shares(scene: Scene, name: str, landing: Landed, separation: Separation | None) -> dict[str, str]:
-    """What is written over every bin: its share in percent, with half its interval where known."""
-    if separation is not None:
-        rows = separation.fractions[name]
-        return {place: percent(row).replace(" ", "\n", 1) + " %" for place, row in rows.items()}
-    weight, places = np.asarray(landing.weight, dtype=float), np.asarray(landing.bin)
-    total = float(weight.sum())
-    names = {**dict(enumerate(scene.bin)), -1: "elsewhere"}
-    return {n: f"{100 * weight[places == i].sum() / total:.1f} %" if total > 0 else "–" for i, n in names.items()}
 
 
 def _write_shares(axes: Axes, wall: _Wall, scene: Scene, shares: Mapping[str, str], wide: float) -> None:
@@ -321,9 +300,9 @@ def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
     return found
 
 
-def _landings(outcome: Outcome) -> tuple[object, ...]:
+def _landings(outcome: Outcome) -> tuple[Scene, Mapping[str, Landed], Separation] | None:
     landings = outcome.result.landings
-    return outcome.scene, outcome.landings, None if landings is None else landings.separation
+    return None if landings is None else (outcome.scene, outcome.landings, landings.separation)
 
 
 def _curves(outcome: Outcome) -> tuple[Scene, Sequence[PartitionCurve]] | None:

@@ -12,8 +12,9 @@ from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..many import main_quantities
 from ..words import NO_VALUE, difference_text, percent
-from .document import inlined_pictures, page_template, shape_of
+from .document import inlined_pictures, shape_of
 from .rows import input_text, number
+from .template import page_template
 
 if TYPE_CHECKING:
     from ...answer.result import Result

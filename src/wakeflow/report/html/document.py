@@ -5,14 +5,13 @@ from __future__ import annotations
 import base64
 import json
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
 from ...core.files import atomic_write
-from ...core.number import Number
 from ...core.quantities import say, speaking
 from ...scene import RESERVED_BIN, Scene
 from ...scene.rungs import rungs
@@ -22,9 +21,9 @@ from ..figures import captions
 from ..film import film_in, film_section
 from ..pictures import found
 from ..sketch import UNITS
-from ..words import impact_cells
 from . import rows
 from .live import live_data
+from .template import page_template
 
 if TYPE_CHECKING:
     from ...answer.result import Result
@@ -85,12 +84,15 @@ def render(
         live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
         canvas=_canvas(scene),
         grades=_grades(result),
-        plan=result.plan,
-        dash=words.NO_VALUE,
-        **_asked(result, scene),
-        **_shares(result, scene),
-        **_air(result),
-        **_budget(result),
+        scene=scene,
+        colours=fraction_colours(list(scene.fraction)),
+        bins=[*bins_across(scene), RESERVED_BIN],
+        rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
+        origin=_origin(result),
+        cuts=[] if result.landings is None else [_cut(curve) for curve in result.landings.separation.cut],
+        budget=words.condensed(result.budget),
+        made_of=_made_of,
+        how=_how,
         inputs=_inputs(result),
     )
     return text
@@ -114,36 +116,6 @@ def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[
     return [(shape_of(pictures[name]), pictures[name], texts[name]) for name in names]
 
 
-def page_template(name: str) -> Any:
-    """A template of this package, with the package's words as its filters."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(
-        percent=words.percent,
-        points=rows.percentage_points,
-        number=rows.number,
-        seconds=rows.seconds,
-        between=_between,
-        cells="{} cells".format,
-    )
-    environment.globals.update(change_of=words.change_of)
-    return environment.get_template(name)
-
-
-def _between(row: Number) -> str:
-    """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
-    if not row.known:
-        return words.NO_VALUE
-    return f"{100 * row.low:.3g} to {100 * row.high:.3g}"
-
-
 def _canvas(scene: Scene) -> tuple[int, int]:
     """Width and height (dots) of the script's canvas, in the proportions of the channel."""
     across, up = scene.channel.width, scene.channel.top - scene.channel.bottom
@@ -156,50 +128,10 @@ def _grades(result: Result) -> list[tuple[str, list[str]]]:
     return [(grade, [line for _, line in part]) for grade, part in groupby(lines, key=lambda one: one[0])]
 
 
-def _asked(result: Result, scene: Scene) -> dict[str, object]:
-    """What the page says of the machine, the materials, the rung, and where the answer comes from."""
-    return {
-        "machine": rows.machine_rows(scene),
-        "materials": rows.material_rows(scene),
-        "proofs": rows.proofs_of(result.plan.rung),
-        "rung_about": rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
-        "origin": _origin(result),
-        "scene": rows.scene_in_full(scene, result.options),
-        "colours": fraction_colours(list(scene.fraction)),
-    }
-
-
 def _origin(result: Result) -> list[tuple[str, str]]:
-    made = result.provenance
-    if made is None:
-        return list(result.versions.items())
-    told = [
-        ("date", made.date), ("command", made.command), ("in the folder", made.folder), ("host", made.host),
-        ("system", made.system), ("cores", str(made.cores)), ("seed of the granules", str(made.seed)),
-        ("OpenFOAM", made.openfoam or "not used"), ("git commit of wakeflow", made.commit or "not in a repository"),
-    ]  # fmt: skip
+    given = [] if result.provenance is None else [*vars(result.provenance).items()]
+    told = [(name, words.NO_VALUE if value is None else str(value)) for name, value in given]
     return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
-
-
-def _shares(result: Result, scene: Scene) -> dict[str, object]:
-    """What the page says of the separation."""
-    landings = result.landings
-    parts = ("separation", "without_collisions", "slab", "bracket", "air_loading")
-    return {
-        **{name: getattr(landings, name, None) for name in parts},
-        "bins": [*bins_across(scene), RESERVED_BIN],
-        "cuts": [] if landings is None else [_cut(curve) for curve in landings.separation.cut],
-        "answers": list(_answers(result)),
-        "targets": {name: result.targets(name) for name in result.scene["fraction"]},
-        "expected": lambda place: words.expected(result, place),
-        "holds": words.holds(result),
-    }
-
-
-def _answers(result: Result) -> Iterator[tuple[str, Number, tuple[str, ...]]]:
-    """(fraction, its recovery, its target bins) for every fraction that has a target."""
-    recovery = {} if result.landings is None else result.landings.separation.recovery
-    return ((name, row, result.targets(name)) for name, row in recovery.items() if row is not None)
 
 
 def _cut(curve: PartitionCurve) -> tuple[str, ...]:
@@ -210,43 +142,6 @@ def _cut(curve: PartitionCurve) -> tuple[str, ...]:
         sharp = rows.number(None if curve.ep is None else scale * curve.ep)
         told = [f"{rows.measured_text(cut, scale)} {unit}", sharp, rows.number(curve.imperfection)]
     return (" or ".join(curve.product), curve.by, *told, curve.why or "")
-
-
-def _air(result: Result) -> dict[str, object]:
-    """What the page says of the air, the feed funnel, what was left out, first impacts and fates."""
-    flights, airflow = result.flights, result.airflow
-    impact = None if flights is None else flights.impact
-
-    def told(bound: float | None) -> str:
-        return words.NO_VALUE if bound is None else f"{bound:.2g}"
-
-    return {
-        "airflow": rows.airflow_rows(airflow, result.mesh),
-        "ends": rows.end_rows(airflow),
-        "funnel": rows.funnel_rows(result.funnel),
-        "grids": () if airflow is None else airflow.grids or (),
-        "left_out": [
-            (" · ".join(filter(None, (row.name, row.fraction))), told(row.bound), row.why)
-            for row in result.plan.left_out
-        ],
-        "impact": impact,
-        "impacts": impact_cells(impact),
-        "fates": {} if flights is None else flights.fates,
-    }  # fmt: skip
-
-
-def _budget(result: Result) -> dict[str, object]:
-    """What the page says of the budget."""
-    shown = words.condensed(result.budget)
-    known = {part.source: part for row in shown for part in row.parts}
-    spent = words.source_seconds(shown)
-    return {
-        "budget": shown,
-        "made_of": _made_of,
-        "sources": [(name, _how(part), rows.seconds(spent[name])) for name, part in known.items()],
-        "error_text": words.error_text,
-        "notes": list(dict.fromkeys(row.total.note for row in shown if row.total.note)),  # most rows share theirs
-    }
 
 
 def _made_of(row: BudgetRow) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...answer.result import Request
 from ...core.number import Number
 from ...core.quantities import say, speaking
+from ...core.record import columns
 from ...laws.material import default_margins, materials
 from ...laws.restitution import Restitution
 from ...scene import Fraction, Scene
@@ -168,88 +169,38 @@ def proofs_of(rung: str) -> list[Proof]:
     ]
 
 
-Lines = tuple[tuple[str, str, str], ...]
-AIRFLOW: Lines = (  # attribute, name, unit
-    ("reynolds", "Reynolds number on the body's width", ""),
-    ("turbulence", "turbulence model", ""),
-    ("cells", "mesh cells", ""),
-    ("cd", "drag coefficient of the body", ""),
-    ("cl_rms", "lift coefficient, root mean square", ""),
-    ("strouhal", "Strouhal number of the shedding", ""),
-    ("cp_front", "pressure coefficient at the front", ""),
-    ("cp_base", "base pressure coefficient", ""),
-    ("pressure_drop", "pressure drop of the channel", "Pa"),
-    ("flow_rate", "air flow per metre of depth", "m²/s"),
-    ("mass_error", "inflow less outflow, over inflow", ""),
-    ("y_plus", "y+ of the cells at the body", ""),
-)
-SUCTION = (
-    ("cp_min", "suction zone: lowest pressure coefficient", ""),
-    ("length", "suction zone: length downstream of the body", "mm"),
-    ("width", "suction zone: width", "mm"),
-    ("area", "suction zone: area", "cm²"),
-    ("reversal_length", "length of the reversed flow on the axis", "mm"),
-)
-ENDS: Lines = (  # attribute, name, unit: of a best estimate beside its ends
-    *(line for line in AIRFLOW if line[0] in ("cd", "cl_rms", "cp_base")),
-    ("residence_time", "near-wake residence time, times U / D", ""),
-)
+# What the page tells of records; their types say what each number is, and its unit.
+AIRFLOW = (
+    "reynolds", "turbulence", "cells", "cd", "cl_rms", "strouhal", "cp_front", "cp_base", "pressure_drop", "flow_rate",
+    "mass_error", "y_plus",
+)  # fmt: skip
+SUCTION = ("cp_min", "length", "width", "area", "reversal_length")
+ENDS = ("cd", "cl_rms", "cp_base", "residence_time")  # of a best estimate beside its ends
 FUNNEL = (
-    ("rate", "discharge rate, with 95 % interval", "g/s"),
-    ("time_to_empty", "time until 99 % of the mass is out", "s"),
-    ("beverloo", "Beverloo's law for one at rest, flat floor, bulk density as packed", "g/s"),
-    ("beverloo_cone", "the same with Rose & Tanaka's cone factor", "g/s"),
-    ("frequency", "frequency", "Hz"),
-    ("gamma", "peak acceleration of the wall over g", ""),
-    ("beads", "beads", ""),
-    ("mass", "mass", "g"),
-    ("left", "beads left inside", ""),
-    ("packing", "packing of the poured bed", ""),
-    ("overlap", "deepest overlap of two beads seen, in diameters", ""),
-    ("youngs_modulus", "Young's modulus (softened; glass: 6e10)", "Pa"),
-    ("contact_time", "duration of the quickest collision", "us"),
-    ("time_step", "time step", "us"),
-)
-MESH = (
-    ("min_angle", "mesh: smallest angle of a cell", "°"),
-    ("max_aspect", "mesh: largest ratio of edges of a cell", ""),
-)
-CHECK_MESH = (
-    ("non_orthogonality", "mesh: largest non-orthogonality (checkMesh)", "°"),
-    ("skewness", "mesh: largest skewness (checkMesh)", ""),
-)
-DIVERGENCE = (
-    ("rms", "divergence of the tracker's field, |div u| h / U: rms", ""),
-    ("max", "divergence of the tracker's field, |div u| h / U: largest", ""),
-)
-MOMENTUM = (
-    ("cp_front", "the paper's momentum model: pressure coefficient, mean over the front", ""),
-    ("cd", "the paper's momentum model: drag coefficient, with the computed base pressure", ""),
-)
-TRUNCATION = (
-    ("modes", "time-resolved field: modes kept", ""),
-    ("velocity", "time-resolved field: velocity cut off, rms over rms of its fluctuation", ""),
-    ("pressure", "time-resolved field: pressure cut off, rms over rms of its fluctuation", ""),
-)
+    "rate", "time_to_empty", "beverloo", "beverloo_cone", "frequency", "gamma", "beads", "mass", "left", "packing",
+    "overlap", "youngs_modulus", "contact_time", "time_step",
+)  # fmt: skip
 IN_FULL = (1e3, 1e7)  # numbers between them are written without exponent
 MINUTES_FROM = 120.0  # s: longer run times are written in minutes
-SCALES = {"mm": 1e3, "cm²": 1e4, "g/s": 1e3, "g": 1e3, "us": 1e6}
+SHOWN = {  # a unit as the page writes it, and how many of it are one
+    "1": ("", 1.0), "m": ("mm", 1e3), "m2": ("cm²", 1e4), "m2/s": ("m²/s", 1.0), "deg": ("°", 1.0), "kg": ("g", 1e3),
+    "kg/s": ("g/s", 1e3),
+}  # fmt: skip
 
 
-def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple[str, str, str]]:
+def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple[str, ...]]:
     """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
     if airflow is None:
         return []
-    parts: tuple[tuple[object, Lines], ...] = (
-        (airflow, AIRFLOW),
-        (airflow.suction, SUCTION),
-        (airflow.momentum, MOMENTUM),
-        (mesh, MESH),
-        (airflow.mesh, CHECK_MESH),
-        (airflow.divergence, DIVERGENCE),
-        (airflow.truncation, TRUNCATION),
-    )
-    return [row for record, lines in parts for row in _attribute_rows(record, lines)]
+    return [
+        *_told("", AIRFLOW, airflow),
+        *_told("suction zone, ", SUCTION, airflow.suction),
+        *_told("the paper's momentum model, ", ("cp_front", "cd"), airflow.momentum),
+        *_told("mesh, ", ("min_angle", "max_aspect"), mesh),
+        *_told("mesh, ", ("non_orthogonality", "skewness"), airflow.mesh),
+        *_told("divergence of the tracker's field, |div u| h / U, ", ("rms", "max"), airflow.divergence),
+        *_told("time-resolved field, ", ("modes", "velocity", "pressure"), airflow.truncation),
+    ]
 
 
 def end_rows(airflow: Airflow | None) -> list[tuple[str, ...]]:
@@ -257,30 +208,25 @@ def end_rows(airflow: Airflow | None) -> list[tuple[str, ...]]:
     if airflow is None or airflow.ends is None:
         return []
     beside = (airflow.ends.steady, airflow, airflow.ends.time_resolved)
-    zones = tuple(record.suction for record in beside)
-    return [*_beside(beside, ENDS), *_beside(zones, SUCTION)]
+    return [*_told("", ENDS, *beside), *_told("suction zone, ", SUCTION, *(record.suction for record in beside))]
 
 
-def _beside(records: Sequence[object], lines: Lines) -> Iterator[tuple[str, ...]]:
-    """(name, a value of each record, unit) of every attribute in ``lines`` that all of them have."""
-    for attribute, name, unit in lines:
-        values = [getattr(record, attribute, None) for record in records]
-        told = [measured_text(value, SCALES.get(unit, 1.0)) for value in values if value is not None]
-        if len(told) == len(values):
-            yield name, *told, unit
-
-
-def funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, str, str]]:
+def funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, ...]]:
     """(name, value with interval, unit) of the feed funnel; nothing without one."""
-    return list(_attribute_rows(funnel, FUNNEL))
+    return list(_told("", FUNNEL, funnel))
 
 
-def _attribute_rows(record: object, lines: Lines) -> Iterator[tuple[str, str, str]]:
-    """(name, value with interval, unit) of every attribute in ``lines`` that a record has; nothing without a record."""
-    for attribute, name, unit in lines if record is not None else ():
-        value = getattr(record, attribute)
-        if value is not None:
-            yield name, measured_text(value, SCALES.get(unit, 1.0)), unit
+def _told(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[str, ...]]:
+    """(what it is, a value of each record, unit) of every column in ``names`` that all of the records have."""
+    if None in records:
+        return
+    known = {one.name: one for one in columns(type(records[0]))}
+    for name in names:
+        values = [getattr(record, name) for record in records]
+        if None not in values:
+            unit, scale = SHOWN.get(known[name].unit, (known[name].unit, 1.0))
+            meaning = known[name].meaning.partition("; null")[0]
+            yield f"{about}{name.replace('_', ' ')}: {meaning}", *(measured_text(v, scale) for v in values), unit
 
 
 def measured_text(value: str | float | Number | Sequence[float], scale: float) -> str:

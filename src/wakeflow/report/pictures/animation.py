@@ -13,12 +13,14 @@ from ...core.files import atomic_write
 from ...core.geometry import distance_to
 from ...core.record import JsonTable
 from ...scene.pictures import Animation
-from ..canvas import BODY, INK, MM, Window, fraction_colours, new_figure, save
-from .view import Drawn, Path2D, View, body_displacement
+from ..canvas import INK, MM, Window, fraction_colours, new_figure, save
+from ..moving import Path2D, Stage, body_displacement, gif_of, picture_of
+from .view import Drawn, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL import Image
 
     from ...scene import Scene
 
@@ -118,28 +120,19 @@ def _window(scene: Scene, actors: list[_Actor], frames: Array) -> Window:
     return max(left, -half), min(right, half), max(low, scene.channel.bottom), min(high, scene.channel.top)
 
 
-class _Stage:
-    """The bodies and granules on one pair of axes, set to any time by ``show``."""
+class _Panel:
+    """The bodies and granules on one pair of axes with the granules' trails, set to any time by ``show``."""
 
     def __init__(self, axes: Axes, view: View, actors: list[_Actor], window: Window, start: float) -> None:
-        from matplotlib.patches import Circle, Polygon
-
         self.axes, self.scene, self.actors, self.start = axes, view.scene, actors, start
-        colours = fraction_colours(list(self.scene.fraction))
-        self.outlines = [body.outline() for body in self.scene.body.values()]
-        self.bodies = [
-            Polygon(MM * outline, closed=True, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=2)
-            for outline in self.outlines
-        ]
-        (self.edges,) = axes.plot([], [], "v", color=INK, markersize=4, zorder=3)
-        least = VISIBLE * (window[1] - window[0])
-        self.trails = [axes.plot([], [], color=colours[a.fraction], linewidth=0.7, zorder=4)[0] for a in actors]
-        self.discs = [
-            Circle((0, 0), MM * max(a.path.diameter / 2, least), color=colours[a.fraction], linewidth=0, zorder=5)
-            for a in actors
-        ]
-        for patch in (*self.bodies, *self.discs):
-            axes.add_patch(patch)
+        own = fraction_colours(list(self.scene.fraction))
+        colours, least = [own[actor.fraction] for actor in actors], VISIBLE * (window[1] - window[0])
+        self.trails = [axes.plot([], [], color=colour, linewidth=0.7, zorder=4.2)[0] for colour in colours]
+        self.stage = Stage(axes, self.scene, [max(actor.path.diameter, least) for actor in actors], colours)
+        outlines = [body.outline() for body in self.scene.body.values()]
+        ends = [outline[np.argmax(side * outline[:, 0])] for outline in outlines for side in (-1, 1)]
+        self.ends = np.reshape(ends, (-1, 2))
+        (self.edges,) = axes.plot([], [], "v", color=INK, markersize=4, zorder=4.1)
         axes.set_aspect("equal")
         axes.set_xlim(MM * window[0], MM * window[1])
         axes.set_ylim(MM * window[2], MM * window[3])
@@ -148,16 +141,12 @@ class _Stage:
 
     def show(self, time: float) -> None:
         """Everything where it is at ``time`` (s on the picture's clock)."""
-        shift = body_displacement(self.scene, np.array([time]))[0]
-        for patch, outline in zip(self.bodies, self.outlines, strict=True):
-            patch.set_xy(MM * (outline + shift))
-        ends = [outline[np.argmax(side * outline[:, 0])] for outline in self.outlines for side in (-1, 1)]
-        self.edges.set_data(*(MM * (np.reshape(ends, (-1, 2)) + shift)).T)
-        for actor, disc, trail in zip(self.actors, self.discs, self.trails, strict=True):
-            moments = np.linspace(self.start, max(time, self.start), TRAIL)
-            where, _ = actor.at(self.scene, moments)
-            trail.set_data(*(MM * where).T)
-            disc.set_center((MM * where[-1, 0], MM * where[-1, 1]))
+        moments = np.linspace(self.start, max(time, self.start), TRAIL)
+        paths = [actor.at(self.scene, moments)[0] for actor in self.actors]
+        for trail, path in zip(self.trails, paths, strict=True):
+            trail.set_data(*(MM * path).T)
+        shift = self.stage.move(time, np.array([path[-1] for path in paths]))
+        self.edges.set_data(*(MM * (self.ends + shift)).T)
         self.axes.set_title(f"{MM * (time - self.start):.0f} ms", fontsize=8, loc="left")
 
 
@@ -183,10 +172,10 @@ def _strip(view: View, actors: list[_Actor], window: Window, times: Array, start
     columns = min(len(times), max(1, int(WIDEST / wide)))
     columns = -(-len(times) // -(-len(times) // columns))  # the same number in every row, as far as it goes
     rows = -(-len(times) // columns)
-    figure = new_figure((wide + 0.15) * columns + 0.4, (wide / shape + 0.3) * rows + 0.7)
+    figure = new_figure((wide + 0.15) * columns + 0.4, (wide / shape + 0.3) * rows + 0.7).figure
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes, time in zip(panels.ravel(), times, strict=False):
-        _Stage(axes, view, actors, window, start).show(float(time))
+        _Panel(axes, view, actors, window, start).show(float(time))
     for axes in panels.ravel()[len(times) :]:
         axes.set_axis_off()
     for axes in panels[-1]:
@@ -212,30 +201,24 @@ def _name_actors(figure: Figure, scene: Scene, actors: list[_Actor]) -> None:
 
 
 def _gif(path: Path, view: View, actors: list[_Actor], window: Window, frames: Array, start: float) -> None:
-    """All frames on one palette's worth of colours each; plays for ever."""
-    from PIL import Image
-
     wide = max(1.6, TALL * (window[1] - window[0]) / (window[3] - window[2])) + 0.7
-    figure = new_figure(wide, TALL + 1.1)
+    figure = new_figure(wide, TALL + 1.1).figure
     figure.set_dpi(SCREEN)
-    stage = _Stage(figure.add_subplot(), view, actors, window, start)
-    named = dict(zip((actor.fraction for actor in actors), stage.trails, strict=True))
-    stage.axes.legend(named.values(), named.keys(), fontsize=7, frameon=False, loc="upper right")
+    panel = _Panel(figure.add_subplot(), view, actors, window, start)
+    named = dict(zip((actor.fraction for actor in actors), panel.trails, strict=True))
+    panel.axes.legend(named.values(), named.keys(), fontsize=7, frameon=False, loc="upper right")
     slower = len(frames) / PLAYED / float(frames[-1] - frames[0])
     figure.supxlabel(f"x, y (mm); slowed {slower:.2g} times", fontsize=7)
-    images: list[Image.Image] = []
-    for time in frames:
-        stage.show(float(time))
-        figure.canvas.draw()
-        if not images:  # the same place for everything in all frames, and no search for it in each
-            figure.set_layout_engine("none")
-        size = figure.canvas.get_width_height()
-        image = Image.frombytes("RGBA", size, bytes(figure.canvas.buffer_rgba()))  # type: ignore[attr-defined]
-        images.append(image.convert("RGB").quantize(64))
+    panel.show(float(frames[0]))
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # the same place for everything in all frames
     with atomic_write(path, "wb") as stream:
-        images[0].save(
-            stream, format="GIF", save_all=True, append_images=images[1:], duration=round(1000 / PLAYED), loop=0
-        )
+        stream.write(gif_of((_frame(figure, panel, time) for time in frames.tolist()), PLAYED))
+
+
+def _frame(figure: Figure, panel: _Panel, time: float) -> Image.Image:
+    panel.show(time)
+    return picture_of(figure, figure.bbox_inches)
 
 
 def _rows(scene: Scene, actors: list[_Actor], frames: Array, start: float) -> list[tuple[object, ...]]:

@@ -13,7 +13,8 @@ from ...core.record import JsonTable
 from ...injection.first_contact import motion_of
 from ...scene.pictures import Curves
 from ..canvas import MM, fraction_colours, new_figure, save
-from .view import Drawn, Path2D, View
+from ..moving import Path2D
+from .view import Drawn, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

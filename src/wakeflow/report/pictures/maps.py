@@ -28,7 +28,8 @@ from ..canvas import (
     triangulation,
 )
 from ..figures.air import draw_pressure
-from .view import Drawn, Path2D, View
+from ..moving import Path2D
+from .view import Drawn, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from ...core.errors import known
 from ...core.tables import Columns
 from ...pipeline.landings import FATES
 from ..air import moments_of
-from ..pictures.view import Path2D
+from ..moving import Path2D
 from .files import lifted, lines_of, number_by_name, save_piece, save_series
 
 if TYPE_CHECKING:
