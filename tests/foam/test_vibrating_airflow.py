@@ -24,7 +24,7 @@ from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
 from wakeflow.foam.solver import holds_a_state
-from wakeflow.foam.start import _write_internal
+from wakeflow.foam.start import write_internal
 from wakeflow.foam.time_resolved import best_loop
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
@@ -100,7 +100,7 @@ class TestMovingMesh:
             inlet = f"inlet {{ type uniformFixedValue; {sine} }}"
             path.write_text(re.sub(r"\$inletsU;", inlet, path.read_text()))
             cells = json.loads((case.parent / "mesh.json").read_text())["cells"]
-            _write_internal(path, np.tile([0.0, -1.0 - vibration.peak_speed], (cells, 1)))
+            write_internal(path, np.tile([0.0, -1.0 - vibration.peak_speed], (cells, 1)))
 
         a, b = (tmp_path / name for name in ("moving", "ridden"))
         seen = forces(moving, a, end, step)

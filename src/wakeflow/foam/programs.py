@@ -12,6 +12,7 @@ from ..core.errors import FoamError
 from ..core.process import Finished, capture, run_program, tail
 from .case import INSTALL, environment, read_parameters
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
+from .read import every_time
 
 # -- Start one OpenFOAM program in a case; its failure becomes one line with a cause -----------------------------------
 SOLVERS = ("simpleFoam", "pimpleFoam")  # only what these compute can be cured by safer settings
@@ -99,16 +100,12 @@ def gather(folder: Path) -> None:
     parts = sorted(folder.glob("processor[0-9]*"))
     if not parts:
         return
-    written = [{path.name for path in part.iterdir() if _is_time(path.name)} for part in parts]
+    written = [{path.name for path in every_time(part)} for part in parts]
     new = set.intersection(*written) - {path.name for path in folder.iterdir()}
     if new:
         call(folder, ["reconstructPar", "-time", ",".join(sorted(new, key=float))])
     for part in parts:
         shutil.rmtree(part)
-
-
-def _is_time(name: str) -> bool:
-    return re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", name) is not None
 
 
 def _ranks(folder: Path) -> int:

@@ -10,7 +10,6 @@ dropped before the next one begins.
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +19,7 @@ from ..laws.turbulence import USUAL, turbulence_models
 from .case import read_parameters, write_parameters
 from .failure import AirflowFailure, Cause, disk_is_full
 from .programs import call, gather, scatter
-from .read import time_folders
+from .read import NUMBER, every_time, time_folders
 from .watch import Watch
 
 # -- Run a solver once, on one rank or several, and see that it left its times whole -----------------------------------
@@ -36,7 +35,7 @@ def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) 
     launcher, options = scatter(folder)
     call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
     gather(folder)
-    for path in _times(folder):
+    for path in every_time(folder):
         if not holds_a_state(folder, path):
             why = "the disk is full or its quota used up" if disk_is_full(folder) else "the disk was full for a while"
             raise AirflowFailure(
@@ -45,14 +44,9 @@ def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) 
     _name_plainly(folder)
 
 
-def _times(folder: Path) -> list[Path]:
-    """Time folders, whole or not; 0 is left out."""
-    return [p for p in folder.iterdir() if re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", p.name) and p.is_dir()]
-
-
 def _name_plainly(folder: Path) -> None:
     """Give time folders the names that a restart looks for: OpenFOAM adds digits where two times nearly coincide."""
-    for path in _times(folder):
+    for path in every_time(folder):
         plain = path.with_name(f"{float(path.name):.{DIGITS}g}")
         if not plain.exists():
             path.rename(plain)
@@ -122,11 +116,11 @@ def drop_after(folder: Path, time: float) -> None:
         write_json(folder / LEDGER, {"ends": kept, "early": None})
     for part in folder.glob("processor[0-9]*"):
         shutil.rmtree(part)
-    for path in _time_folders(folder):
+    for path in every_time(folder):
         if _later(float(path.name), time) or not holds_a_state(folder, path):
             shutil.rmtree(path)
     for path in folder.glob("postProcessing/*/*"):  # named by the time at which the program began
-        if _is_number(path.name) and not _later(time, float(path.name)):
+        if NUMBER.fullmatch(path.name) and not _later(time, float(path.name)):
             shutil.rmtree(path)
 
 
@@ -176,14 +170,9 @@ def purge(folder: Path, kept: int = 0) -> None:
     """
     stored = time_folders(folder)
     spared = {path.name for path in [*stored[max(len(stored) - kept, 0) :], *states(folder)[-2:]]}
-    for path in _time_folders(folder):
+    for path in every_time(folder):
         if path.name not in spared:
             shutil.rmtree(path)
-
-
-def _time_folders(folder: Path) -> list[Path]:
-    """Time folders, whole or not; 0 is left out."""
-    return [path for path in folder.iterdir() if path.is_dir() and _is_number(path.name) and float(path.name) > 0]
 
 
 def _ledger(folder: Path) -> list[str]:
@@ -193,11 +182,3 @@ def _ledger(folder: Path) -> list[str]:
 
 def _later(time: float, than: float) -> bool:
     return time > than + SAME * abs(than)
-
-
-def _is_number(name: str) -> bool:
-    try:
-        float(name)
-    except ValueError:
-        return False
-    return True

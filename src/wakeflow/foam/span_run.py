@@ -40,7 +40,7 @@ from .sanity import check_airflow
 from .solver import PHASE, drop_after, last_state, purge, run_segment, segment_ends
 from .span_measure import measure_span
 from .span_record import LAYERS, PACKED, SpanRecord, pack
-from .start import first_step, perturb, start_from
+from .start import first_step, perturb, start_from, write_internal
 from .time_resolved import COLLAPSED
 from .watch import ProgressListener, Watch
 
@@ -67,7 +67,7 @@ def start_span(spec: FlowSpec, plane: Path, folder: Path) -> None:
         if name == "U":
             places = np.column_stack([fields.mesh.plane.centres[at], z])
             values = np.column_stack([values, np.zeros(len(at))]) + span_modes(spec, places)
-        _write_internal(folder / "0" / name, values)
+        write_internal(folder / "0" / name, values)
 
 
 def span_modes(spec: FlowSpec, places: Array) -> Array:
@@ -85,18 +85,6 @@ def span_modes(spec: FlowSpec, places: Array) -> Array:
             waves[:, component] += np.cos(2.0 * np.pi * mode * places[:, 2] / depth + across * x + along * y + phase)
     rms = np.sqrt(0.5 * MODES)
     return np.asarray(STRENGTH * spec.speed / rms * envelope[:, None] * waves)
-
-
-def _write_internal(path: Path, values: Array) -> None:
-    """Replace a field's internalField by one value (n,) or vector (n, 3) a cell."""
-    if values.ndim == 2:
-        kind, rows = "vector", "\n".join(f"({x:.10g} {y:.10g} {z:.10g})" for x, y, z in values)
-    else:
-        kind, rows = "scalar", "\n".join(f"{value:.10g}" for value in values)
-    entry = f"internalField   nonuniform List<{kind}>\n{len(values)}\n(\n{rows}\n);"
-    text = re.sub(r"internalField\s+uniform[^;]*;", lambda _: entry, path.read_text(), count=1)
-    with atomic_write(path) as stream:
-        stream.write(text)
 
 
 # -- From a one-layer case to one with a periodic span: the mesh, its patches, and which cell stands -------------------
