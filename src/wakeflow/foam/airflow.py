@@ -30,17 +30,16 @@ def solve_airflow(
     *,
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
-    timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
     Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
     from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a
-    :class:`Progress` several times a second; an exception it raises ends the solver. ``timeout`` (s) bounds each
-    program. A numerical failure, or a solution that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with
-    safer settings (:mod:`wakeflow.foam.ladder`); the result names those that served and what failed before. Raises
-    MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when
-    the disk is full, or when no settings serve.
+    :class:`Progress` several times a second; an exception it raises ends the solver. A numerical failure, or a solution
+    that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with safer settings
+    (:mod:`wakeflow.foam.ladder`); the result names those that served and what failed before. Raises MeshError for a
+    mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when the disk is full,
+    or when no settings serve.
     """
     begun = time.monotonic()
     log = folder / ("log.simpleFoam" if spec.stepping == "steady" else "log.pimpleFoam")
@@ -50,8 +49,8 @@ def solve_airflow(
         def solve(how: FlowSpec, first_order: bool) -> AirflowResult:
             check = prepare_case(how, msh, folder)
             if first_order:
-                first_order_start(how, folder, start, listener, timeout)
-            return _solve(how, folder, check, log, start, listener, timeout)
+                first_order_start(how, folder, start, listener)
+            return _solve(how, folder, check, log, start, listener)
 
         solved, settings, tried = climb(spec, folder, solve, log.name)
         result = replace(solved, settings=settings, attempts=tuple(tried), seconds=time.monotonic() - begun)
@@ -66,13 +65,12 @@ def _solve(
     log: Path,
     start: Path | None,
     listener: ProgressListener,
-    timeout: float | None,
 ) -> AirflowResult:
     """One attempt: run, measure, and hold the result against what is possible."""
     if spec.stepping == "steady":
-        verdict = run_steady(spec, folder, start=start, listener=listener, timeout=timeout)
+        verdict = run_steady(spec, folder, start=start, listener=listener)
     else:
-        verdict = run_time_resolved(spec, folder, start=start, listener=listener, timeout=timeout)
+        verdict = run_time_resolved(spec, folder, start=start, listener=listener)
     check_finite(folder)
     result = measure(
         spec,
@@ -103,7 +101,6 @@ def solve_loaded(
     *,
     start: Path,
     listener: ProgressListener = lambda _: None,
-    timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the steady airflow ``spec`` under ``force`` in the case ``folder``, from the case ``start`` of the same
     airflow without it, by the same stopping rule and with the settings that served there, so that the force alone is
@@ -116,4 +113,4 @@ def solve_loaded(
         spec = replace(spec, settings=schemes_in(start))
         prepare_case(replace(spec, stepping="steady"), msh, folder)
         write_source(folder, force, spec.density)
-    return solve_airflow(spec, msh, folder, start=start, listener=listener, timeout=timeout)
+    return solve_airflow(spec, msh, folder, start=start, listener=listener)

@@ -116,9 +116,7 @@ def warning(settings: str, attempts: Sequence[Attempt]) -> str | None:
     return f"airflow solved with {settings} settings ({LADDER[settings]}){failed}{lower}"
 
 
-def first_order_start(
-    spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
-) -> None:
+def first_order_start(spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener) -> None:
     """Bring a case through its start with first-order schemes; the caller writes the parameters that follow.
 
     300 iterations, or ten convective times. Does nothing when it was done before.
@@ -139,7 +137,7 @@ def first_order_start(
     )  # fmt: skip
     if not ended_early(folder):  # and was interrupted before it said so
         program = "simpleFoam" if steady else "pimpleFoam"
-        run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch, timeout)
+        run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch)
     write_parameters(folder, spec.parameters())
     write_json(folder / STARTED, {"end": end})
 

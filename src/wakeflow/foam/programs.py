@@ -26,7 +26,6 @@ def call(
     on_line: Callable[[str], None] | None = None,
     *,
     launcher: Sequence[str] = (),
-    timeout: float | None = None,
 ) -> Finished:
     """Run ``command`` in the case ``folder``, its output appended to log.PROGRAM there.
 
@@ -46,7 +45,7 @@ def call(
     try:
         return run_program(
             words, cwd=folder, log=log, env=environment(), append=True, error=FoamError, hint=INSTALL,
-            on_line=on_line, on_idle=idle, timeout=timeout,
+            on_line=on_line, on_idle=idle,
         )  # fmt: skip
     except FoamError as problem:
         if not problem.ended:  # raised by on_line: it says why itself
@@ -59,10 +58,7 @@ def _diagnosed(problem: FoamError, program: str, log: Path, before: int, folder:
     """The failure of a program that ended by itself, with its cause; ``before``: where in the log it began (bytes)."""
     if problem.ended == "missing":
         return AirflowFailure(Cause.MISSING, str(problem), command=problem.command)
-    if problem.ended == "timed out":
-        cause, why = Cause.TIMED_OUT, str(problem).split("; log:")[0].split(" ", 1)[1]
-    else:
-        cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
+    cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
     if cause.numerical and program not in SOLVERS:
         cause = Cause.CRASHED
     return _failure(cause, f"{program} {why}", log, problem.command)
@@ -122,25 +118,3 @@ def openfoam_version() -> str:
         raise FoamError(f"OpenFOAM's simpleFoam does not start; {INSTALL}", command=" ".join(command), tail=text[-500:])
     found = re.search(r"OpenFOAM-\s*\(?v?(\w+)\)?.*?\((patch=\w+)\)", text, re.S)
     return f"{found[1]} {found[2]}" if found else " ".join(text.split())[-80:]
-
-
-# -- What a solved case cost, by its solvers' own logs -----------------------------------------------------------------
-ENTRY = re.compile(r"^(nProcs|ExecutionTime) *[:=] *([0-9.e+]+)", re.M)
-
-
-def core_seconds(case: Path) -> float:
-    """Processor seconds (all ranks) that the solvers spent in ``case``, restarts and failed attempts counted.
-
-    OpenFOAM prints ``nProcs`` when it starts and its ExecutionTime, processor time since then, after every step. Unlike
-    wall seconds it does not grow when other programs share the machine.
-    """
-    total = 0.0
-    for log in sorted([*case.glob("log.[sp]imple*"), *case.glob("failed-*.log")]):
-        ranks, last = 1, 0.0
-        for name, value in ENTRY.findall(log.read_text(errors="replace")):
-            if name == "nProcs":
-                total, last, ranks = total + ranks * last, 0.0, int(value)
-            else:
-                last = float(value)
-        total += ranks * last
-    return total

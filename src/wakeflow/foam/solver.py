@@ -27,13 +27,13 @@ PHASE = "phase.json"  # in the case: which part of its run is done
 DIGITS = 15  # timePrecision in the template
 
 
-def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> None:
+def run_solver(folder: Path, program: str, watch: Watch) -> None:
     """Run a solver from the time and to the end that system/parameters says, on as many ranks; ``watch`` follows it.
 
     Raises AirflowFailure, also when it ended well but left a time cut short: then the disk was full.
     """
     launcher, options = scatter(folder)
-    call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
+    call(folder, [program, *options], watch, launcher=launcher)
     gather(folder)
     for path in every_time(folder):
         if not holds_a_state(folder, path):
@@ -130,7 +130,6 @@ def run_segment(
     end: float,
     parameters: Mapping[str, str | float | int],
     watch: Watch,
-    timeout: float | None = None,
 ) -> float:
     """Run ``program`` from the last whole state of the case to ``end`` (s, or iterations), which it writes. Returns
     where it ended: earlier than ``end`` only where a steady solver found itself converged.
@@ -150,7 +149,7 @@ def run_segment(
     })  # fmt: skip
     watch.begin()
     try:
-        run_solver(folder, program, watch, timeout)
+        run_solver(folder, program, watch)
     except AirflowFailure:
         watch.end()  # an impossible drag that came before goes before
         raise

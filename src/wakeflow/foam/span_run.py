@@ -188,29 +188,25 @@ CAREFUL = 0.5  # this one, when a segment fails numerically
 SAME = 1e-6  # cadences
 
 
-def run_span(
-    spec: FlowSpec, msh: Path, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
-) -> CheckMesh:
+def run_span(spec: FlowSpec, msh: Path, folder: Path, start: Path | None, listener: ProgressListener) -> CheckMesh:
     """Run the airflow of ``spec`` with its span to the end of its record; goes on from what is there.
 
-    ``start``: any solved plane case that the plane wake starts from. ``timeout`` (s) bounds each program. Raises
-    MeshError for a mesh that checkMesh refuses, AirflowFailure where a program fails or no Courant number serves.
+    ``start``: any solved plane case that the plane wake starts from. Raises MeshError for a mesh that checkMesh
+    refuses, AirflowFailure where a program fails or no Courant number serves.
     """
     flat = replace(spec, turbulence=USUAL, span=None, ranks=1)
     check = prepare_case(flat, msh, folder)
-    _plane_wake(flat, folder, start, listener, timeout)
+    _plane_wake(flat, folder, start, listener)
     deep, phase = folder / SPAN, folder / PHASE
     if not phase.exists():
         extrude(spec, folder, deep)
         start_span(spec, folder, deep)
         write_json(phase, {"phase": "span", "courant": COURANT})
-    _record(spec, known(spec.span), folder, listener, timeout)
+    _record(spec, known(spec.span), folder, listener)
     return check
 
 
-def _plane_wake(
-    spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
-) -> None:
+def _plane_wake(spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener) -> None:
     """The plane wake that every layer starts from, time-resolved for PLANE convective times."""
     end = PLANE * spec.convective_time
     if last_state(folder) >= end * (1 - SAME):
@@ -219,7 +215,7 @@ def _plane_wake(
     start_from(spec, folder, start)
     perturb(spec, folder)
     watch = Watch(folder, "plane wake", listener, expected=end, least_step=COLLAPSED * spec.convective_time)
-    run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch, timeout)
+    run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch)
 
 
 def record_ends(span: Span, scale: float) -> list[float]:
@@ -231,7 +227,7 @@ def record_ends(span: Span, scale: float) -> list[float]:
     return [beat * CADENCE * scale for beat in ends]
 
 
-def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener, timeout: float | None) -> None:
+def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener) -> None:
     """Run segment after segment; where one fails numerically, the last two again with half the Courant number."""
     deep, scale = folder / SPAN, spec.convective_time
     ends = record_ends(span, scale)
@@ -246,7 +242,7 @@ def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener
             run_segment(deep, "pimpleFoam", following[0], {
                 "deltaT": first_step(spec), "maxCo": state["courant"], "writeInterval": CADENCE * scale,
                 "ranks": spec.ranks,
-            }, watch, timeout)  # fmt: skip
+            }, watch)  # fmt: skip
         except AirflowFailure as failure:
             if not failure.cause.numerical or state["courant"] <= CAREFUL:
                 raise
@@ -283,7 +279,6 @@ def solve_span(
     *,
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
-    timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the airflow of ``spec``, which has a span, in the case ``folder`` on the plane mesh ``msh``.
 
@@ -293,7 +288,7 @@ def solve_span(
     begun = time.monotonic()
     with disk_trouble_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        mesh = run_span(spec, msh, folder, start, listener, timeout)
+        mesh = run_span(spec, msh, folder, start, listener)
         record = SpanRecord(folder, CaseFields(folder))
         result = measure_span(spec, record, folder / SPAN, seconds=time.monotonic() - begun)
         checks = {check.name: check.used for check in check_airflow(spec, folder, result)}
