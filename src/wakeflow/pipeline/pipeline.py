@@ -34,12 +34,10 @@ from .slab import CrowdCompanion, CrowdStage, SlabFound
 from .track_stage import Companion, TrackStage
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from ..field import FlowField, Truncation
     from ..meshing import MeshReport, MeshSpec
     from ..scene import Picture
-    from .landings import Landings, Tracked
+    from .landings import Tracked
 
 
 @dataclass
@@ -216,8 +214,7 @@ class Pipeline:
 
     @cached_property
     def _crowd_stage(self) -> CrowdStage:
-        known = self._track_stage.airs, self.tracks_key, self.tracks(), self.workers
-        return CrowdStage(self.scene, self.plan, self.cache, *known)
+        return CrowdStage(self._track_stage)
 
     @property
     def crowd_key(self) -> str | None:
@@ -232,14 +229,6 @@ class Pipeline:
             return None
         self.compilation.finish_slab()
         return self._crowd_stage.fly(companion)
-
-    def crowd_drawn(self, number: int) -> Mapping[str, Landings]:
-        """The landings of granules that meet each other under draw ``number`` of what nobody knows exactly, from some
-        replicates. The plan must have a slab.
-        """
-        stage = self.draw_stage
-        made = stage.variation(number)
-        return self._crowd_stage.fly_drawn(number, made, stage.air(made.air))
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
