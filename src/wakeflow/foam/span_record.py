@@ -111,10 +111,10 @@ class SpanRecord:
         """One snapshot (l, m, 6), layer by layer."""
         return np.asarray(np.load(self.files[index])[self.order])
 
-    def since(self, begin: float, end: float = np.inf) -> Iterator[tuple[float, Single]]:
-        """Time (s) and values (l, m, 6) of the snapshots from ``begin`` to ``end`` (s)."""
+    def since(self, begin: float) -> Iterator[tuple[float, Single]]:
+        """Time (s) and values (l, m, 6) of the snapshots from ``begin`` (s) on."""
         for index, time in enumerate(self.times):
-            if begin <= time <= end:
+            if begin <= time:
                 yield float(time), self.values(index)
 
     @cached_property
