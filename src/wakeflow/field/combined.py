@@ -28,7 +28,7 @@ from .flow import FlowField, nodal
 from .modes import fit
 from .triangles import Triangles
 
-# -- The wake between its two ends: a steady solution and one in time, blended on the nodes of the ---------------------
+# -- The wake between its two ends -------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")
 NEAR = 8  # triangles tried for a point outside the mesh: those whose centres are nearest
@@ -233,7 +233,7 @@ def _walls(field: FlowField) -> NDArray[np.int64]:
     return np.asarray(edge[speed[edge] < AT_REST * speed.max()])
 
 
-# -- The same airflow at another speed, or with other turbulence: what uncertain numbers of the air make ---------------
+# -- The same airflow at another speed, or with other turbulence -------------------------------------------------------
 def varied(field: FlowField, speed: float = 1.0, energy: float = 1.0, lifetime: float = 1.0) -> FlowField:
     """``field`` with the factor ``speed`` on its velocity, ``energy`` on the kinetic energy of its turbulence beside
     that, ``lifetime`` on that of the eddies k / dissipation beside both.

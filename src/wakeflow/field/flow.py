@@ -25,7 +25,6 @@ from .modes import TimeAxis, Truncation, compress, design
 from .recovery import gradient_operators
 from .triangles import Divergence, Triangles, divergence_of
 
-# -- FlowField: velocity and pressure on a triangle mesh, steady or in time; linear inside every -----------------------
 Array = NDArray[np.float64]
 NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")  # the arrays with a value at every node
 LEAST = 0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite

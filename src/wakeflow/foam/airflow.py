@@ -22,7 +22,6 @@ from .time_resolved import run_time_resolved
 from .watch import ProgressListener
 
 
-# -- One airflow from mesh to numbers ----------------------------------------------------------------------------------
 def solve_airflow(
     spec: FlowSpec,
     msh: Path,

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-# -- From cell values to node values, second order up to the walls -----------------------------------------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 WORST = 1e-3  # least singular value over the largest of a node's scaled fit; below it the stencil grows by one ring

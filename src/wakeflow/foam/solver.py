@@ -22,7 +22,6 @@ from .programs import call, gather, scatter
 from .read import NUMBER, every_time, time_folders
 from .watch import Watch
 
-# -- Run a solver once, on one rank or several, and see that it left its times whole -----------------------------------
 PHASE = "phase.json"  # in the case: which part of its run is done
 DIGITS = 15  # timePrecision in the template
 
@@ -72,7 +71,7 @@ def _ends_well(file: Path) -> bool:
         return stream.read().rstrip().endswith(b"* //")
 
 
-# -- A solver's run in segments: their ends are flow times or iterations that the case fixes, and ----------------------
+# -- A solver's run in segments ----------------------------------------------------------------------------------------
 LEDGER = "segments.json"  # in the case: {"ends": names of the time folders in which segments ended, "early": settings}
 SAME = 1e-9  # times that differ by less, relative, are the same: OpenFOAM rounds their names
 

@@ -23,7 +23,6 @@ from .case import FlowSpec
 from .read import NUMBER, CaseFields, FlowArrays, Snapshot, flow_arrays, nodes_of
 from .reconstruction import solenoidal, triangulate
 
-# -- What a three-dimensional run leaves: snapshots of its layers, each a plane wake on the mesh that ------------------
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 PACKED, LAYERS = "packed", "layers.npz"

@@ -41,10 +41,10 @@ from .solver import PHASE, drop_after, last_state, purge, run_segment, segment_e
 from .span_measure import measure_span
 from .span_record import LAYERS, PACKED, SpanRecord, pack
 from .start import first_step, perturb, start_from, write_internal
-from .time_resolved import COLLAPSED
-from .watch import ProgressListener, Watch
+from .time_resolved import watch_over
+from .watch import ProgressListener
 
-# -- What an airflow in three dimensions starts from: the plane wake in every layer, and modes along the ---------------
+# -- What an airflow in three dimensions starts from -------------------------------------------------------------------
 Array = NDArray[np.float64]
 # Chosen: no result remembers them once the start-up is over.
 MODES = 8  # waves along the span: of its whole length, half of it, ... an eighth
@@ -87,7 +87,7 @@ def span_modes(spec: FlowSpec, places: Array) -> Array:
     return np.asarray(STRENGTH * spec.speed / rms * envelope[:, None] * waves)
 
 
-# -- From a one-layer case to one with a periodic span: the mesh, its patches, and which cell stands -------------------
+# -- From a one-layer case to one with a periodic span -----------------------------------------------------------------
 BASE_POINTS = 8  # places along the span at which the base pressure is recorded
 OFF = 1e-6  # body widths by which a cell may miss the plane cell it was extruded from: round-off
 
@@ -214,7 +214,7 @@ def _plane_wake(spec: FlowSpec, folder: Path, start: Path | None, listener: Prog
     drop_after(folder, 0.0)
     start_from(spec, folder, start)
     perturb(spec, folder)
-    watch = Watch(folder, "plane wake", listener, expected=end, least_step=COLLAPSED * spec.convective_time)
+    watch = watch_over(spec, folder, "plane wake", listener, end)
     run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch)
 
 
@@ -231,7 +231,7 @@ def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener
     """Run segment after segment; where one fails numerically, the last two again with half the Courant number."""
     deep, scale = folder / SPAN, spec.convective_time
     ends = record_ends(span, scale)
-    watch = Watch(deep, "three dimensions", listener, expected=ends[-1], least_step=COLLAPSED * scale)
+    watch = watch_over(spec, deep, "three dimensions", listener, ends[-1])
     while True:
         now, state = last_state(deep), json.loads((folder / PHASE).read_text())
         _pack_new(folder, now, span.start_up * scale)

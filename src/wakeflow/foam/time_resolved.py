@@ -106,7 +106,7 @@ def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener) -> None:
     if vibration is not None:
         parts = round(vibration.period / length)
         length = vibration.period / parts if parts > 1 else vibration.period * ceil(length / vibration.period)
-    watch = _watch(spec, folder, "start-up", listener, TYPICAL * spec.convective_time)
+    watch = watch_over(spec, folder, "start-up", listener, TYPICAL * spec.convective_time)
     while True:
         purge(folder)
         now = last_state(folder)
@@ -132,7 +132,7 @@ def alike(rows: Array) -> bool:
     return len(last) == 3 and bool((np.ptp(last[:, 1:3], axis=0) <= ALIKE * np.abs(last[:, 1:3].mean(axis=0))).all())
 
 
-def _watch(spec: FlowSpec, folder: Path, stage: str, listener: ProgressListener, end: float) -> Watch:
+def watch_over(spec: FlowSpec, folder: Path, stage: str, listener: ProgressListener, end: float) -> Watch:
     """A watch that expects the run to end at ``end`` (s) and knows time steps that will never arrive."""
     return Watch(folder, stage, listener, expected=end, least_step=COLLAPSED * spec.convective_time)
 
@@ -160,7 +160,7 @@ def _record(
     kept = int(((BROADBAND_PERIODS + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2
     least = (LOOP_PERIODS + 1) * state["period"] + 2 * vibration + 2 * step
     end = max(LONGEST * scale - begin, least)
-    watch = _watch(spec, folder, "recording", listener, min(max(TYPICAL * scale, begin + least), begin + end))
+    watch = watch_over(spec, folder, "recording", listener, min(max(TYPICAL * scale, begin + least), begin + end))
     most = LONG * scale / step  # snapshots in a segment, about
     drop_after(folder, last_state(folder))
     while True:

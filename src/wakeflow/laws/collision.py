@@ -46,7 +46,6 @@ from ..core.errors import SceneError
 from ..core.registry import Registry
 from .restitution import Restitution, restitution_at
 
-# -- The collision of a granule with a wall or another granule: one law of impulses for the impact of ------------------
 Array = NDArray[np.float64]
 TINY = np.finfo(float).tiny
 STEEPEST = 1.5708  # rad, a vertical wall with room for round-off
@@ -225,7 +224,7 @@ def contact_time(diameter: float, density: float, modulus: float, speed: float, 
     return value
 
 
-# -- The rebound of granules that are no spheres: the wall's normal, as the impact feels it, turned by a ---------------
+# -- The rebound of granules that are no spheres -----------------------------------------------------------------------
 HALVINGS = 40  # of an angle: then it is round-off, and none
 
 

@@ -17,7 +17,6 @@ from ..core.errors import SceneError
 from ..core.registry import Registry
 from .constants import GRAVITY
 
-# -- Drag laws: the factor f = Cd Re / 24 by which drag exceeds Stokes' on a sphere (f -> 1 for a sphere ---------------
 Array = NDArray[np.float64]
 TABLE_DECADES = (-8, 7)  # log10 Re at the table's ends; 1000, where two laws break, is a boundary between cells
 TABLE_CELLS = 96  # cells per decade

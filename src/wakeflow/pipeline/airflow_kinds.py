@@ -82,7 +82,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     )
 
 
-# -- The kinds of airflow: how the air of a scene comes about, and what is known and not known of it -------------------
+# -- The kinds of airflow ----------------------------------------------------------------------------------------------
 @dataclass
 class AirflowKind(ABC):
     """The airflow of one scene under one plan.

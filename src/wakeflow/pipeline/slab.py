@@ -118,7 +118,7 @@ class CrowdStage:
         return flight.found(folder, replicates)
 
 
-# -- The slab flown: replicates of steady operation in which granules meet each other, one after the -------------------
+# -- The slab flown ----------------------------------------------------------------------------------------------------
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
 

@@ -110,7 +110,7 @@ def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArri
     return BodyArrival(fall.settling, tau, stokes, speed)
 
 
-# -- Whether the air feels the granules: by what their drag takes from the air of the curtain's own --------------------
+# -- Whether the air feels the granules --------------------------------------------------------------------------------
 KINDS = ("steady", "time-resolved", "best-estimate")  # of airflows, which a steady one that OpenFOAM solves is part of
 
 

@@ -28,7 +28,6 @@ from .collisions import Collisions
 from .layout import Cells, Crowd, Laws, Nodes, Room
 from .slab import march_slab
 
-# -- The front of the crowd: packs granules as their time comes, lets the slab march, and takes out --------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 BATCH = 4096  # granules packed at a time, in the order of birth
