@@ -170,7 +170,7 @@ def _born(
     whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
     found = tracking.track(
         field, grains.replace(position=position, velocity=velocity, time=whole), until=LONGEST, tolerance=TOLERANCE,
-        length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), gravity=(0.0, -GRAVITY), seed=seed,
+        length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
     )  # fmt: skip
     comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
     return grains.replace(

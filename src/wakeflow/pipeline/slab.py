@@ -20,6 +20,7 @@ from ..core.process import cores
 from ..core.store import content_key
 from ..core.tables import Columns, save_arrays
 from ..field import FlowField
+from ..injection.feed import Feedstock
 from ..injection.stream import SlabFeed, slab_stream
 from ..laws.constants import GRAVITY
 from ..laws.forces import forces
@@ -30,7 +31,7 @@ from ..scene import Scene
 from .cache import code_of
 from .landings import Landings
 from .realisations import Realisations
-from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
+from .tracks import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of
 
 if TYPE_CHECKING:
     from .track_stage import TrackStage
@@ -198,26 +199,18 @@ class SlabFlight:
         timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
         stream = slab_stream(self.scene, self.plan, field, number, **timing, variation=self.variation)
         tracks = self._track(field, stream, number)
-        kept = stream.counted
-        bin_, fate = tracks.ends(len(self.scene.bin))
-        assert tracks.crowd is not None
+        kept = np.flatnonzero(stream.counted)
+        feed = Feedstock(stream.granules[kept], np.full(len(kept), pair), np.zeros(len(kept), dtype=bool))
+        cycle = self.airs.cycle_of(feed.granules.time)
+        crowd = known(tracks.crowd)
         return {
-            "step": np.array([tracks.crowd.step, tracks.crowd.step_error]),
-            "jammed": np.array(tracks.crowd.jammed),
-            "flown": np.array(tracks.crowd.flown),
+            **landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle),
+            "step": np.array([crowd.step, crowd.step_error]),
+            "jammed": np.array(crowd.jammed),
+            "flown": np.array(crowd.flown),
             "fraction": stream.fraction[kept].astype(np.int16),
-            "position": tracks.position[kept],
-            "bin": bin_[kept].astype(np.int16),
-            "replicate": np.full(int(kept.sum()), pair, dtype=np.uint8),
-            "diameter": stream.granules.diameter[kept].astype(np.float32),
-            "fate": fate[kept].astype(np.int8),
-            "time": (tracks.time - stream.granules.time)[kept].astype(np.float32),
-            "impacts": tracks.impacts[kept].astype(np.int32),
-            "realisation": np.full(int(kept.sum()), realisation, dtype=np.uint8),
-            "cycle": self.airs.cycle_of(stream.granules.time)[kept],
             "weight": stream.mass[kept],
             "meetings": known(tracks.meetings)[kept].astype(np.int32),
-            "drag": stream.granules.drag_scale[kept].astype(np.float32),
         }
 
     def found(self, folder: Path, replicates: int) -> SlabFound:
@@ -228,7 +221,9 @@ class SlabFlight:
                 parts.append({key: data[key] for key in data.files})
         step, error = parts[0]["step"].tolist()
         jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
-        parts = [{key: part[key] for key in part if key not in ("step", "jammed", "flown")} for part in parts]
+        parts = [
+            {key: part[key] for key in part if key not in ("step", "jammed", "flown", "injected")} for part in parts
+        ]
         columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
         fraction = columns.pop("fraction")
         columns["replicate"] = _grouped(
@@ -278,7 +273,6 @@ class SlabFlight:
             seed=seed_of(scene.feed.seed, "slab", number),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
-            gravity=(0.0, -GRAVITY),
             workers=1,
             record=record,
             collisions=tracking.Collisions(

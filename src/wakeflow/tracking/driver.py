@@ -22,7 +22,7 @@ from .granules import Granules
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
-from .pack import PackedFlight, check_forces, pack_granules, pack_state, pack_tables
+from .pack import Packed, check_forces, pack_granules, pack_state, pack_tables
 from .pack_surroundings import pack_air, pack_lines, pack_walls
 from .tracks import Tracks
 
@@ -88,9 +88,7 @@ def track(
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
     points = ROOM if record is True else int(record)
     tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
-    flight = PackedFlight(
-        field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of
-    )
+    flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
     found = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
@@ -113,7 +111,7 @@ def _check(record: bool | int, length: float, tolerance: float, until: float, se
         raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
 
 
-def _fly_block(flight: PackedFlight, found: Tracks, low: int) -> int:
+def _fly_block(flight: Packed, found: Tracks, low: int) -> int:
     """One block, packed here so that what the kernel needs of a granule exists for few of them at a time; returns how
     many granules it holds.
     """
@@ -135,9 +133,7 @@ def _fly_block(flight: PackedFlight, found: Tracks, low: int) -> int:
     return len(some)
 
 
-def _fly_all(
-    flight: PackedFlight, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None
-) -> None:
+def _fly_all(flight: Packed, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None) -> None:
     """All blocks, on ``workers`` threads."""
     done, count = 0, len(flight.grains)
     pool = ThreadPoolExecutor(max_workers=workers or cores())
@@ -151,7 +147,7 @@ def _fly_all(
 
 
 def _fly_crowd(
-    flight: PackedFlight,
+    flight: Packed,
     found: Tracks,
     collisions: Collisions,
     seed: int,

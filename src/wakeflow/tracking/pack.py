@@ -27,7 +27,7 @@ BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach
 
 
 @dataclass(frozen=True)
-class PackedFlight:
+class Packed:
     """What all blocks of granules of one call share, most of it as the kernel takes it."""
 
     field: FlowField | None

@@ -20,7 +20,7 @@ from ..frame import to_frame
 from ..granules import Granules
 from ..kernel import layout as at
 from ..kernel.layout import PackedAir
-from ..pack import PackedFlight, pack_granules, pack_state
+from ..pack import Packed, pack_granules, pack_state
 from ..tracks import CrowdFlight, Tracks
 from . import layout as of
 from .cells import AHEAD
@@ -38,7 +38,7 @@ PI_6 = np.pi / 6.0
 
 
 @dataclass(frozen=True)
-class Slab(PackedFlight):
+class Slab(Packed):
     """What a crowd flies in; walls and granules in the lab."""
 
     collisions: Collisions
