@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..core.geometry import ForceDensity
 from ..core.record import save
-from .airflow_result import AirflowResult, CheckMesh
+from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start, schemes_in
@@ -49,38 +49,16 @@ def solve_airflow(
             check = prepare_case(how, msh, folder)
             if first_order:
                 first_order_start(how, folder, start, listener)
-            return _solve(how, folder, check, log, start, listener)
+            run = run_steady if how.stepping == "steady" else run_time_resolved
+            verdict = run(how, folder, start=start, listener=listener)
+            check_finite(folder)
+            result = measure(how, folder, verdict, residuals=_last_residuals(log), mesh=check)
+            return replace(result, checks={check.name: check.used for check in check_airflow(how, folder, result)})
 
         solved, settings, tried = climb(spec, folder, solve, log.name)
         result = replace(solved, settings=settings, attempts=tuple(tried), seconds=time.monotonic() - begun)
         save(folder / "airflow.json", result)
     return result
-
-
-def _solve(
-    spec: FlowSpec,
-    folder: Path,
-    mesh: CheckMesh,
-    log: Path,
-    start: Path | None,
-    listener: ProgressListener,
-) -> AirflowResult:
-    """One attempt: run, measure, and hold the result against what is possible."""
-    if spec.stepping == "steady":
-        verdict = run_steady(spec, folder, start=start, listener=listener)
-    else:
-        verdict = run_time_resolved(spec, folder, start=start, listener=listener)
-    check_finite(folder)
-    result = measure(
-        spec,
-        folder,
-        verdict,
-        seconds=0.0,
-        residuals=_last_residuals(log),
-        mesh=mesh,
-    )
-    checks = check_airflow(spec, folder, result)
-    return replace(result, checks={check.name: check.used for check in checks})
 
 
 def _last_residuals(log: Path) -> dict[str, float]:

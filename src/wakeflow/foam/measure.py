@@ -111,13 +111,12 @@ def measure(
     folder: Path,
     verdict: str,
     *,
-    seconds: float,
     residuals: dict[str, float] | None = None,
     mesh: CheckMesh | None = None,
 ) -> AirflowResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
-    ``verdict``, ``seconds``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
+    ``verdict``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
     FoamError for a case without a solved time, or whose values are not finite.
     """
     loop, states = loop_of(folder), late_states(folder)
@@ -133,7 +132,6 @@ def measure(
         cl_rms=history.cl_rms,
         strouhal=history.strouhal,
         steps=len(rows),
-        seconds=seconds,
         field_time="all" if loop else "states" if states else "latest",
         period=loop["period"] if loop else None,
         motion=motion_in(loop),

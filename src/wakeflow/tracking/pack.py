@@ -170,14 +170,8 @@ def pack_state(
 
 def _nearest_covered(x: Array, field: FlowField, air: PackedAir, bodies: Sequence[Body], reach: float) -> Index:
     """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
-    swing = max(
-        (
-            float(np.hypot(body.motion.amplitude[0], body.motion.amplitude[1]))
-            for body in bodies
-            if body.motion is not None
-        ),
-        default=0.0,
-    )
+    motions = (body.motion for body in bodies if body.motion is not None)
+    swing = max((float(np.hypot(motion.amplitude[0], motion.amplitude[1])) for motion in motions), default=0.0)
     triangle, edge = air.covered[:, at.COVER_TRI], air.covered[:, at.COVER_EDGE]
     a = field.points[field.triangles[triangle, (edge + 1) % 3]]
     along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a
